@@ -1,0 +1,65 @@
+"""Byte links and shared wire protocols; nothing here knows of urbiscript, platforms or fakes.
+
+Where to start: `open(url)` below, then `link.py` (what a link is), `dynamixel/packet.py` (bytes only),
+`dynamixel/bus.py` (one wire, asked and answered), `dynamixel/cycle.py` (the cyclic work), `worker.py` (that work in
+its own process, and the example of how a platform uses it).
+
+A bus is a url; a fake robot is just one more url::
+
+    /dev/ttyUSB0?baud=57600      a serial device, or the path of a pty
+    serial:///dev/ttyUSB0        the same, spelt out
+    socket://localhost:6000      a bus behind TCP
+    spy:///dev/ttyUSB0           the same as without spy://, printing every byte
+    pipe://name                  an in-memory pair, for tests
+"""
+
+from __future__ import annotations
+
+import importlib
+from importlib.metadata import entry_points
+from typing import Final
+
+from urbihw.buses.errors import BadUrl, Unavailable
+from urbihw.buses.link import Context, Link, Url
+
+# scheme -> "module:Class". Strings, so that listing costs no import and a missing library breaks only its own row.
+BUSES: Final = {
+    "serial": "urbihw.buses.serial:SerialLink",
+    "socket": "urbihw.buses.tcp:TcpLink",
+    "pipe": "urbihw.buses.pipe:PipeLink",
+    "spy": "urbihw.buses.spy:SpyLink",
+}
+ENTRY_POINTS: Final = "urbihw.buses"  # group under which other packages add rows: name = scheme, value = module:Class
+
+
+def open(url: str, context: Context | None = None) -> Link:
+    """Return the link named by `url`, opened.
+
+    Raises BadUrl when the url cannot be understood, Unavailable when the port cannot be opened now.
+    """
+    link = link_for(url, context if context is not None else Context())
+    link.open()
+    return link
+
+
+def link_for(url: str, context: Context) -> Link:
+    """Return the link named by `url`, still closed. Raises BadUrl, or Unavailable when its library is missing."""
+    parsed = Url.parse(url)
+    return _link_class(parsed)(parsed, context)
+
+
+def _link_class(url: Url) -> type[Link]:
+    row = BUSES.get(url.scheme)
+    if row is None:
+        extra = {entry.name: entry.value for entry in entry_points(group=ENTRY_POINTS)}
+        row = extra.get(url.scheme)
+        if row is None:
+            known = ", ".join(sorted({*BUSES, *extra}))
+            raise BadUrl(f"bus url {url.text!r}: unknown kind {url.scheme!r}; known: {known}")
+    module_name, _, class_name = row.partition(":")
+    try:
+        module = importlib.import_module(module_name)
+    except ImportError as error:
+        raise Unavailable(f"{url.scheme}:// needs the Python package {error.name}; install it with pip") from error
+    found: type[Link] = getattr(module, class_name)
+    return found

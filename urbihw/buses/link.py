@@ -1,0 +1,170 @@
+"""A byte link: what every way of reaching a robot has in common.
+
+A link moves bytes, knows no protocol, and is named by a url (`Url`). Add one by subclassing `Link` and adding a row
+to `urbihw.buses.BUSES`; the contract tests then run over it by themselves.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Self
+from urllib.parse import parse_qsl
+
+from urbihw.buses.clock import Clock, RealClock
+from urbihw.buses.errors import BadUrl, LinkGone
+
+if TYPE_CHECKING:
+    from urbihw.buses.pipe import PipeEnd
+
+DEFAULT_BAUD = 1_000_000  # factory speed of the AX series, the commonest bus here
+_BITS_PER_BYTE = 10  # start, 8 data, stop
+
+
+@dataclass(frozen=True)
+class Url:
+    """A bus url taken apart: `scheme://target?key=value`.
+
+    A text without `://` is the path of a serial device, so `/dev/ttyUSB0?baud=57600` works as it is.
+
+    Attributes:
+        text: the url as the user wrote it, for messages.
+        scheme: row of `BUSES`.
+        target: what stands between `://` and `?`.
+        options: what stands behind `?`.
+    """
+
+    text: str
+    scheme: str
+    target: str
+    options: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def parse(cls, text: str) -> Url:
+        """Take `text` apart. Raises BadUrl when there is no target or an option is not `key=value`."""
+        scheme, separator, rest = text.partition("://")
+        if not separator:
+            scheme, rest = "serial", text
+        if scheme == "spy":
+            # The options behind the inner url belong to the inner link.
+            target, query = rest, ""
+        else:
+            target, _, query = rest.partition("?")
+        if not target:
+            raise BadUrl(f"bus url {text!r} names no port: write for instance /dev/ttyUSB0 or socket://host:port")
+        try:
+            options = dict(parse_qsl(query, strict_parsing=True)) if query else {}
+        except ValueError as error:
+            raise BadUrl(f"bus url {text!r}: options behind '?' must be written key=value&key=value") from error
+        return cls(text, scheme, target, options)
+
+    @property
+    def baud(self) -> int:
+        """Bits per second from `?baud=`, default 1000000. Raises BadUrl when it is no positive number."""
+        text = self.options.get("baud", str(DEFAULT_BAUD))
+        if not text.isascii() or not text.isdigit() or int(text) == 0:
+            raise BadUrl(f"bus url {self.text!r}: baud must be a number such as 57600 or 1000000, not {text!r}")
+        return int(text)
+
+
+@dataclass(frozen=True)
+class Context:
+    """What a link may need from whoever opens it.
+
+    Attributes:
+        clock: the time that deadlines are measured on.
+        pipes: the far ends that `pipe://name` urls can reach, by name; only tests have any.
+    """
+
+    clock: Clock = field(default_factory=RealClock)
+    pipes: Mapping[str, PipeEnd] = field(default_factory=dict)
+
+
+class Link(ABC):
+    """An open or closed byte link. The base does states, counting and `with`; subclasses move the bytes.
+
+    A subclass MUST
+      - implement `_open`, `_close`, `_read`, `_write`;
+      - raise Unavailable from `_open`, LinkGone from `_read` and `_write` when the other side is gone;
+      - return from `_read` as soon as at least one byte is there, and b"" at the deadline;
+      - send all of `data` in `_write`, in one piece where the system allows it (a servo gives up on a pause).
+    A subclass MAY
+      - set `baud` when the url does not decide it;
+      - override `discard` when its system can throw input away faster than by reading it.
+    It MUST NOT sleep otherwise, start threads, or know what the bytes mean.
+    """
+
+    def __init__(self, url: Url, context: Context) -> None:
+        self.url = url
+        self.clock = context.clock
+        self.baud = url.baud
+        self.bytes_read = 0
+        self.bytes_written = 0
+        self._is_open = False
+
+    @property
+    def is_open(self) -> bool:
+        """True between `open` and `close`."""
+        return self._is_open
+
+    @property
+    def byte_time(self) -> float:
+        """Seconds one byte takes on the wire."""
+        return _BITS_PER_BYTE / self.baud
+
+    def open(self) -> None:
+        """Open the link; nothing happens if it is open. Raises Unavailable."""
+        if not self._is_open:
+            self._open()
+            self._is_open = True
+
+    def close(self) -> None:
+        """Close the link; calling it twice is fine and it never raises."""
+        if self._is_open:
+            self._is_open = False
+            self._close()
+
+    def read(self, size: int, deadline: float) -> bytes:
+        """Return 1 to `size` bytes as soon as some are there, or b"" when `deadline` passes.
+
+        A deadline in the past still collects what has already arrived. Raises LinkGone.
+        """
+        if not self._is_open:
+            raise LinkGone(f"{self.url.text} is closed")
+        data = self._read(size, deadline)
+        self.bytes_read += len(data)
+        return data
+
+    def write(self, data: bytes) -> None:
+        """Hand `data` to the wire; it may still be on its way when this returns. Raises LinkGone."""
+        if not self._is_open:
+            raise LinkGone(f"{self.url.text} is closed")
+        self._write(data)
+        self.bytes_written += len(data)
+
+    def discard(self) -> int:
+        """Throw away all input that has arrived; return how many bytes that were. Raises LinkGone."""
+        count = 0
+        while data := self.read(4096, self.clock.now()):
+            count += len(data)
+        return count
+
+    def __enter__(self) -> Self:
+        self.open()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @abstractmethod
+    def _open(self) -> None: ...
+
+    @abstractmethod
+    def _close(self) -> None: ...
+
+    @abstractmethod
+    def _read(self, size: int, deadline: float) -> bytes: ...
+
+    @abstractmethod
+    def _write(self, data: bytes) -> None: ...

@@ -1,0 +1,44 @@
+"""Look at the bytes: `spy:///dev/ttyUSB0?baud=57600` prints what passes, in hex, to standard error.
+
+    0.001234  > FF FF 01 02 01 FB
+    0.001710  < FF FF 01 02 00 FC
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import TextIO
+
+from urbihw import buses
+from urbihw.buses.link import Context, Link, Url
+
+
+class SpyLink(Link):
+    """Passes everything on to the link it wraps and prints it with the time since opening."""
+
+    def __init__(self, url: Url, context: Context, output: TextIO | None = None) -> None:
+        self._inner = buses.link_for(url.target, context)
+        super().__init__(url, context)
+        self.baud = self._inner.baud
+        self._output = output if output is not None else sys.stderr
+        self._start = 0.0
+
+    def _open(self) -> None:
+        self._inner.open()
+        self._start = self.clock.now()
+
+    def _close(self) -> None:
+        self._inner.close()
+
+    def _read(self, size: int, deadline: float) -> bytes:
+        data = self._inner.read(size, deadline)
+        if data:
+            self._print("<", data)
+        return data
+
+    def _write(self, data: bytes) -> None:
+        self._print(">", data)
+        self._inner.write(data)
+
+    def _print(self, direction: str, data: bytes) -> None:
+        print(f"{self.clock.now() - self._start:.6f}  {direction} {data.hex(' ').upper()}", file=self._output)

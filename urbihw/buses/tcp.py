@@ -1,0 +1,45 @@
+"""A bus at the other end of a TCP connection: `socket://host:port`, for instance ser2net or a fake robot.
+
+`?baud=` tells how fast the wire behind the connection is; time-outs are computed from it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+
+from urbihw.buses.errors import BadUrl, Unavailable
+from urbihw.buses.fd import FdLink
+
+_CONNECT_PATIENCE = 2.0
+
+
+class TcpLink(FdLink):
+    """A TCP client link without Nagle's delay."""
+
+    _socket: socket.socket | None = None
+
+    def _open(self) -> None:
+        host, port = self._address()
+        try:
+            link = socket.create_connection((host, port), timeout=_CONNECT_PATIENCE)
+        except OSError as error:
+            raise Unavailable(
+                error.errno or 0, f"cannot connect to {host}:{port} ({error}); is the other side running?"
+            ) from error
+        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        link.setblocking(False)
+        self._socket = link
+        self._fd = link.fileno()
+
+    def _address(self) -> tuple[str, int]:
+        host, separator, port = self.url.target.rpartition(":")
+        if not separator or not host or not port.isdigit() or int(port) > 65535:
+            raise BadUrl(f"bus url {self.url.text!r}: write socket://host:port, for instance socket://localhost:6000")
+        return host.strip("[]"), int(port)
+
+    def _close(self) -> None:
+        link, self._socket, self._fd = self._socket, None, -1
+        if link is not None:
+            with contextlib.suppress(OSError):
+                link.close()
