@@ -1,0 +1,14 @@
+"""Robots in software: devices on real transports, for trying and testing without hardware.
+
+A fake is a *device*: it has registers, physics, refusals and faults, and it answers bytes on a pty, a TCP port or in
+memory as the real one would on its wire. Every fake is typed from the maker's data sheet and imports nothing of
+`urbihw`, so that a driver and its fake cannot share a mistake; both are checked against `fakes/captures/*.hex`.
+
+Who may import it: tests, benches and the command line (`urbihw serve --fake` starts `python -m fakes` as a process of
+its own). Nothing in the gateway imports it.
+
+Where to start: `device` (what a device is: bytes and a time in, timed answers out), then `endpoint` (how one is
+served), `faults` (what can go wrong, the same words for every robot), then a robot, for example `bioloid`.
+
+    python -m fakes bioloid --pty /tmp/bioloid
+"""
