@@ -1,0 +1,317 @@
+"""One Dynamixel wire, asked and answered: synchronous, one transaction after the other.
+
+    with buses.open("/dev/ttyUSB0?baud=1000000") as link:
+        bus = DynamixelBus(link, "auto")
+        for device in scan(bus).devices:                    # urbihw.buses.dynamixel.scan
+            print(device.id, device.name, bus.read(device.id, 36, 2))
+
+Theory. The wire is half duplex: one question, its answers, the next question. A time-out is the wire time of the
+answer plus what `Patience` has learnt. After a time-out the answer may still come (a slow adapter); so the bus keeps
+looking out for it, learns from how late it was, and never takes it for the answer to a later question: ids must
+match, and nothing else is asked of that device in between. An answer that is exactly the expected one is recognised
+with a few slices; everything else (noise, echo, somebody else's answer, stuffing) goes through the decoder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from urbihw.buses.dynamixel import packet
+from urbihw.buses.dynamixel.crc import crc16
+from urbihw.buses.dynamixel.patience import Patience
+from urbihw.buses.dynamixel.status import Status, refusal_words
+from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
+from urbihw.buses.link import Link
+
+ProtocolChoice = Literal[1, 2, "auto"]
+_RETRIES = 2
+
+
+@dataclass(slots=True)
+class Counters:
+    """How the bus has fared since it was made: whole transactions that failed, by reason."""
+
+    timeouts: int = 0
+    damaged: int = 0
+    refused: int = 0
+    retried: int = 0
+
+
+class DynamixelBus:
+    """Questions and answers over an open link.
+
+    Attributes:
+        link: the wire; the bus does not close it.
+        protocol: spoken now; with "auto" 1 until a scan finds who is there.
+        auto: the protocol is to be found out by the scan.
+        echo: the adapter returns our own bytes; a scan finds out.
+        patience: the learnt time-out.
+        counters: failures so far.
+    """
+
+    def __init__(self, link: Link, protocol: ProtocolChoice = 1) -> None:
+        self.link = link
+        self.clock = link.clock
+        self.auto = protocol == "auto"
+        self.protocol: int = 1 if protocol == "auto" else protocol
+        self.echo = False
+        self.patience = Patience()
+        self.counters = Counters()
+        self._wire_free_at = 0.0
+        self._overdue: tuple[int, float] | None = None
+
+    # One transaction, one try.
+
+    def send(self, data: bytes) -> None:
+        """Send a packet (or several) that nobody answers. Raises LinkGone."""
+        if self._overdue is not None:
+            self._collect_overdue()
+        now = self.clock.now()
+        self.link.write(data)
+        self._wire_free_at = max(now, self._wire_free_at) + len(data) * self.link.byte_time
+        if self.echo:
+            self._swallow_echo(len(data))
+
+    def ask(self, request: bytes, device: int, size: int, prefix: bytes = b"") -> Status:
+        """Send `request` and return the answer of `device` with `size` bytes of data.
+
+        `prefix` is unanswered packets to send in the same write, right before it.
+        Raises BusTimeout, BadFrame, LinkGone. A refusal is returned, not raised: see `Status.refusal`.
+        """
+        wire_end = self._dispatch(prefix + request)
+        expected = size + packet.OVERHEAD[self.protocol]
+        if self.echo:
+            # A one-wire adapter: our own bytes come first.
+            return self._listen(prefix + request, device, size, b"", wire_end)
+        answer_time = wire_end + expected * self.link.byte_time
+        deadline = answer_time + self.patience.allowance
+        read = self.link.read
+        data = read(expected, deadline)
+        while 0 < len(data) < expected:
+            more = read(expected - len(data), deadline)
+            if not more:
+                break
+            data += more
+        status = self._expected(data, device, expected)
+        if status is None:
+            return self._listen(b"", device, size, data, wire_end)
+        self.patience.observe(self.clock.now() - answer_time)
+        return status
+
+    def ask_group(self, request: bytes, reads: Sequence[tuple[int, int]], prefix: bytes = b"") -> dict[int, Status]:
+        """Send a sync or bulk read; return the answers that came, by device. `reads`: (device, size) in order.
+
+        Devices that stay silent or answer damaged are missing from the result; `counters` tells how many.
+        """
+        wire_end = self._dispatch(prefix + request)
+        overhead = packet.OVERHEAD[self.protocol]
+        byte_time = self.link.byte_time
+        longest = max(size for _, size in reads) + overhead
+        remaining = sum(size + overhead for _, size in reads)
+        decoder = self._decoder(max(size for _, size in reads), prefix + request)
+        remaining += len(prefix + request) if self.echo else 0
+        deadline = wire_end + longest * byte_time + self.patience.allowance
+        wanted = {device for device, _ in reads}
+        found: dict[int, Status] = {}
+        while len(found) < len(wanted):
+            data = self.link.read(max(remaining, overhead), deadline)
+            if not data:
+                break
+            remaining -= len(data)
+            for status in decoder.feed(data):
+                if status.device in wanted:
+                    found.setdefault(status.device, status)
+            # The next answer follows at once; a hole longer than this means that somebody is missing.
+            deadline = self.clock.now() + longest * byte_time + self.patience.allowance
+        if len(found) < len(wanted):
+            found.update({s.device: s for s in decoder.flush() if s.device in wanted})
+            self._count_failures(len(wanted) - len(found), decoder.noise)
+        else:
+            total = sum(size + overhead for _, size in reads)
+            self.patience.observe(self.clock.now() - wire_end - total * byte_time)
+        return found
+
+    def ask_joint(self, request: bytes, reads: Sequence[tuple[int, int]], prefix: bytes = b"") -> dict[int, Status]:
+        """Send a FAST SYNC or FAST BULK READ; return the parts of the joint answer that are whole, by device."""
+        wire_end = self._dispatch(prefix + request)
+        size = 8 + sum(size + 4 for _, size in reads) + (len(prefix + request) if self.echo else 0)
+        answer_time = wire_end + size * self.link.byte_time
+        data = b""
+        deadline = answer_time + self.patience.allowance
+        while len(data) < size:
+            more = self.link.read(size - len(data), deadline)
+            if not more:
+                break
+            data += more
+            # A missing device cuts the answer short: wait no longer than the rest takes.
+            deadline = self.clock.now() + (size - len(data)) * self.link.byte_time + self.patience.allowance
+        if self.echo and data.startswith(prefix + request):
+            data = data[len(prefix + request) :]
+        found = {status.device: status for status in packet.split_fast(data, [size for _, size in reads])}
+        missing = len(reads) - len(found)
+        if missing:
+            self._count_failures(missing, len(data) - sum(size + 4 for _, size in reads[: len(found)]) - 8)
+        else:
+            self.patience.observe(self.clock.now() - answer_time)
+        return found
+
+    # Whole errands, with retries.
+
+    def ping(self, device: int, retries: int = _RETRIES) -> Status:
+        """Ping; protocol 2.0 answers model and firmware. Raises BusTimeout, BadFrame, LinkGone."""
+        size = 3 if self.protocol == 2 else 0
+        return self.insist(packet.ping_packet(self.protocol, device), device, size, retries)
+
+    def read(self, device: int, address: int, size: int, retries: int = _RETRIES) -> bytes:
+        """Return `size` bytes from `address`. Raises BusTimeout, BadFrame, DeviceRefused, LinkGone."""
+        request = packet.read_packet(self.protocol, device, address, size)
+        return self._accepted(self.insist(request, device, size, retries)).params
+
+    def write(self, device: int, address: int, data: bytes, answered: bool = True, retries: int = _RETRIES) -> None:
+        """Write `data`; `answered=False` for a device whose status return level is below 2, or for all (254).
+
+        Raises BusTimeout, BadFrame, DeviceRefused, LinkGone.
+        """
+        self._order(packet.write_packet(self.protocol, device, address, data), device, answered, retries)
+
+    def reg_write(self, device: int, address: int, data: bytes, answered: bool = True, retries: int = _RETRIES) -> None:
+        """Leave `data` with the device until `action`. Raises as `write`."""
+        self._order(packet.reg_write_packet(self.protocol, device, address, data), device, answered, retries)
+
+    def action(self, device: int = packet.BROADCAST) -> None:
+        """Let the device, or all, carry out what `reg_write` left. Raises as `write`; never repeated."""
+        self._order(packet.action_packet(self.protocol, device), device, True, 0)
+
+    def reboot(self, device: int) -> None:
+        """Restart a protocol 2.0 device: the only cure for a hardware alert. Raises as `write`."""
+        self._order(packet.reboot_packet(device), device, True, 0)
+
+    def sync_write(self, address: int, values: Mapping[int, bytes]) -> None:
+        """Write the same registers of several devices in one packet; nobody confirms. Raises BadValue, LinkGone."""
+        self.send(packet.sync_write_packet(self.protocol, address, values))
+
+    def sync_read(self, address: int, size: int, devices: Sequence[int], fast: bool = False) -> dict[int, Status]:
+        """Read the same registers of several protocol 2.0 devices; the silent are missing in the result."""
+        request = packet.sync_read_packet(address, size, devices, fast)
+        ask = self.ask_joint if fast else self.ask_group
+        return ask(request, [(device, size) for device in devices])
+
+    def bulk_read(self, reads: Sequence[tuple[int, int, int]], fast: bool = False) -> dict[int, Status]:
+        """Read (device, address, size) of several devices; the silent are missing in the result.
+
+        The AX series does not support it: the maker's SDK developers say so (DynamixelSDK issues 40 and 46).
+        """
+        request = packet.bulk_read_packet(self.protocol, reads, fast)
+        ask = self.ask_joint if fast else self.ask_group
+        return ask(request, [(device, size) for device, _, size in reads])
+
+    def insist(self, request: bytes, device: int, size: int, retries: int, until: float | None = None) -> Status:
+        """As `ask`, repeated up to `retries` times, but never starting again after time `until`."""
+        while True:
+            try:
+                return self.ask(request, device, size)
+            except (BusTimeout, BadFrame):
+                if retries <= 0 or (until is not None and self.clock.now() >= until):
+                    raise
+                retries -= 1
+                self.counters.retried += 1
+
+    def _order(self, request: bytes, device: int, answered: bool, retries: int) -> None:
+        if device == packet.BROADCAST or not answered:
+            self.send(request)
+        else:
+            self._accepted(self.insist(request, device, 0, retries))
+
+    def _accepted(self, status: Status) -> Status:
+        refusal = status.refusal
+        if refusal:
+            self.counters.refused += 1
+            raise DeviceRefused(status.device, status.error, refusal_words(refusal, status.protocol))
+        return status
+
+    # Inside a transaction.
+
+    def _dispatch(self, data: bytes) -> float:
+        """Send; return when the last byte will have left."""
+        if self._overdue is not None:
+            self._collect_overdue()
+        now = self.clock.now()
+        self.link.write(data)
+        start = now if now > self._wire_free_at else self._wire_free_at
+        self._wire_free_at = end = start + len(data) * self.link.byte_time
+        return end
+
+    def _expected(self, data: bytes, device: int, expected: int) -> Status | None:
+        """The quick look: is `data` exactly the plain answer we wait for?"""
+        if len(data) != expected:
+            return None
+        if self.protocol == 1:
+            # FF FF ID LEN ERR .. CHK: all bytes behind the header sum up to FF.
+            if data[:4] != bytes((0xFF, 0xFF, device, expected - 4)) or sum(data) - 0x1FE & 0xFF != 0xFF:
+                return None
+            return None if data[4] & 0x80 else Status(device, data[4], data[5:-1], 1)
+        if data[:5] != packet.HEADER_2 + bytes((device,)) or data[7] != 0x55 or data[5] | data[6] << 8 != expected - 7:
+            return None
+        if b"\xff\xff\xfd" in data[8:-2] or crc16(data[:-2]) != data[-2] | data[-1] << 8:
+            return None
+        return Status(device, data[8], data[9:-2], 2)
+
+    def _listen(self, echo: bytes, device: int, size: int, data: bytes, wire_end: float) -> Status:
+        """The patient look: decode whatever comes until `device` has answered or the time is over."""
+        decoder = self._decoder(size, echo)
+        byte_time = self.link.byte_time
+        answer_time = wire_end + (size + packet.OVERHEAD[self.protocol]) * byte_time
+        deadline = answer_time + self.patience.allowance
+        while True:
+            for status in decoder.feed(data):
+                if status.device == device:
+                    self.patience.observe(self.clock.now() - answer_time)
+                    return status
+                self._note_late(status.device)
+            data = self.link.read(size + packet.OVERHEAD[self.protocol] + len(echo), deadline)
+            if not data:
+                break
+        for status in decoder.flush():
+            if status.device == device:
+                return status
+        self._overdue = (device, answer_time)
+        # Our own bytes coming back do not count as a damaged answer.
+        noise = decoder.noise - (len(echo) if self.protocol == 2 else 0)
+        self._count_failures(1, noise)
+        if noise > 0:
+            raise BadFrame(f"the answer of device {device} on {self.link.url.text} came damaged")
+        raise BusTimeout(f"device {device} on {self.link.url.text} does not answer; is it powered and plugged in?")
+
+    def _decoder(self, max_params: int, sent: bytes) -> packet.Decoder:
+        decoder = packet.decoder(self.protocol)
+        decoder.max_params = max(max_params, 1)
+        if self.echo and isinstance(decoder, packet.Decoder1):
+            decoder.expect_echo(sent)
+        return decoder
+
+    def _count_failures(self, missing: int, noise: int) -> None:
+        if noise > 0:
+            self.counters.damaged += missing
+        else:
+            self.counters.timeouts += missing
+
+    def _collect_overdue(self) -> None:
+        """Take what has come since a time-out: an answer in it teaches how late answers are here."""
+        data = b""
+        while more := self.link.read(1024, self.clock.now()):
+            data += more
+        if data:
+            for status in packet.decoder(self.protocol).feed(data):
+                self._note_late(status.device)
+
+    def _note_late(self, device: int) -> None:
+        if self._overdue is not None and self._overdue[0] == device:
+            self.patience.observe(self.clock.now() - self._overdue[1])
+            self._overdue = None
+
+    def _swallow_echo(self, size: int) -> None:
+        deadline = self._wire_free_at + self.patience.allowance
+        while size > 0 and (data := self.link.read(size, deadline)):
+            size -= len(data)

@@ -1,0 +1,65 @@
+"""One device as found on the bus."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from urbihw.buses.dynamixel.item import Mode, Table
+from urbihw.buses.dynamixel.tables import table_of
+
+
+@dataclass(frozen=True)
+class Device:
+    """What a device says of itself.
+
+    Attributes:
+        id: on the bus.
+        model: number, 0 when it answers pings only (status return level 0).
+        firmware: version, 0 when unknown.
+        protocol: 1 or 2.
+        setup: the values of `Table.setup_items` that could be read.
+    """
+
+    id: int
+    model: int
+    firmware: int
+    protocol: int
+    setup: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def table(self) -> Table | None:
+        """Its control table, None for a model we do not know."""
+        return table_of(self.model)
+
+    @property
+    def mode(self) -> Mode | None:
+        """Its operating mode; None for a sensor, an unknown model, and when it could not be read."""
+        table = self.table
+        if table is None or not all(name in self.setup for name in table.mode_items):
+            return None
+        return table.mode_of(self.setup)
+
+    @property
+    def answers_writes(self) -> bool:
+        """False when its status return level says that it keeps quiet after a write."""
+        return self.setup.get("status_return_level", 2) >= 2
+
+    @property
+    def name(self) -> str:
+        """Name of the model, or its number."""
+        table = self.table
+        return f"model {self.model}" if table is None else table.models[self.model]
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Outcome of a scan.
+
+    Attributes:
+        devices: in order of id.
+        conflicts: ids that more than one device answers to; they are not in `devices`.
+    """
+
+    devices: tuple[Device, ...]
+    conflicts: tuple[int, ...] = ()

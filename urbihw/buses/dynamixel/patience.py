@@ -1,0 +1,36 @@
+"""How long to wait for an answer: learnt from the answers that came.
+
+The wire time of an answer is known; what the adapter, the driver and the servo add is not (0.1 ms to 16 ms). As TCP
+does it, a smoothed mean and deviation of that addition are kept, and the time-out is mean + 4 deviations. A fixed
+time-out would either lose every answer of a slow adapter or make a silent servo cost 35 ms (dynamixel-sdk).
+"""
+
+from __future__ import annotations
+
+_FIRST_GUESS = 0.020  # an FTDI adapter with its 16 ms latency timer must survive the first question
+_FLOOR = 0.0015  # below that, a busy computer makes healthy servos look silent
+_CEILING = 0.050
+
+
+class Patience:
+    """The time to allow beyond the wire time, in seconds."""
+
+    def __init__(self) -> None:
+        self.allowance = _FIRST_GUESS
+        self._mean = 0.0
+        self._deviation = 0.0
+        self._started = False
+
+    def observe(self, delay: float) -> None:
+        """Take in that an answer came `delay` seconds later than the wire alone needs."""
+        if delay < 0:
+            delay = 0.0
+        if not self._started:
+            self._started = True
+            self._mean, self._deviation = delay, delay / 2
+        else:
+            error = delay - self._mean
+            self._mean += error / 8
+            self._deviation += ((error if error > 0 else -error) - self._deviation) / 4
+        allowance = self._mean + 4 * self._deviation
+        self.allowance = _FLOOR if allowance < _FLOOR else _CEILING if allowance > _CEILING else allowance

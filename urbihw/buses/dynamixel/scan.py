@@ -1,0 +1,172 @@
+"""Who is on the bus: all 254 ids in less than half a second.
+
+Waiting a full time-out for each silent id would take seconds. But an answer carries its sender's id, so it need not
+come while we wait for it: each id is given a short slot, long enough for the servo itself (0.5 ms factory return
+delay), and what an adapter delivers later is credited when it comes. One long wait at the end collects the rest.
+
+Two devices with one id answer into each other, or one after the other when their return delays differ. Both leave
+traces (noise, two answers); an id with traces is pinged again, and is a conflict if that happens most of the time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final
+
+from urbihw.buses.dynamixel import packet
+from urbihw.buses.dynamixel.bus import DynamixelBus
+from urbihw.buses.dynamixel.device import Device, Scan
+from urbihw.buses.dynamixel.plan import read_blocks
+from urbihw.buses.dynamixel.status import Status
+from urbihw.buses.dynamixel.tables import table_of
+from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
+
+_SLOT: Final = 0.0010  # return delay of at most 508 us, time to think, and some jitter of the adapter
+_LAST_WAIT: Final = 0.025  # longer than the 16 ms of an FTDI adapter that was not set to low latency
+_TRIALS: Final = 3
+
+
+def scan(bus: DynamixelBus, ids: Iterable[int] | None = None) -> Scan:
+    """Find the devices on `bus`, all ids or the given ones.
+
+    With protocol "auto" 1.0 is tried first, then 2.0; the first that anybody answers becomes the bus's protocol.
+    Nothing is written to any device. Raises LinkGone.
+    """
+    wanted = None if ids is None else sorted(set(ids))
+    bus.echo = _echoes(bus)
+    for protocol in (1, 2) if bus.auto else (bus.protocol,):
+        bus.protocol = protocol
+        asked = range(packet.MAX_ID[protocol] + 1) if wanted is None else wanted
+        heard, doubtful = _Sweep(bus).run([device for device in asked if device <= packet.MAX_ID[protocol]])
+        if heard or doubtful:
+            return _confirm(bus, heard, doubtful)
+    if bus.auto:
+        bus.protocol = 1
+    return Scan(())
+
+
+def _echoes(bus: DynamixelBus) -> bool:
+    """Ask a question that nobody answers (READ to all) and see whether it comes back."""
+    bus.echo = False
+    bus.link.discard()
+    question = packet.read_packet(bus.protocol, packet.BROADCAST, 0, 1)
+    bus.send(question)
+    heard = b""
+    deadline = bus.clock.now() + len(question) * bus.link.byte_time + _LAST_WAIT
+    while question not in heard and (data := bus.link.read(64, deadline)):
+        heard += data
+    return question in heard
+
+
+class _Sweep:
+    """One ping per id, answers credited to whoever sent them."""
+
+    def __init__(self, bus: DynamixelBus) -> None:
+        self._bus = bus
+        self._decoder = packet.decoder(bus.protocol)
+        self._decoder.max_params = 3
+        self._sent: dict[int, float] = {}
+        self._heard: dict[int, Status] = {}
+        self._doubtful: set[int] = set()
+
+    def run(self, ids: Iterable[int]) -> tuple[dict[int, Status], set[int]]:
+        """Return the first answer of each id, and the ids that left traces of trouble."""
+        bus = self._bus
+        wait = packet.OVERHEAD[bus.protocol] * bus.link.byte_time + _SLOT
+        before = -1
+        for device in ids:
+            noise = self._decoder.noise
+            ping = packet.ping_packet(bus.protocol, device)
+            now = bus.clock.now()
+            bus.link.write(ping)
+            if isinstance(self._decoder, packet.Decoder1) and bus.echo:
+                self._decoder.expect_echo(ping)
+            self._sent[device] = now + len(ping) * bus.link.byte_time
+            self._listen(device, self._sent[device] + wait)
+            # In protocol 2.0 an echo is noise to the decoder, so its bytes tell nothing.
+            if self._decoder.noise - noise > (len(ping) if bus.echo and bus.protocol == 2 else 0):
+                self._doubtful |= {device, before} - {-1}
+            before = device
+        self._listen(-1, bus.clock.now() + _LAST_WAIT)
+        return self._heard, self._doubtful
+
+    def _listen(self, device: int, until: float) -> None:
+        """Credit answers until `device` has answered or time `until`."""
+        bus = self._bus
+        answered = False
+        while not answered and (data := bus.link.read(256, until)):
+            for status in self._decoder.feed(data):
+                if status.device not in self._sent:
+                    continue
+                if status.device in self._heard:
+                    self._doubtful.add(status.device)
+                    continue
+                self._heard[status.device] = status
+                answered = answered or status.device == device
+                wire = packet.OVERHEAD[bus.protocol] + len(status.params)
+                bus.patience.observe(bus.clock.now() - self._sent[status.device] - wire * bus.link.byte_time)
+
+
+def _confirm(bus: DynamixelBus, heard: dict[int, Status], doubtful: set[int]) -> Scan:
+    devices = []
+    conflicts = []
+    for number in sorted({*heard, *doubtful}):
+        if number in doubtful:
+            verdict = _trial(bus, number)
+            if verdict == "crowd":
+                conflicts.append(number)
+            if verdict != "one":
+                continue
+        try:
+            devices.append(identify(bus, number, heard.get(number)))
+        except BusTimeout:
+            continue
+        except BadFrame:
+            conflicts.append(number)
+    return Scan(tuple(devices), tuple(conflicts))
+
+
+def _trial(bus: DynamixelBus, device: int) -> str:
+    """Ping a doubtful id a few times, listening to the end: "nobody", "one" or "crowd"."""
+    ping = packet.ping_packet(bus.protocol, device)
+    crowded = silent = 0
+    for _ in range(_TRIALS):
+        bus.send(ping)
+        decoder = packet.decoder(bus.protocol)
+        decoder.max_params = 3
+        answers = 0
+        deadline = bus.clock.now() + (len(ping) + 2 * 14) * bus.link.byte_time + bus.patience.allowance
+        while data := bus.link.read(64, deadline):
+            answers += sum(status.device == device for status in decoder.feed(data))
+        decoder.flush()
+        crowded += answers > 1 or decoder.noise > 0
+        silent += not answers and not decoder.noise
+    return "crowd" if 2 * crowded > _TRIALS else "nobody" if silent == _TRIALS else "one"
+
+
+def identify(bus: DynamixelBus, number: int, pong: Status | None = None) -> Device:
+    """Return what a device says of itself; `pong` is its answer to a ping if there was one.
+
+    A device that answers nothing but pings (status return level 0) comes back with model 0.
+    Raises BusTimeout, BadFrame, LinkGone.
+    """
+    if pong is None or (bus.protocol == 2 and len(pong.params) != 3):
+        pong = bus.ping(number)
+    try:
+        about = pong.params if bus.protocol == 2 else bus.read(number, 0, 3)
+    except (BusTimeout, DeviceRefused):
+        return Device(number, 0, 0, bus.protocol, {"status_return_level": 0})
+    model = about[0] | about[1] << 8
+    return Device(number, model, about[2], bus.protocol, _setup(bus, number, model))
+
+
+def _setup(bus: DynamixelBus, number: int, model: int) -> dict[str, int]:
+    table = table_of(model)
+    values: dict[str, int] = {}
+    if table is not None:
+        for block in read_blocks(table, table.setup_items, bus.protocol):
+            try:
+                values.update(block.unpack(bus.read(number, block.address, block.size)))
+            except (BusTimeout, DeviceRefused):
+                continue
+    return values

@@ -1,0 +1,169 @@
+"""Raw counts to SI and back, for every item of every table.
+
+Above a platform's devices all numbers are SI: rad, rad/s, rad/s2, V, A, s, degrees Celsius; torque, load and PWM are
+fractions of full scale (1 = all of it). Below they are raw counts. This is the only file that knows both::
+
+    item = tables.AX12.item("goal_position")
+    to_si(item, 512)        # 0.0026 rad
+    from_si(item, 0.5)      # 609
+    limits_si(item)         # (-2.618, 2.618)
+
+Positions are centred: 0 is the middle of the first turn (AX: 511.5, X: 2048) and larger is counter-clockwise seen on
+the front. In wheel mode pass `wheel=True`: speeds of the AX series are then fractions of full drive.
+Sources: ROBOTIS e-manual; pypot `dynamixel/conversion.py` for the centred form.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from urbihw.buses.dynamixel.item import Item
+from urbihw.buses.errors import BadValue
+
+_DIRECTION = 0x400  # bit 10 of AX speeds and loads: set means clockwise, which is negative
+_AX_FULL = 1023
+_AX_STEP = math.radians(300) / _AX_FULL
+_AX_SPEED = math.radians(0.666)  # about 0.111 rpm
+_X_STEP = math.radians(360) / 4096
+_RPM = math.tau / 60
+_X_VELOCITY = 0.229 * _RPM
+_X_ACCELERATION = 214.577 * _RPM / 60
+_X_BAUDS: Final = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A way to read raw counts.
+
+    Attributes:
+        symbol: of the SI unit, "" for plain numbers and fractions.
+        to_si: raw count to SI value.
+        to_raw: SI value to the nearest raw count, unchecked.
+        high: largest raw count that makes sense in this unit, where that is less than the register takes.
+    """
+
+    symbol: str
+    to_si: Callable[[int], float]
+    to_raw: Callable[[float], int]
+    high: int | None = None
+
+
+def _linear(symbol: str, step: float, zero: float = 0.0) -> Unit:
+    return Unit(symbol, lambda raw: (raw - zero) * step, lambda value: round(value / step + zero))
+
+
+def _sign_magnitude(symbol: str, step: float) -> Unit:
+    def to_si(raw: int) -> float:
+        size = (raw & _AX_FULL) * step
+        return -size if raw & _DIRECTION else size
+
+    def to_raw(value: float) -> int:
+        size = min(round(abs(value) / step), _AX_FULL)
+        return size | _DIRECTION if value < 0 and size else size
+
+    return Unit(symbol, to_si, to_raw)
+
+
+def _unlimited_at_zero(symbol: str, step: float, high: int | None = None) -> Unit:
+    """Raw 0 means "no limit", so it is infinity; the slowest limit there is, is raw 1."""
+    return Unit(
+        symbol,
+        lambda raw: raw * step if raw else math.inf,
+        lambda value: 0 if value == math.inf else max(1, round(value / step)),
+        high,
+    )
+
+
+def _ax_baud() -> Unit:
+    return Unit("bit/s", lambda raw: 2e6 / (raw + 1), lambda value: round(2e6 / value) - 1)
+
+
+def _x_baud() -> Unit:
+    return Unit(
+        "bit/s",
+        lambda raw: float(_X_BAUDS[raw]),
+        lambda value: min(range(len(_X_BAUDS)), key=lambda index: abs(_X_BAUDS[index] - value)),
+    )
+
+
+def _buzzer_time() -> Unit:
+    """0.3 to 5 s in tenths; 254 rings until told otherwise. 255 (play a melody) is no time: write it raw."""
+    return Unit(
+        "s",
+        lambda raw: math.inf if raw >= 254 else min(max(raw, 3), 50) / 10,
+        lambda value: 254 if math.isinf(value) else 0 if value <= 0 else min(max(round(value * 10), 3), 50),
+    )
+
+
+UNITS: Final = {
+    "count": _linear("", 1),
+    "voltage": _linear("V", 0.1),
+    "temperature": _linear("degC", 1),
+    "delay": _linear("s", 2e-6),
+    "millisecond": _linear("s", 1e-3),
+    "watchdog": _linear("s", 0.02),
+    "sound_time": _linear("s", 62.5e-9),
+    "buzzer_time": _buzzer_time(),
+    "ax_baud": _ax_baud(),
+    "ax_position": _linear("rad", _AX_STEP, _AX_FULL / 2),
+    "ax_angle": _linear("rad", _AX_STEP),
+    "ax_goal_speed": _unlimited_at_zero("rad/s", _AX_SPEED, _AX_FULL),
+    "ax_speed": _sign_magnitude("rad/s", _AX_SPEED),
+    "ax_wheel": _sign_magnitude("", 1 / _AX_FULL),
+    "ax_load": _sign_magnitude("", 1 / _AX_FULL),
+    "ax_torque": _linear("", 1 / _AX_FULL),
+    "x_baud": _x_baud(),
+    "x_position": _linear("rad", _X_STEP, 2048),
+    "x_angle": _linear("rad", _X_STEP),
+    "x_velocity": _linear("rad/s", _X_VELOCITY),
+    "x_acceleration": _linear("rad/s2", _X_ACCELERATION),
+    "x_profile_velocity": _unlimited_at_zero("rad/s", _X_VELOCITY),
+    "x_profile_acceleration": _unlimited_at_zero("rad/s2", _X_ACCELERATION),
+    "x_pwm": _linear("", 1 / 885),
+    "x_load": _linear("", 1e-3),
+    "milliampere": _linear("A", 1e-3),
+    "xm_current": _linear("A", 2.69e-3),
+    "pwm_slope": _linear("V/s", 1.977),
+}
+
+
+def unit_of(item: Item, wheel: bool = False) -> Unit:
+    """Return how `item` is to be read; `wheel`: the servo is in wheel mode."""
+    return UNITS[item.wheel_unit if wheel and item.wheel_unit else item.unit]
+
+
+def to_si(item: Item, raw: int, wheel: bool = False) -> float:
+    """Return a raw count in SI units."""
+    return unit_of(item, wheel).to_si(raw)
+
+
+def from_si(item: Item, value: float, wheel: bool = False) -> int:
+    """Return the raw count nearest to `value`. Raises BadValue for nan and outside the range of the item."""
+    unit = unit_of(item, wheel)
+    try:
+        raw = unit.to_raw(value)
+    except (ValueError, OverflowError, ZeroDivisionError) as error:
+        raise BadValue(f"{item.name} cannot be {value}") from error
+    if not item.low <= raw <= _high(item, unit):
+        low, high = limits_si(item, wheel)
+        raise BadValue(f"{item.name} takes {low:g}..{high:g} {unit.symbol}".rstrip() + f", not {value:g}")
+    return raw
+
+
+def limits_si(item: Item, wheel: bool = False) -> tuple[float, float]:
+    """Return the smallest and the largest value that `from_si` takes, for a UVar's rangemin and rangemax."""
+    unit = unit_of(item, wheel)
+    if unit is UNITS["ax_wheel"] or unit is UNITS["ax_speed"] or unit is UNITS["ax_load"]:
+        full = unit.to_si(_AX_FULL)
+        return -full, full
+    ends = [unit.to_si(item.low), unit.to_si(_high(item, unit))]
+    if math.inf in ends:
+        ends.append(unit.to_si(max(item.low, 1)))
+    return min(ends), max(ends)
+
+
+def _high(item: Item, unit: Unit) -> int:
+    return item.high if unit.high is None else min(item.high, unit.high)
