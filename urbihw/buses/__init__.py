@@ -16,7 +16,6 @@ A bus is a url; a fake robot is just one more url::
 from __future__ import annotations
 
 import importlib
-from importlib.metadata import entry_points
 from typing import Final
 
 from urbihw.buses.errors import BadUrl, Unavailable
@@ -51,6 +50,9 @@ def link_for(url: str, context: Context) -> Link:
 def _link_class(url: Url) -> type[Link]:
     row = BUSES.get(url.scheme)
     if row is None:
+        # Imported here because it costs a worker 15 ms of its start, and most never need it.
+        from importlib.metadata import entry_points
+
         extra = {entry.name: entry.value for entry in entry_points(group=ENTRY_POINTS)}
         row = extra.get(url.scheme)
         if row is None:

@@ -1,7 +1,7 @@
 """What a bus worker and its parent tell each other. All of them are frozen and can cross a process border.
 
 To the worker: Targets, Watch, Request, Stop, Alive, Configure.
-From the worker: Found, Samples, DeviceState, LinkState, Reply, Refused, Statistics, Ended.
+From the worker: Found, Samples, DeviceState, LinkState, Reply, Refused, Stopped, Statistics, Ended.
 
 Values are raw counts (`urbihw.buses.dynamixel.units` turns them into SI and back); items are names of the control
 tables; times are seconds of the machine's monotonic clock (`time.monotonic()`), the same in all processes.
@@ -166,6 +166,13 @@ class Refused:
 
 
 @dataclass(frozen=True, slots=True)
+class Stopped:
+    """The robot was brought to its safe stop, and why; all targets are forgotten."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
 class Statistics:
     """How the last second went.
 
@@ -194,4 +201,4 @@ class Ended:
 
 
 ToWorker = Targets | Watch | Request | Stop | Alive | Configure
-FromWorker = Found | Samples | DeviceState | LinkState | Reply | Refused | Statistics | Ended
+FromWorker = Found | Samples | DeviceState | LinkState | Reply | Refused | Stopped | Statistics | Ended

@@ -1,0 +1,204 @@
+"""What a worker runs on a Dynamixel wire: messages in, messages out, over `Cycle`.
+
+It outlives the link: watches, known devices and who was moved are kept while the adapter is unplugged; targets are
+not, so that nothing moves by itself when it returns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict
+
+from urbihw.buses.dynamixel.bus import DynamixelBus
+from urbihw.buses.dynamixel.cycle import Cycle, Tick
+from urbihw.buses.dynamixel.device import Device, Scan
+from urbihw.buses.dynamixel.scan import identify, scan
+from urbihw.buses.dynamixel.stop import safe_stop
+from urbihw.buses.errors import BadValue, BusError, LinkGone
+from urbihw.buses.link import Link
+from urbihw.buses.messages import (
+    Configure,
+    DeviceInfo,
+    DeviceState,
+    Found,
+    FromWorker,
+    Refused,
+    Reply,
+    Request,
+    Samples,
+    Targets,
+    Watch,
+)
+
+# With nobody on the bus (robot switched off?) look again this often; a scan writes nothing.
+_LOOK_AGAIN = 3.0
+_GONE = "not there after the link came back"
+
+
+class DynamixelDriver:
+    """The Dynamixel half of a worker; see `urbihw.buses.engine.Driver` for who calls what."""
+
+    def __init__(self) -> None:
+        self._settings = Configure()
+        self._cycle: Cycle | None = None
+        self._known: dict[int, Device] = {}
+        self._moved: set[int] = set()
+        self._watches: dict[tuple[int, str], float] = {}
+        self._next_look = 0.0
+
+    def configure(self, settings: Configure) -> None:
+        """Take new settings; the protocol and the ids count from the next `attach` on."""
+        self._settings = settings
+        if self._cycle is not None:
+            self._cycle.period = 1 / settings.rate
+            self._cycle.fast = settings.fast_read
+
+    def attach(self, link: Link) -> list[FromWorker]:
+        """Take an open link and find the devices: all (or the configured) the first time, the known ones later."""
+        bus = DynamixelBus(link, self._settings.protocol)
+        outcome = scan(bus, sorted(self._known) if self._known else self._settings.ids)
+        lost = [device for number, device in self._known.items() if number not in {d.id for d in outcome.devices}]
+        return self._begin(bus, outcome, lost)
+
+    def detach(self) -> None:
+        """Let go of the link: it is gone. Targets are forgotten."""
+        if self._cycle is not None:
+            self._moved = {number for number, member in self._cycle.members.items() if member.moved}
+            self._cycle = None
+
+    def tick(self, now: float) -> list[FromWorker]:
+        """One tick of the cycle. Raises LinkGone."""
+        cycle = self._cycle
+        if cycle is None:
+            return []
+        if not cycle.members:
+            return self._look_again(cycle, now)
+        return _report(cycle.tick(now))
+
+    def targets(self, message: Targets) -> list[FromWorker]:
+        """Take targets for the next tick."""
+        if self._cycle is None:
+            return []
+        refused: list[FromWorker] = []
+        for (device, item), raw in message.values.items():
+            try:
+                self._cycle.aim(device, item, raw)
+            except BadValue as error:
+                refused.append(Refused(device, item, str(error)))
+        return refused
+
+    def watch(self, message: Watch, now: float) -> list[FromWorker]:
+        """Begin, change or end a watch."""
+        for item in message.items:
+            if message.period is None:
+                self._watches.pop((message.device, item), None)
+            else:
+                self._watches[message.device, item] = message.period
+        if self._cycle is None:
+            return []
+        try:
+            self._cycle.watch(message.device, message.items, message.period, now)
+        except BadValue as error:
+            for item in message.items:
+                self._watches.pop((message.device, item), None)
+            return [Refused(message.device, ", ".join(message.items), str(error))]
+        return []
+
+    def request(self, message: Request) -> list[FromWorker]:
+        """Do something once. Raises LinkGone, after which the request is to be answered as failed."""
+        if self._cycle is None:
+            return [Reply(message.reply_id, False, error="the link is down")]
+        try:
+            if message.verb == "scan":
+                found = self._rescan(self._cycle)
+                return [*found, Reply(message.reply_id, True, len(self._known))]
+            return [Reply(message.reply_id, True, self._errand(self._cycle, message))]
+        except LinkGone:
+            raise
+        except BusError as error:
+            return [Reply(message.reply_id, False, error=str(error))]
+
+    def safe_stop(self) -> None:
+        """Stop the robot. Raises LinkGone."""
+        if self._cycle is not None:
+            safe_stop(self._cycle, self._settings.torque_off_on_stop)
+
+    def errors(self) -> dict[str, int]:
+        """Return failures since `attach`, by kind."""
+        return {} if self._cycle is None else asdict(self._cycle.bus.counters)
+
+    def _begin(self, bus: DynamixelBus, outcome: Scan, lost: Iterable[Device]) -> list[FromWorker]:
+        """Start a cycle over what a scan found and over those that should be there."""
+        absent = list(lost)
+        cycle = Cycle(bus, [*outcome.devices, *absent], 1 / self._settings.rate, self._settings.fast_read)
+        self._cycle = cycle
+        self._known = {number: member.device for number, member in cycle.members.items()}
+        messages: list[FromWorker] = [Found(tuple(map(_info, outcome.devices)), outcome.conflicts)]
+        now = bus.clock.now()
+        self._next_look = now + _LOOK_AGAIN
+        for device in absent:
+            change = cycle.members[device.id].health.declare_lost(now, _GONE)
+            if change is not None:
+                messages.append(DeviceState(device.id, change.old, change.new, change.reason))
+        for number in self._moved & cycle.members.keys():
+            cycle.members[number].moved = True
+        for (device_id, item), period in list(self._watches.items()):
+            messages += self.watch(Watch(device_id, (item,), period), now)
+        return messages
+
+    def _look_again(self, cycle: Cycle, now: float) -> list[FromWorker]:
+        if now < self._next_look:
+            return []
+        messages = self._rescan(cycle)
+        self._next_look = cycle.bus.clock.now() + _LOOK_AGAIN
+        return messages if self._known else []
+
+    def _rescan(self, cycle: Cycle) -> list[FromWorker]:
+        self.detach()
+        cycle.bus.auto = self._settings.protocol == "auto"
+        outcome = scan(cycle.bus, self._settings.ids)
+        self._known = {}
+        return self._begin(cycle.bus, outcome, ())
+
+    def _errand(self, cycle: Cycle, message: Request) -> int:
+        bus = cycle.bus
+        member = cycle.member(message.device)
+        if message.verb == "ping":
+            member.device = identify(bus, message.device)
+            return member.device.model
+        if message.verb == "reboot":
+            if bus.protocol == 1:
+                raise BadValue("protocol 1.0 devices cannot be rebooted; switch the power off and on")
+            bus.reboot(message.device)
+            member.forget()
+            return 0
+        item = member.table.item(message.item)
+        if message.verb == "read":
+            return item.unpack(bus.read(message.device, item.address, item.size))
+        if item.access != "RW":
+            raise BadValue(f"{item.name} of {member.table.name} can only be read")
+        bus.write(message.device, item.address, item.pack(message.value), member.device.answers_writes)
+        member.wrote(item.name, message.value)
+        return message.value
+
+
+def _info(device: Device) -> DeviceInfo:
+    table, mode = device.table, device.mode
+    return DeviceInfo(
+        device.id,
+        device.model,
+        device.name,
+        "" if table is None else table.name,
+        device.firmware,
+        device.protocol,
+        "" if mode is None else mode.name,
+    )
+
+
+def _report(tick: Tick) -> list[FromWorker]:
+    messages: list[FromWorker] = [
+        DeviceState(device, change.old, change.new, change.reason) for device, change in tick.changes
+    ]
+    if tick.values:
+        messages.append(Samples(max(tick.times.values()), tick.values, tick.times))
+    return messages

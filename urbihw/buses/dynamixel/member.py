@@ -1,0 +1,135 @@
+"""One device as the cycle sees it: its health, what is read of it and when, what was written to it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from urbihw.buses.dynamixel import packet
+from urbihw.buses.dynamixel.device import Device
+from urbihw.buses.dynamixel.health import Health
+from urbihw.buses.dynamixel.item import Motion, Table
+from urbihw.buses.dynamixel.plan import Block, read_blocks
+from urbihw.buses.errors import BadValue
+
+
+@dataclass(slots=True)
+class _Rhythm:
+    """Items that are read at one period."""
+
+    period: float
+    names: tuple[str, ...]
+    due: float
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A block to read, with the packet that asks this device for it alone."""
+
+    block: Block
+    request: bytes
+
+
+class Member:
+    """A device that takes part in the cycle.
+
+    Attributes:
+        device: what it said of itself, renewed when it comes back.
+        health: ok, suspect, lost, back.
+        pending: targets not yet sent, item -> raw.
+        written: targets it has, item -> raw; empty when we do not know.
+        moved: we have told it to move since it was last stopped.
+        state: the lasting error bits of its answers as last reported.
+    """
+
+    def __init__(self, device: Device) -> None:
+        self.device = device
+        self.health = Health()
+        self.pending: dict[str, int] = {}
+        self.written: dict[str, int] = {}
+        self.moved = False
+        self.state = 0
+        self._rhythms: list[_Rhythm] = []
+        self._questions: dict[tuple[str, ...], tuple[Question, ...]] = {}
+
+    @property
+    def table(self) -> Table:
+        """Its control table. Raises BadValue for a model we have no table of."""
+        table = self.device.table
+        if table is None:
+            raise BadValue(f"device {self.device.id} is {self.device.name}, which urbihw has no control table of")
+        return table
+
+    def aim(self, name: str, raw: int) -> None:
+        """Take a new target for the next tick. Raises BadValue for an item or a value that cannot be a target."""
+        item = self.table.item(name)
+        if item.access != "RW" or item.area != "R":
+            raise BadValue(f"{name} of {self.table.name} cannot be a target (write it with a Request)")
+        item.pack(raw)
+        if self.written.get(name) == raw:
+            self.pending.pop(name, None)
+        else:
+            self.pending[name] = raw
+
+    def sent(self) -> None:
+        """Note that the pending targets are on the wire."""
+        for name in self.pending:
+            self.moved = self.moved or self._moves(name)
+        self.written.update(self.pending)
+        self.pending.clear()
+
+    def wrote(self, name: str, raw: int) -> None:
+        """Note that one item was written apart from the targets, so that what we know of the device stays true."""
+        self.moved = self.moved or self._moves(name)
+        self.written[name] = raw
+        self.pending.pop(name, None)
+        if name in self.table.setup_items:
+            self.device = replace(self.device, setup={**self.device.setup, name: raw})
+
+    def _moves(self, name: str) -> bool:
+        """Does writing this item move the shaft? The speed of a joint does not; in an unknown mode anything may."""
+        mode = self.device.mode
+        return name.startswith("goal_") or (name == "moving_speed" and (mode is None or mode.motion is Motion.RATE))
+
+    def forget(self) -> None:
+        """Drop what is pending and what we believe it has: it may have lost power, or somebody stopped it."""
+        self.pending.clear()
+        self.written.clear()
+
+    def watch(self, names: Iterable[str], period: float | None, now: float) -> None:
+        """Read `names` each `period` seconds (0: every tick; None: never) from `now` on. Raises BadValue."""
+        names = tuple(dict.fromkeys(names))
+        read_blocks(self.table, names, self.device.protocol)
+        for rhythm in self._rhythms:
+            rhythm.names = tuple(name for name in rhythm.names if name not in names)
+        self._rhythms = [rhythm for rhythm in self._rhythms if rhythm.names]
+        if period is None or not names:
+            return
+        for rhythm in self._rhythms:
+            if rhythm.period == period:
+                rhythm.names += names
+                return
+        self._rhythms.append(_Rhythm(period, names, now))
+
+    def due(self, now: float, tolerance: float) -> tuple[str, ...]:
+        """Return the items to read at a tick at `now`, and plan their next time."""
+        names: tuple[str, ...] = ()
+        for rhythm in self._rhythms:
+            if rhythm.due <= now + tolerance:
+                names += rhythm.names
+                rhythm.due += rhythm.period
+                if rhythm.due <= now:
+                    # Late: go on from here, reading twice at once makes nothing fresher.
+                    rhythm.due = now + rhythm.period
+        return names
+
+    def questions(self, names: tuple[str, ...]) -> tuple[Question, ...]:
+        """Return how to ask for `names`; computed once."""
+        known = self._questions.get(names)
+        if known is None:
+            protocol = self.device.protocol
+            known = self._questions[names] = tuple(
+                Question(block, packet.read_packet(protocol, self.device.id, block.address, block.size))
+                for block in read_blocks(self.table, names, protocol)
+            )
+        return known

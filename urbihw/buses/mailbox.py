@@ -1,0 +1,81 @@
+"""The two ends of the pipe inside a worker: neither ever waits.
+
+A parent that hangs must not hold up the wire, nor the dead-man timer; so what does not fit into the pipe is kept
+(states, replies) or dropped and counted (samples, which the next tick replaces anyway).
+"""
+
+from __future__ import annotations
+
+import select
+from collections import deque
+from multiprocessing.connection import Connection
+
+from urbihw.buses.messages import FromWorker, Samples, ToWorker
+
+_KEPT = 1000
+
+
+class Mailbox:
+    """Messages over a duplex `multiprocessing.Pipe`.
+
+    Attributes:
+        ended: the parent is gone, or will send no more.
+        dropped: samples that were not posted since `take_dropped`.
+    """
+
+    def __init__(self, pipe: Connection) -> None:
+        self.ended = False
+        self._pipe = pipe
+        self._fd = pipe.fileno()
+        self._waiting: deque[FromWorker] = deque(maxlen=_KEPT)
+        self._deaf = False
+        self._dropped = 0
+
+    def take(self) -> list[ToWorker]:
+        """Return the messages that have come."""
+        messages: list[ToWorker] = []
+        try:
+            while not self.ended and select.select((self._fd,), (), (), 0)[0]:
+                messages.append(self._pipe.recv())
+        except (EOFError, OSError):
+            self.ended = True
+        return messages
+
+    def post(self, message: FromWorker) -> None:
+        """Send a message if the pipe takes it now."""
+        self._send_waiting()
+        if self._waiting or not self._writable():
+            if isinstance(message, Samples):
+                self._dropped += 1
+            else:
+                self._waiting.append(message)
+            return
+        self._send(message)
+
+    def take_dropped(self) -> int:
+        """Return how many samples were dropped since the last call."""
+        dropped, self._dropped = self._dropped, 0
+        return dropped
+
+    def close(self) -> None:
+        """Send what still waits if the pipe takes it, and close."""
+        self._send_waiting()
+        self._pipe.close()
+
+    def _send_waiting(self) -> None:
+        while self._waiting and self._writable():
+            self._send(self._waiting.popleft())
+
+    def _writable(self) -> bool:
+        # The kernel calls a socket writable when at least two thirds of its buffer (some 200 kB) are free, so a
+        # message of a few kB never blocks.
+        return bool(select.select((), (self._fd,), (), 0)[1])
+
+    def _send(self, message: FromWorker) -> None:
+        if self._deaf:
+            return
+        try:
+            self._pipe.send(message)
+        except OSError:
+            # The parent's end is closed: nobody is left to be told.
+            self._deaf = True

@@ -1,0 +1,183 @@
+"""One worker owns one wire. This is the handle that the parent holds; `engine` is what runs on the other side.
+
+    def post(message: FromWorker) -> None:
+        loop.call_soon_threadsafe(handle, message)           # called in a reader thread: hand it over
+
+    worker = Worker.start("/dev/ttyUSB0?baud=1000000", post=post)
+
+    # ... post(LinkState(up=True)), post(Found(devices=(DeviceInfo(id=6, family="AX-12", mode="joint", ...), ...)))
+    worker.send(Watch(6, ("present_position", "present_load"), 0.0))                   # every tick
+    worker.send(Watch(6, ("present_voltage", "present_temperature"), 1.0))             # once a second
+
+    goal = tables.AX12.item("goal_position")
+    worker.send(Targets({(6, goal.name): units.from_si(goal, 0.5)}))                   # 0.5 rad
+    worker.send(Request(1, "write", 6, "torque_limit", 512))                           # ... post(Reply(1, True, 512))
+
+    # ... post(Samples(time=81.25, values={6: {"present_position": 609, "present_load": 40}}, times={6: 81.25}))
+    units.to_si(tables.AX12.item("present_position"), 609)                             # 0.4991 rad
+
+    every(0.5, lambda: worker.send(Alive()))                 # silence for 1.5 s and the robot is stopped
+    worker.stop()                                            # safe stop, then the worker ends
+
+Send `Alive` from the loop that decides what the robot does, not from a thread of its own: it is that loop whose death
+must stop the robot.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from urbihw.buses.engine import FAMILIES, Engine, driver_of
+from urbihw.buses.errors import BadValue, LinkGone
+from urbihw.buses.link import Context, Url
+from urbihw.buses.mailbox import Mailbox
+from urbihw.buses.messages import Configure, Ended, FromWorker, ToWorker
+
+Post = Callable[[FromWorker], None]
+
+
+class Worker:
+    """A running worker. Made by `Worker.start`; `with` stops it at the end."""
+
+    def __init__(self, url: str, pipe: Connection, post: Post, join: Callable[[float], str | None]) -> None:
+        self._url = url
+        self._pipe = pipe
+        self._post = post
+        self._join = join
+        self._lock = threading.Lock()
+        self._closed = False
+        self._reader = threading.Thread(target=self._listen, name=f"reader of {url}", daemon=True)
+        self._reader.start()
+
+    @classmethod
+    def start(
+        cls,
+        url: str,
+        *,
+        post: Post,
+        process: bool = True,
+        settings: Configure | None = None,
+        family: str = "dynamixel",
+        context: Context | None = None,
+    ) -> Worker:
+        """Start a worker on the wire `url` and return at once; what it finds comes through `post`.
+
+        `post` is called in a thread of this handle. `process`: give it a process of its own, as the daemon does;
+        otherwise it runs in a thread, and only then may `context` bring a clock and pipes.
+        A port that cannot be opened is no error here: LinkState says why, and the worker keeps trying.
+        Raises BadUrl for a url without sense, BadValue for an unknown family or a context with a process.
+        """
+        Url.parse(url)
+        if family not in FAMILIES:
+            raise BadValue(f"unknown protocol family {family!r}; known: {', '.join(sorted(FAMILIES))}")
+        settings = settings if settings is not None else Configure()
+        if not process:
+            return cls._start_thread(url, post, settings, family, context if context is not None else Context())
+        if context is not None:
+            raise BadValue("a context cannot be given to a worker in a process of its own")
+        return cls._start_process(url, post, settings, family)
+
+    @classmethod
+    def _start_thread(cls, url: str, post: Post, settings: Configure, family: str, context: Context) -> Worker:
+        mine, theirs = Pipe()
+        engine = Engine(url, driver_of(family), Mailbox(theirs), settings, context)
+        thread = threading.Thread(target=engine.run, name=f"bus worker of {url}", daemon=True)
+        thread.start()
+
+        def join(timeout: float) -> str | None:
+            thread.join(timeout)
+            return None if thread.is_alive() else ""
+
+        return cls(url, mine, post, join)
+
+    @classmethod
+    def _start_process(cls, url: str, post: Post, settings: Configure, family: str) -> Worker:
+        mine, theirs = Pipe()
+        fd = theirs.fileno()
+        # The child must find the same urbihw as we did, wherever it was imported from.
+        root = str(Path(__file__).resolve().parents[2])
+        path = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
+        process = subprocess.Popen(
+            (sys.executable, "-m", "urbihw.buses.child", str(fd), family, url),
+            pass_fds=(fd,),
+            stdin=subprocess.DEVNULL,
+            env={**os.environ, "PYTHONPATH": path},
+        )
+        theirs.close()
+        mine.send(settings)
+
+        def join(timeout: float) -> str | None:
+            try:
+                status = process.wait(timeout)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+                return f"the bus worker of {url} hung and was killed; the robot may not have been stopped"
+            return "" if status == 0 else f"the bus worker of {url} ended with exit status {status}"
+
+        return cls(url, mine, post, join)
+
+    @property
+    def alive(self) -> bool:
+        """False once `Ended` has been posted."""
+        return self._reader.is_alive()
+
+    def send(self, message: ToWorker) -> None:
+        """Send a message; safe from any thread. Raises LinkGone when the worker has ended."""
+        with self._lock:
+            try:
+                if not self._closed:
+                    self._pipe.send(message)
+                    return
+            except OSError as error:
+                raise LinkGone(f"the bus worker of {self._url} has ended; start another one") from error
+        raise LinkGone(f"the bus worker of {self._url} has ended; start another one")
+
+    def stop(self, timeout: float = 3.0) -> None:
+        """Let the worker stop the robot and end; kill it when that takes longer than `timeout`. Twice is fine.
+
+        When this returns, `Ended` has been posted. Do not call it from `post`.
+        """
+        with self._lock:
+            if not self._closed:
+                self._closed = True
+                # Only our direction: the worker's last messages still come through.
+                with contextlib.suppress(OSError), socket.socket(fileno=os.dup(self._pipe.fileno())) as half:
+                    half.shutdown(socket.SHUT_WR)
+        self._reader.join(timeout)
+        if self._reader.is_alive():
+            self._join(0.0)
+            self._reader.join(timeout)
+
+    def __enter__(self) -> Worker:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def _listen(self) -> None:
+        """Pass on what the worker says until it ends; then see to its remains."""
+        ended: Ended | None = None
+        with contextlib.suppress(EOFError, OSError):
+            while ended is None:
+                message = self._pipe.recv()
+                if isinstance(message, Ended):
+                    ended = message
+                else:
+                    self._post(message)
+        with self._lock:
+            self._closed = True
+            self._pipe.close()
+        reason = self._join(5.0)
+        if ended is None:
+            ended = Ended(reason or f"the bus worker of {self._url} ended without a word")
+        self._post(ended)
