@@ -47,6 +47,7 @@ def _parser() -> argparse.ArgumentParser:
     where.add_argument("--pty", nargs="?", const="", metavar="PATH", help="a pseudo terminal, linked at PATH")
     where.add_argument("--tcp", type=int, metavar="PORT", help="a TCP port of this machine; 0 takes a free one")
     bioloid.add_argument("--pace", action="store_true", help="bytes take the time they take on the wire")
+    bioloid.add_argument("--spin", action="store_true", help="with --pace: never sleep in traffic, for benches")
     bioloid.add_argument("--baud", type=int, help=f"speed of units and wire ({DEFAULT_BAUD})")
     bioloid.add_argument("--follow-baud", action="store_true", help="on a pty: hear only the speed the peer has set")
     bioloid.add_argument("--x-series", type=int, nargs="?", const=18, metavar="COUNT", help="X-series servos instead")
@@ -65,8 +66,8 @@ def _kit(options: argparse.Namespace) -> Bioloid:
 def _endpoint(options: argparse.Namespace, kit: Bioloid) -> Endpoint:
     pace = (options.baud or DEFAULT_BAUD) if options.pace else None
     if options.tcp is not None:
-        return TcpEndpoint(kit, options.tcp, pace=pace)
-    return PtyEndpoint(kit, options.pty or None, pace=pace, follow_baud=options.follow_baud)
+        return TcpEndpoint(kit, options.tcp, pace=pace, spin=options.spin)
+    return PtyEndpoint(kit, options.pty or None, pace=pace, spin=options.spin, follow_baud=options.follow_baud)
 
 
 def _listen(endpoint: Endpoint, console: Console, until_eof: bool) -> None:

@@ -106,6 +106,14 @@ class Ax12(Unit1):
         self.overloaded = False
         self._stalled_for = 0.0
         self._left_over = 0.0  # seconds of physics owed because they are less than a step
+        self.sensors = {
+            "present_position": self._raw_position,
+            "present_speed": self._raw_speed,
+            "present_load": lambda: _signed(self.drive * 1023),
+            "present_voltage": lambda: round(self.volts * 10) & 0xFF,
+            "present_temperature": lambda: max(0, min(255, int(self.celsius))),
+            "moving": lambda: int(self._moving()),
+        }
         self.boot()
 
     # --- power and registers --------------------------------------------------------------------------------------
@@ -177,15 +185,6 @@ class Ax12(Unit1):
         elif register.name == "torque_limit":
             self.overloaded = False
             self._stalled_for = 0.0
-
-    def sense(self) -> None:
-        """Physics -> registers 36..46."""
-        self.put("present_position", self._raw_position())
-        self.put("present_speed", self._raw_speed())
-        self.put("present_load", _signed(self.drive * 1023))
-        self.put("present_voltage", round(self.volts * 10) & 0xFF)
-        self.put("present_temperature", max(0, min(255, int(self.celsius))))
-        self.put("moving", int(self._moving()))
 
     def _raw_position(self) -> int:
         position = self._here()

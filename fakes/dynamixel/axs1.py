@@ -11,6 +11,7 @@ the low-sensitivity mode changes no readings (compare 0 is a comparison with 0),
 from __future__ import annotations
 
 from bisect import insort
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from fakes.dynamixel import packet1
@@ -97,6 +98,7 @@ class AxS1(Unit1):
         self._count = 0
         self._last_clap: float | None = None
         self._counter_zero = 0.0
+        self.sensors = self._sensors()
         self.boot()
 
     def boot(self) -> None:
@@ -171,20 +173,24 @@ class AxS1(Unit1):
     def _loudest(self, level: int) -> None:
         self.put("sound_max", max(level, self.registers.get("sound_max")))
 
-    def sense(self) -> None:
-        """Readings -> registers 26..43."""
-        get = self.registers.get
-        for kind, values, flags, compare in (
-            ("ir", self._distances, "obstacle_flags", get("obstacle_compare")),
-            ("light", self._lights, "light_flags", get("light_compare")),
-        ):
-            for side, value in zip(("left", "center", "right"), values, strict=True):
-                self.put(f"{kind}_{side}", value)
-            seen = (get(f"{kind}_{side}") > compare for side in ("left", "center", "right"))
-            self.put(flags, sum(bit << place for place, bit in enumerate(seen)))
-        self.put("sound", self._level)
-        self.put("present_voltage", round(self.volts * 10) & 0xFF)
-        self.put("present_temperature", max(0, min(255, int(self.celsius))))
+    def _sensors(self) -> dict[str, Callable[[], int]]:
+        return {
+            "ir_left": lambda: self._distances[0],
+            "ir_center": lambda: self._distances[1],
+            "ir_right": lambda: self._distances[2],
+            "light_left": lambda: self._lights[0],
+            "light_center": lambda: self._lights[1],
+            "light_right": lambda: self._lights[2],
+            "obstacle_flags": lambda: self._flags(self._distances, "obstacle_compare"),
+            "light_flags": lambda: self._flags(self._lights, "light_compare"),
+            "sound": lambda: self._level,
+            "present_voltage": lambda: round(self.volts * 10) & 0xFF,
+            "present_temperature": lambda: max(0, min(255, int(self.celsius))),
+        }
+
+    def _flags(self, values: tuple[int, int, int], compare: str) -> int:
+        limit = self.registers.get(compare)
+        return sum((value > limit) << place for place, value in enumerate(values))
 
     def after_read(self, address: int, count: int) -> None:
         """Reading the remote-control word clears its flag."""

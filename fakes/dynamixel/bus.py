@@ -55,6 +55,7 @@ class DynamixelBus(Device):
         self._units = list(units)
         self._framer = Framer()
         self._by_id: dict[tuple[int, int], list[Unit]] = {}
+        self._stale = False
         self._index()
 
     def __iter__(self) -> Iterator[Unit]:
@@ -107,7 +108,7 @@ class DynamixelBus(Device):
                     continue
                 free += reply.delay + len(reply.data) * self.byte_time
                 answers.append(Answer(free, reply.data))
-            if any(unit.moved for unit in self._units):
+            if self._stale:
                 self._index()
         return answers
 
@@ -133,7 +134,7 @@ class DynamixelBus(Device):
         if code == packet1.SYNC_WRITE:
             self._write_items(1, _sync_items1(params), now)
         elif code == packet1.BULK_READ:
-            return [self._bulk_place1(item, now) for item in _bulk_items1(params)]
+            return [self._place(1, item, now) for item in _bulk_items1(params)]
         elif code != packet1.READ:
             for unit in units:
                 unit.execute(request, now)
@@ -147,7 +148,7 @@ class DynamixelBus(Device):
             self._write_items(2, _bulk_write_items2(params), now)
         elif code in (packet2.SYNC_READ, packet2.BULK_READ):
             items = _sync_read_items2(params) if code == packet2.SYNC_READ else _bulk_read_items2(params)
-            return [self._place2(item, now) for item in items]
+            return [self._place(2, item, now) for item in items]
         elif code in (packet2.FAST_SYNC_READ, packet2.FAST_BULK_READ):
             items = _sync_read_items2(params) if code == packet2.FAST_SYNC_READ else _bulk_read_items2(params)
             return self._joint(list(items), now)
@@ -166,16 +167,12 @@ class DynamixelBus(Device):
             for unit in self._listening(protocol, item.unit):
                 unit.obey(item.address, item.data, now)
 
-    def _bulk_place1(self, item: Item, now: float) -> Reply:
-        request = Request(1, item.unit, packet1.READ, bytes((item.address, item.count)), True)
-        units = (unit for unit in self._listening(1, item.unit) if isinstance(unit, Unit1))
-        return self._reply(item.unit, [(unit, unit.execute(request, now)) for unit in units if unit.answers_bulk_read])
-
-    def _place2(self, item: Item, now: float) -> Reply:
-        where = item.address.to_bytes(2, "little") + item.count.to_bytes(2, "little")
-        request = Request(2, item.unit, packet2.READ, where, True)
-        units = self._listening(2, item.unit)
-        return self._reply(item.unit, [(unit, unit.execute(request, now)) for unit in units])
+    def _place(self, protocol: int, item: Item, now: float) -> Reply:
+        """One place in a group read."""
+        units = self._listening(protocol, item.unit)
+        if protocol == 1:
+            units = [unit for unit in units if isinstance(unit, Unit1) and unit.answers_bulk_read]
+        return self._reply(item.unit, [(unit, unit.report(item.address, item.count, now)) for unit in units])
 
     def _joint(self, items: list[Item], now: float) -> list[Reply]:
         """The one packet of a fast group read, each unit adding its block to what is really on the wire."""
@@ -224,10 +221,14 @@ class DynamixelBus(Device):
             raise NoSuchUnit(f"unit {who}: not on this bus; there are {there or 'none'}")
         return chosen
 
+    def _outdate(self) -> None:
+        self._stale = True
+
     def _index(self) -> None:
         self._by_id = {}
+        self._stale = False
         for unit in self._units:
-            unit.moved = False
+            unit.moved = self._outdate
             for number in unit.ids:
                 self._by_id.setdefault((unit.protocol, number), []).append(unit)
 

@@ -62,6 +62,8 @@ class RegisterFile:
         self.rows = tuple(rows)
         self.by_name = {row.name: row for row in self.rows}
         self.size = max(row.address + row.size for row in self.rows)
+        # The same values twice: as numbers for the model, which asks for them all the time, and as bytes for the wire.
+        self._values = dict.fromkeys(self.by_name, 0)
         self._memory = bytearray(self.size)
         self._at = {row.address: row for row in self.rows}
         self._covered = {row.address + i for row in self.rows for i in range(row.size)}
@@ -76,8 +78,10 @@ class RegisterFile:
 
     def get(self, name: str) -> int:
         """The value of a register."""
-        row = self._row(name)
-        return int.from_bytes(self._memory[row.address : row.address + row.size], "little", signed=row.signed)
+        try:
+            return self._values[name]
+        except KeyError:
+            raise UnknownRequest(f"register {name!r}: not in this control table") from None
 
     def put(self, name: str, value: int) -> None:
         """Set a register from the inside, past all rules of writing.
@@ -85,11 +89,14 @@ class RegisterFile:
         Raises:
             UnknownRequest: no such register, or the value does not fit in its bytes.
         """
-        row = self._row(name)
+        if self.get(name) == value:
+            return
+        row = self.by_name[name]
         try:
             self._memory[row.address : row.address + row.size] = value.to_bytes(row.size, "little", signed=row.signed)
         except OverflowError as error:
             raise UnknownRequest(f"register {name!r}: {value} does not fit in {row.size} byte(s)") from error
+        self._values[name] = value
 
     def read(self, address: int, count: int) -> bytes | Refusal:
         """`count` bytes from `address` on."""
@@ -119,9 +126,3 @@ class RegisterFile:
             values.append((row, value))
             address += row.size
         return Write(tuple(values))
-
-    def _row(self, name: str) -> Register:
-        try:
-            return self.by_name[name]
-        except KeyError:
-            raise UnknownRequest(f"register {name!r}: not in this control table") from None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from fakes.dynamixel.framer import Request
 from fakes.dynamixel.registers import Refusal, Register, RegisterFile, Write
@@ -15,12 +15,16 @@ def near(baud: float, other: float) -> bool:
     return abs(baud - other) <= BAUD_TOLERANCE * other
 
 
+def _nobody() -> None:
+    """A unit that hangs on no bus has nobody to tell."""
+
+
 class Unit:
     """One device on the bus.
 
-    `unit1` and `unit2` define what a protocol does with a request; a model extends `advance` (its physics), `sense`
-    (physics -> read-only registers) and `written` (what a write sets off). It is not thread safe: while the bus is
-    served, whoever serves it is the only one to call it.
+    `unit1` and `unit2` define what a protocol does with a request; a model extends `advance` (its physics), fills
+    `sensors` (physics -> read-only registers) and extends `written` (what a write sets off). It is not thread safe:
+    while the bus is served, whoever serves it is the only one to call it.
     """
 
     protocol = 0
@@ -29,8 +33,10 @@ class Unit:
         self.registers = RegisterFile(rows)
         self.registers.put("id", unit)
         self.powered = True
-        self.moved = False  # the bus clears it; set when id or speed changed and the bus must look again
+        self.moved: Callable[[], None] = _nobody  # the bus sets it; called when it listens to other numbers
+        self.sensors: dict[str, Callable[[], int]] = {}  # read-only registers and how to compute them
         self._held: dict[str, int] = {}
+        self._sensed: dict[tuple[int, int], tuple[str, ...]] = {}  # bytes read -> sensors behind them, as found
         self._now: float | None = None
         self.pending: Write | None = None
 
@@ -124,9 +130,6 @@ class Unit:
     def advance(self, elapsed: float) -> None:
         """Let `elapsed` seconds go by."""
 
-    def sense(self) -> None:
-        """Write what the physics say into the read-only registers, through `put`."""
-
     def written(self, register: Register, value: int, before: int) -> None:
         """A register was written by the host; `before` is the value it had."""
 
@@ -135,12 +138,17 @@ class Unit:
 
     def put(self, name: str, value: int) -> None:
         """Set a computed register unless it is held by hand."""
-        self.registers.put(name, self._held.get(name, value))
+        if name not in self._held:
+            self.registers.put(name, value)
 
     # --- what a protocol defines --------------------------------------------------------------------------------
 
     def execute(self, request: Request, now: float) -> bytes:
         """Carry out a request; return the status packet, or nothing when there is none to send."""
+        raise NotImplementedError
+
+    def report(self, address: int, count: int, now: float) -> bytes:
+        """Its place in a group read: a status packet, or nothing."""
         raise NotImplementedError
 
     def obey(self, address: int, data: bytes, now: float) -> None:
@@ -165,15 +173,25 @@ class Unit:
         before = [self.registers.get(register.name) for register, _ in write.values]
         for register, value in write.values:
             self.registers.put(register.name, value)
-            if register.name in ("id", "secondary_id", "baud"):
-                self.moved = True
+            if register.name in ("id", "secondary_id"):
+                self.moved()
         for (register, value), old in zip(write.values, before, strict=True):
             self.written(register, value, old)
+
+    def sense(self, address: int = 0, count: int = 0xFFFF) -> None:
+        """Let the sensors behind these bytes write what the physics say now."""
+        names = self._sensed.get((address, count))
+        if names is None:
+            rows = (self.registers.by_name[name] for name in self.sensors)
+            names = tuple(r.name for r in rows if r.address < address + count and r.address + r.size > address)
+            self._sensed[(address, count)] = names
+        for name in names:
+            self.put(name, self.sensors[name]())
 
     def fetch(self, address: int, count: int, now: float) -> bytes | Refusal:
         """Read `count` bytes from `address` on, fresh at `now`."""
         self.tick(now)
-        self.sense()
+        self.sense(address, count)
         data = self.registers.read(address, count)
         if not isinstance(data, Refusal):
             self.after_read(address, count)

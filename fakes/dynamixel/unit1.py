@@ -84,6 +84,13 @@ class Unit1(Unit):
             return 0, b""
         return packet1.ERR_INSTRUCTION, b""
 
+    def report(self, address: int, count: int, now: float) -> bytes:
+        """As in `Unit`."""
+        error, data = self.look(address, count, now)
+        error |= self.state_errors()
+        self.noticed(error)
+        return packet1.status(self.id, error, data) if self.registers.get("status_level") >= 1 else b""
+
     def look(self, address: int, count: int, now: float) -> tuple[int, bytes]:
         """READ: error bits and data."""
         data = self.fetch(address, count, now)
@@ -123,7 +130,7 @@ class Unit1(Unit):
     def factory_reset(self) -> None:
         """All of the EEPROM back to factory values, ID and speed too, then start anew."""
         self.registers.reset()
-        self.moved = True
+        self.moved()
         self.pending = None
         self.boot()
 

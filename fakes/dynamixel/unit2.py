@@ -111,6 +111,11 @@ class Unit2(Unit):
             return (0 if done else packet2.ERR_RESULT), b""
         return packet2.ERR_INSTRUCTION, b""
 
+    def report(self, address: int, count: int, now: float) -> bytes:
+        """As in `Unit`."""
+        error, data = self.look(address, count, now)
+        return packet2.status(self.id, error | self.alert(), data) if self.status_level >= 1 else b""
+
     def look(self, address: int, count: int, now: float) -> tuple[int, bytes]:
         """READ: error number (without the alert bit) and data."""
         self.last_heard = now
@@ -153,7 +158,7 @@ class Unit2(Unit):
         if extent == 0xFF and broadcast and self.registers.get("firmware") >= FIRMWARE_CLEAR:
             return packet2.ERR_RESULT
         self.registers.reset(keep=keeps[extent])
-        self.moved = True
+        self.moved()
         self.pending = None
         self.boot()
         return 0

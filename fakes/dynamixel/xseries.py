@@ -13,6 +13,7 @@ type 1, boot time.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import exp
 
 from fakes.dynamixel.registers import Refusal, Register, Write
@@ -59,6 +60,7 @@ class XSeries(Unit2):
             raise UnknownRequest(f"model {model!r}: not modelled; there are {', '.join(MODELS)}")
         self.model = MODELS[model]
         super().__init__(unit, table(self.model))
+        self._indirect_from = min(data for _, data, _ in self.model.indirect)
         self.fast_reads = self.model.firmware >= (46 if self.model.small else 45)
         self.motor = Motor(self.model.velocity_limit * VELOCITY_STEP, position)
         self.profile = Profile(position)
@@ -67,6 +69,7 @@ class XSeries(Unit2):
         self.held_celsius: float | None = None
         self._stalled_for = 0.0
         self._left_over = 0.0
+        self.sensors = self._sensors()
         self.boot()
 
     # --- power ----------------------------------------------------------------------------------------------------
@@ -160,11 +163,14 @@ class XSeries(Unit2):
         data = super().fetch(address, count, now)
         if isinstance(data, Refusal) or not self._touches_indirect(address, count):
             return data
+        self.sense()
         parts = (self.registers.read(self._target(address + i), 1) for i in range(count))
         return b"".join(b"\0" if isinstance(part, Refusal) else part for part in parts)
 
     def _touches_indirect(self, address: int, count: int) -> bool:
-        return any(address < data + size and address + count > data for _, data, size in self.model.indirect)
+        return address + count > self._indirect_from and any(
+            address < data + size and address + count > data for _, data, size in self.model.indirect
+        )
 
     def _target(self, address: int) -> int:
         """Where a byte really is: indirect data stand for the address in their entry."""
@@ -329,23 +335,38 @@ class XSeries(Unit2):
             self.registers.put("torque_enable", 0)
             self.motor.drive = 0.0
 
-    def sense(self) -> None:
-        """Physics -> registers 120..146."""
-        motor, sign = self.motor, self._sign()
-        here = self._horn() + sign * motor.speed * self._left_over
-        drive = sign * motor.drive
-        torque = drive - sign * motor.speed / motor.full_speed if self.model.current_limit is not None else drive
-        velocity = sign * motor.speed / VELOCITY_STEP
-        self.put("realtime_tick", int(self.now * 1000) % 32768)
-        moving = abs(velocity) > self.registers.get("moving_threshold")
-        self.put("moving", int(moving))
-        arrived = abs(self.registers.get("goal_position") - here) < 10
-        self.put("moving_status", int(arrived) | (0x02 if self.profile.velocity else 0))
-        self.put("present_pwm", round(drive * FULL_PWM))
-        self.put("present_current", round(torque * self.model.stall) if self.torque else 0)
-        self.put("present_velocity", round(velocity))
-        self.put("present_position", round(here))
-        self.put("velocity_trajectory", round(self.profile.velocity / VELOCITY_STEP))
-        self.put("position_trajectory", round(self.profile.position))
-        self.put("present_voltage", max(0, round(self.volts * 10)))
-        self.put("present_temperature", max(0, min(255, int(self.celsius))))
+    # --- what registers 120..146 show -----------------------------------------------------------------------------
+
+    def _sensors(self) -> dict[str, Callable[[], int]]:
+        return {
+            "realtime_tick": lambda: int(self.now * 1000) % 32768,
+            "moving": lambda: int(abs(self._present_velocity()) > self.registers.get("moving_threshold")),
+            "moving_status": self._moving_status,
+            "present_pwm": lambda: round(self._sign() * self.motor.drive * FULL_PWM),
+            "present_current": self._present_current,
+            "present_velocity": self._present_velocity,
+            "present_position": self._present_position,
+            "velocity_trajectory": lambda: round(self.profile.velocity / VELOCITY_STEP),
+            "position_trajectory": lambda: round(self.profile.position),
+            "present_voltage": lambda: max(0, round(self.volts * 10)),
+            "present_temperature": lambda: max(0, min(255, int(self.celsius))),
+        }
+
+    def _present_position(self) -> int:
+        return round(self._horn() + self._sign() * self.motor.speed * self._left_over)
+
+    def _present_velocity(self) -> int:
+        return round(self._sign() * self.motor.speed / VELOCITY_STEP)
+
+    def _present_current(self) -> int:
+        """Current goes with torque (drive less what the speed induces); models without it show the drive."""
+        if not self.torque:
+            return 0
+        motor = self.motor
+        torque = motor.drive if self.model.current_limit is None else motor.drive - motor.speed / motor.full_speed
+        return round(self._sign() * torque * self.model.stall)
+
+    def _moving_status(self) -> int:
+        """Bit 0: arrived within 10 steps (the sheet names no bits; model choice), bit 1: a profile is under way."""
+        arrived = abs(self.registers.get("goal_position") - self._present_position()) < 10
+        return int(arrived) | (0x02 if self.profile.velocity else 0)
