@@ -7,8 +7,9 @@
 
 Theory. The wire is half duplex: one question, its answers, the next question. A time-out is the wire time of the
 answer plus what `Patience` has learnt. After a time-out the answer may still come (a slow adapter); so the bus keeps
-looking out for it, learns from how late it was, and never takes it for the answer to a later question: ids must
-match, and nothing else is asked of that device in between. An answer that is exactly the expected one is recognised
+looking out for it, learns from how late it was, and takes it for the answer to a later question only if sender and
+size match: then it is the same registers, a little older, as long as a device that missed is not asked for other
+registers of that size at once. The cycle keeps to that. An answer that is exactly the expected one is recognised
 with a few slices; everything else (noise, echo, somebody else's answer, stuffing) goes through the decoder.
 """
 

@@ -1,0 +1,1 @@
+"""Tests of urbihw.buses: links, the Dynamixel protocol, the cycle, the worker."""

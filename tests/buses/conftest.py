@@ -1,0 +1,69 @@
+"""A fake kit on an in-memory wire in simulated time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import pytest
+from fakes.bioloid import Bioloid
+from urbihw import buses
+from urbihw.buses.clock import SimClock
+from urbihw.buses.dynamixel.bus import DynamixelBus, ProtocolChoice
+from urbihw.buses.link import Context, Link
+from urbihw.buses.pipe import PipeEnd
+
+BAUD = 1_000_000
+
+
+class Rig:
+    """A kit, the simulated clock it lives on, and the link that reaches it."""
+
+    def __init__(self, kit: Bioloid) -> None:
+        self.kit = kit
+        self.clock = SimClock(100.0)
+        self.end = PipeEnd(self._receive)
+        self._sent: list[str] = []
+        self.context = Context(self.clock, {"robot": self.end})
+        self.url = f"pipe://robot?baud={BAUD}"
+        self.link: Link = buses.open(self.url, self.context)
+        kit.pace(BAUD)
+        for unit in kit:
+            # As a gateway should set it; the factory value of 0.5 ms is a matter of its own tests.
+            unit.registers.put("return_delay", 0)
+
+    def bus(self, protocol: ProtocolChoice = 1) -> DynamixelBus:
+        return DynamixelBus(self.link, protocol)
+
+    def sent(self) -> list[str]:
+        """What the host has written since the last call, one entry a write, as spaced hex."""
+        sent, self._sent = self._sent, []
+        return sent
+
+    def _receive(self, data: bytes, at: float) -> None:
+        self._sent.append(data.hex(" ").upper())
+        self.kit.tick(at)
+        for answer in self.kit.feed(data, at):
+            self.end.send(answer.data, answer.at)
+
+
+@pytest.fixture
+def rig() -> Iterator[Rig]:
+    """18 AX-12 and an AX-S1 at 1 Mbps."""
+    made = Rig(Bioloid(baud=BAUD))
+    yield made
+    made.link.close()
+
+
+@pytest.fixture
+def x_rig() -> Iterator[Rig]:
+    """18 XL430 at 1 Mbps; their firmware knows no fast reads unless a test says so."""
+    made = Rig(Bioloid.x_series(18, baud=BAUD))
+    for unit in made.kit:
+        unit.registers.put("firmware", 44)
+    yield made
+    made.link.close()
+
+
+@pytest.fixture
+def make_rig() -> Callable[[Bioloid], Rig]:
+    return Rig

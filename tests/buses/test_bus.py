@@ -1,0 +1,196 @@
+"""Questions and answers over a fake kit, in simulated time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from fakes.bioloid import Bioloid
+from urbihw.buses.dynamixel import tables
+from urbihw.buses.dynamixel.scan import scan
+from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
+
+from .conftest import Rig
+
+
+def test_read_write_and_refusal(rig: Rig) -> None:
+    bus = rig.bus()
+    bus.write(6, 25, b"\x01")
+    assert bus.read(6, 25, 1) == b"\x01"
+    assert bus.read(6, 0, 3)[:2] == b"\x0c\x00"
+    with pytest.raises(DeviceRefused, match="device 6 refused: range"):
+        bus.write(6, 24, b"\x07")
+
+
+def test_reg_write_waits_for_action(rig: Rig) -> None:
+    bus = rig.bus()
+    bus.reg_write(6, 25, b"\x01")
+    assert bus.read(6, 25, 1) == b"\x00"
+    bus.action()
+    assert bus.read(6, 25, 1) == b"\x01"
+
+
+def test_reading_takes_wire_time_and_nothing_else(rig: Rig) -> None:
+    start = rig.clock.now()
+    rig.bus().read(6, 36, 8)
+    assert rig.clock.now() - start == pytest.approx(22 * 10e-6)
+
+
+def test_a_damaged_answer_is_asked_for_again(rig: Rig) -> None:
+    rig.kit.faults.start("checksum", 6, times=1)
+    bus = rig.bus()
+    assert len(bus.read(6, 36, 8)) == 8
+    assert (bus.counters.damaged, bus.counters.retried) == (1, 1)
+
+
+@pytest.mark.parametrize(("fault", "error"), [("silence", BusTimeout), ("checksum", BadFrame), ("cut", BadFrame)])
+def test_a_lasting_fault_is_an_error_that_names_the_device(rig: Rig, fault: str, error: type[Exception]) -> None:
+    rig.kit.faults.start(fault, 6)
+    bus = rig.bus()
+    with pytest.raises(error, match="device 6"):
+        bus.read(6, 36, 8)
+    assert len(bus.read(7, 36, 8)) == 8
+
+
+def test_noise_in_front_of_an_answer_does_no_harm(rig: Rig) -> None:
+    rig.kit.faults.start("noise", 6)
+    assert rig.bus().read(6, 0, 1) == b"\x0c"
+
+
+def test_a_late_answer_is_never_taken_for_another_and_teaches_patience(rig: Rig) -> None:
+    bus = rig.bus()
+    rig.kit.faults.start("late", 6, amount=0.021)
+    with pytest.raises(BusTimeout):
+        bus.read(6, 36, 8, retries=0)
+    assert bus.read(7, 3, 1) == b"\x07"
+    rig.clock.sleep_until(rig.clock.now() + 0.005)
+    assert bus.read(7, 3, 1) == b"\x07"
+    assert bus.patience.allowance > 0.021
+    assert bus.read(6, 3, 1) == b"\x06"
+
+
+def test_time_outs_get_short_when_answers_are_prompt(rig: Rig) -> None:
+    bus = rig.bus()
+    for _ in range(30):
+        bus.ping(7)
+    rig.kit.faults.start("silence", 6)
+    start = rig.clock.now()
+    with pytest.raises(BusTimeout):
+        bus.ping(6, retries=0)
+    assert rig.clock.now() - start < 0.002
+
+
+def test_group_read_of_protocol_2_gives_what_there_is(x_rig: Rig) -> None:
+    bus = x_rig.bus(2)
+    assert sorted(bus.sync_read(132, 4, range(1, 19))) == list(range(1, 19))
+    x_rig.kit.faults.start("checksum", 5)
+    assert sorted(bus.sync_read(132, 4, range(1, 19))) == [n for n in range(1, 19) if n != 5]
+    values = bus.bulk_read([(1, 144, 2), (2, 146, 1)])
+    assert {number: len(status.params) for number, status in values.items()} == {1: 2, 2: 1}
+
+
+def test_fast_reads(x_rig: Rig) -> None:
+    for unit in x_rig.kit:
+        unit.registers.put("firmware", 50)
+    bus = x_rig.bus(2)
+    plain = {number: status.params for number, status in bus.sync_read(132, 4, [3, 7, 4]).items()}
+    fast = {number: status.params for number, status in bus.sync_read(132, 4, [3, 7, 4], fast=True).items()}
+    assert fast == plain
+    assert set(bus.bulk_read([(3, 132, 4), (7, 124, 2)], fast=True)) == {3, 7}
+
+
+def test_sync_write_reaches_all(rig: Rig) -> None:
+    bus = rig.bus()
+    bus.sync_write(25, {number: b"\x01" for number in range(1, 19)})
+    assert all(bus.read(number, 25, 1) == b"\x01" for number in range(1, 19))
+
+
+def test_reboot(x_rig: Rig) -> None:
+    bus = x_rig.bus(2)
+    bus.write(3, 65, b"\x01")
+    bus.reboot(3)
+    x_rig.clock.sleep_until(x_rig.clock.now() + 1.0)
+    assert bus.read(3, 65, 1) == b"\x00"
+
+
+@pytest.mark.parametrize("protocol", [1, 2])
+def test_an_echoing_adapter_is_recognised(make_rig: Callable[[Bioloid], Rig], protocol: int) -> None:
+    rig = make_rig(Bioloid(baud=1_000_000) if protocol == 1 else Bioloid.x_series(18, baud=1_000_000))
+    rig.kit.faults.start("echo")
+    bus = rig.bus("auto")
+    found = scan(bus)
+    assert (bus.echo, bus.protocol) == (True, protocol)
+    assert [device.id for device in found.devices][:18] == list(range(1, 19))
+    assert found.conflicts == ()
+    bus.write(6, 25 if protocol == 1 else 65, b"\x01")
+    bus.sync_write(25 if protocol == 1 else 65, {6: b"\x00"})
+    assert bus.read(6, 25 if protocol == 1 else 65, 1) == b"\x00"
+    if protocol == 2:
+        assert len(bus.sync_read(132, 4, range(1, 19))) == 18
+
+
+def test_scan_finds_all_in_half_a_second(rig: Rig) -> None:
+    start = rig.clock.now()
+    found = scan(rig.bus())
+    assert rig.clock.now() - start < 0.5
+    assert [(d.id, d.name) for d in found.devices] == [*((n, "AX-12A") for n in range(1, 19)), (100, "AX-S1")]
+    assert found.conflicts == ()
+    assert found.devices[0].mode is tables.AX12.modes[1]
+    assert found.devices[-1].mode is None
+
+
+def test_scan_of_protocol_2_finds_all_in_half_a_second(x_rig: Rig) -> None:
+    start = x_rig.clock.now()
+    found = scan(x_rig.bus(2))
+    assert x_rig.clock.now() - start < 0.5
+    assert [(d.id, d.name) for d in found.devices] == [(n, "XL430-W250") for n in range(1, 19)]
+
+
+def test_scan_credits_answers_that_a_slow_adapter_delivers_late(rig: Rig) -> None:
+    rig.kit.faults.start("late", amount=0.016)
+    found = scan(rig.bus())
+    assert len(found.devices) == 19
+    assert found.conflicts == ()
+
+
+def test_scan_with_factory_return_delay(rig: Rig) -> None:
+    for unit in rig.kit:
+        unit.registers.put("return_delay", 250)
+    found = scan(rig.bus())
+    assert (len(found.devices), found.conflicts) == (19, ())
+
+
+@pytest.mark.parametrize("delay", [0, 250])
+def test_scan_detects_two_devices_with_one_id(rig: Rig, delay: int) -> None:
+    from fakes.dynamixel.ax12 import Ax12
+
+    twin = Ax12(6)
+    twin.registers.put("return_delay", delay)
+    twin.set_baud(1_000_000)
+    rig.kit.add(twin)
+    found = scan(rig.bus())
+    assert found.conflicts == (6,)
+    assert [device.id for device in found.devices] == [n for n in (*range(1, 19), 100) if n != 6]
+
+
+def test_scan_detects_a_conflict_in_protocol_2(x_rig: Rig) -> None:
+    from fakes.dynamixel.xseries import XSeries
+
+    twin = XSeries("XL430-W250", 6)
+    twin.set_baud(1_000_000)
+    twin.registers.put("return_delay", 0)
+    x_rig.kit.add(twin)
+    found = scan(x_rig.bus("auto"))
+    assert found.conflicts == (6,)
+    assert len(found.devices) == 17
+
+
+def test_scan_writes_nothing(rig: Rig) -> None:
+    scan(rig.bus("auto"))
+    # Byte 4 of a protocol 1.0 packet is the instruction: ping or read.
+    assert {line.split()[4] for line in rig.sent()} == {"01", "02"}
+
+
+def test_scan_of_an_empty_wire(make_rig: Callable[[Bioloid], Rig]) -> None:
+    found = scan(make_rig(Bioloid(servos=(), sensors=())).bus("auto"))
+    assert (found.devices, found.conflicts) == ((), ())

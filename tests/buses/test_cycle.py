@@ -1,0 +1,260 @@
+"""The cycle against the fake kit in simulated time: what is on the wire, what the dead cost, who is lost and back."""
+
+from __future__ import annotations
+
+import pytest
+from urbihw.buses.dynamixel.cycle import Cycle, Tick
+from urbihw.buses.dynamixel.scan import scan
+from urbihw.buses.errors import BadValue
+from urbihw.buses.ticker import Ticker
+
+from .conftest import Rig
+
+FAST_ITEMS = ("present_position", "present_speed", "present_load")
+X_ITEMS = ("present_load", "present_velocity", "present_position")
+PERIOD = 0.01
+
+
+def start(rig: Rig, items: tuple[str, ...] = FAST_ITEMS, period: float = PERIOD, protocol: int = 1) -> Cycle:
+    bus = rig.bus(2 if protocol == 2 else 1)
+    cycle = Cycle(bus, [device for device in scan(bus).devices if device.id < 100], period)
+    for number in cycle.members:
+        cycle.watch(number, items, 0.0, rig.clock.now())
+    rig.sent()
+    return cycle
+
+
+def run(rig: Rig, cycle: Cycle, seconds: float) -> tuple[list[tuple[float, Tick]], int]:
+    """Tick for `seconds`; return (time, tick) of each and how many were skipped."""
+    begin = rig.clock.now()
+    ticker = Ticker(cycle.period, begin)
+    ticks, late = [], 0
+    while ticker.due < begin + seconds:
+        rig.clock.sleep_until(ticker.due)
+        now = rig.clock.now()
+        ticks.append((now, cycle.tick(now)))
+        late += ticker.advance(rig.clock.now())
+    return ticks, late
+
+
+def test_neighbours_share_a_sync_write_that_travels_with_the_first_read(rig: Rig) -> None:
+    cycle = start(rig)
+    now = rig.clock.now()
+    cycle.aim(1, "goal_position", 512)
+    cycle.aim(1, "moving_speed", 100)
+    cycle.aim(2, "moving_speed", 200)
+    cycle.aim(2, "goal_position", 300)
+    cycle.aim(3, "torque_limit", 1000)
+    cycle.tick(now)
+    sent = rig.sent()
+    assert sent[0] == (
+        "FF FF FE 0E 83 1E 04 01 00 02 64 00 02 2C 01 C8 00 F0 "
+        "FF FF FE 07 83 22 02 03 E8 03 65 "
+        "FF FF 01 04 02 24 06 CE"
+    )
+    assert len(sent) == 18
+    cycle.tick(rig.clock.now() + PERIOD)
+    assert rig.sent()[0] == "FF FF 01 04 02 24 06 CE"
+
+
+def test_a_target_that_is_already_there_is_not_sent_again(rig: Rig) -> None:
+    cycle = start(rig)
+    for _ in range(2):
+        cycle.aim(1, "goal_position", 512)
+        cycle.tick(rig.clock.now())
+    assert sum("83 1E 02" in line for line in rig.sent()) == 1
+
+
+def test_torque_off_is_written_last(rig: Rig) -> None:
+    cycle = start(rig)
+    cycle.aim(1, "torque_enable", 0)
+    cycle.aim(1, "goal_position", 512)
+    now = rig.clock.now()
+    cycle.tick(now)
+    assert rig.sent()[0].startswith("FF FF FE 07 83 1E 02 01 00 02 54 FF FF FE 06 83 18 01 01 00 5E")
+
+
+def test_a_write_needs_no_read_to_travel_with(rig: Rig) -> None:
+    bus = rig.bus()
+    cycle = Cycle(bus, scan(bus, [6]).devices, PERIOD)
+    rig.sent()
+    cycle.aim(6, "led", 1)
+    now = rig.clock.now()
+    assert cycle.tick(now).values == {}
+    assert rig.sent() == ["FF FF FE 06 83 19 01 06 01 57"]
+    assert bus.read(6, 25, 1) == b"\x01"
+
+
+@pytest.mark.parametrize(
+    ("device", "item", "raw"),
+    [(99, "goal_position", 1), (1, "nose", 1), (1, "goal_position", 1024), (1, "present_position", 1), (1, "id", 7)],
+)
+def test_impossible_targets_are_refused(rig: Rig, device: int, item: str, raw: int) -> None:
+    cycle = start(rig)
+    with pytest.raises(BadValue, match=r"device 99|nose|1023|cannot be a target"):
+        cycle.aim(device, item, raw)
+
+
+def test_one_read_brings_all_fast_items_with_the_time_they_were_taken(rig: Rig) -> None:
+    cycle = start(rig)
+    now = rig.clock.now()
+    tick = cycle.tick(now)
+    assert sorted(tick.values) == list(range(1, 19))
+    assert tick.values[7] == {"present_position": 512, "present_speed": 0, "present_load": 0}
+    one = (8 + 12) * 10e-6
+    assert [tick.times[n] - now for n in (1, 2, 18)] == pytest.approx([one, 2 * one, 18 * one])
+
+
+def test_protocol_2_reads_all_in_one_group(x_rig: Rig) -> None:
+    cycle = start(x_rig, X_ITEMS, protocol=2)
+    cycle.aim(1, "goal_position", 100)
+    now = x_rig.clock.now()
+    tick = cycle.tick(now)
+    assert sorted(tick.values) == list(range(1, 19))
+    assert set(tick.values[7]) == set(X_ITEMS)
+    (line,) = x_rig.sent()
+    assert line.startswith("FF FF FD 00 FE 0C 00 83 74 00 04 00 01 64 00 00 00")
+    assert "FF FF FD 00 FE 19 00 82 7E 00 0A 00 01 02 03" in line
+
+
+def test_fast_sync_read_where_the_firmware_has_it(x_rig: Rig) -> None:
+    for unit in x_rig.kit:
+        unit.registers.put("firmware", 45)
+    cycle = start(x_rig, X_ITEMS, protocol=2)
+    now = x_rig.clock.now()
+    assert sorted(cycle.tick(now).values) == list(range(1, 19))
+    assert x_rig.sent()[0].startswith("FF FF FD 00 FE 19 00 8A")
+    cycle.fast = False
+    cycle.tick(now + 0.1)
+    assert x_rig.sent()[0].startswith("FF FF FD 00 FE 19 00 82")
+
+
+def test_slow_items_keep_their_period_and_are_spread(rig: Rig) -> None:
+    cycle = start(rig)
+    for number in cycle.members:
+        cycle.watch(number, ("present_voltage", "present_temperature"), 1.0, rig.clock.now())
+    ticks, late = run(rig, cycle, 3.0)
+    assert late == 0
+    when = [now for now, tick in ticks if "present_voltage" in tick.values[5]]
+    assert [b - a for a, b in zip(when, when[1:], strict=False)] == pytest.approx([1.0, 1.0])
+    assert max(sum("present_voltage" in values for values in tick.values.values()) for _, tick in ticks) <= 2
+    assert all("present_position" in values for _, tick in ticks for values in tick.values.values())
+
+
+def test_a_watch_ends_and_changes(rig: Rig) -> None:
+    cycle = start(rig)
+    now = rig.clock.now()
+    cycle.watch(5, FAST_ITEMS, None, now)
+    cycle.watch(6, ("present_load",), None, now)
+    tick = cycle.tick(now)
+    assert 5 not in tick.values
+    assert set(tick.values[6]) == {"present_position", "present_speed"}
+    with pytest.raises(BadValue, match="AX-12 has no item 'nose'"):
+        cycle.watch(6, ("nose",), 0.0, now)
+
+
+def test_reading_in_passing_spares_what_reading_clears(rig: Rig) -> None:
+    bus = rig.bus()
+    cycle = Cycle(bus, scan(bus, [100]).devices, PERIOD)
+    rig.sent()
+    now = rig.clock.now()
+    cycle.watch(100, ("remocon_arrived", "obstacle_compare"), 0.0, now)
+    cycle.tick(now)
+    assert rig.sent() == ["FF FF 64 04 02 2E 01 66", "FF FF 64 04 02 34 01 60"]
+
+
+@pytest.mark.parametrize("protocol", [1, 2])
+@pytest.mark.parametrize("dead", [(6,), (3, 6), (1, 2, 6, 17, 18)])
+def test_the_silent_are_found_lost_and_cost_the_living_nothing(
+    rig: Rig, x_rig: Rig, protocol: int, dead: tuple[int, ...]
+) -> None:
+    used = rig if protocol == 1 else x_rig
+    cycle = start(used, FAST_ITEMS if protocol == 1 else X_ITEMS, protocol=protocol)
+    run(used, cycle, 0.2)
+    for number in dead:
+        used.kit.faults.start("silence", number)
+    begin = used.clock.now()
+    ticks, _ = run(used, cycle, 1.0)
+    living = set(cycle.members) - set(dead)
+    assert all(set(tick.values) == living for _, tick in ticks)
+    lost = {n: now - begin for now, tick in ticks for n, change in tick.changes if change.new == "lost"}
+    assert set(lost) == set(dead)
+    assert max(lost.values()) <= 0.1
+    settled = [now for now, _ in ticks if now > begin + 0.1]
+    assert len(settled) == pytest.approx(90, abs=1)
+
+    used.kit.faults.stop()
+    begin = used.clock.now()
+    ticks, late = run(used, cycle, 0.6)
+    back = {n: now - begin for now, tick in ticks for n, change in tick.changes if change.new == "back"}
+    assert set(back) == set(dead)
+    assert max(back.values()) <= 0.5
+    assert late == 0
+    assert set(ticks[-1][1].values) == set(cycle.members)
+    assert {member.health.state for member in cycle.members.values()} == {"ok"}
+
+
+def test_states_of_a_servo_that_goes_and_returns(rig: Rig) -> None:
+    cycle = start(rig)
+    rig.kit.power_off(rig.clock.now(), 6)
+    ticks, _ = run(rig, cycle, 0.3)
+    rig.kit.power_on(rig.clock.now(), 6)
+    ticks += run(rig, cycle, 0.5)[0]
+    changes = [(n, change.old, change.new) for _, tick in ticks for n, change in tick.changes]
+    assert changes == [(6, "ok", "suspect"), (6, "suspect", "lost"), (6, "lost", "back"), (6, "back", "ok")]
+
+
+def test_a_single_miss_is_tried_again_in_the_same_tick(rig: Rig) -> None:
+    cycle = start(rig)
+    run(rig, cycle, 0.1)
+    rig.kit.faults.start("silence", 6, times=1)
+    ticks, late = run(rig, cycle, 0.1)
+    assert all(len(tick.values) == 18 and not tick.changes for _, tick in ticks)
+    assert late == 0
+    assert cycle.bus.counters.retried == 1
+
+
+def test_targets_of_a_lost_servo_are_forgotten(rig: Rig) -> None:
+    cycle = start(rig)
+    cycle.aim(6, "goal_position", 300)
+    rig.kit.faults.start("silence", 6)
+    run(rig, cycle, 0.1)
+    cycle.aim(6, "goal_position", 400)
+    rig.kit.faults.stop()
+    rig.sent()
+    run(rig, cycle, 0.5)
+    assert not any("83 1E" in line for line in rig.sent())
+    cycle.aim(6, "goal_position", 300)
+    rig.sent()
+    cycle.tick(rig.clock.now())
+    assert rig.sent()[0].startswith("FF FF FE 07 83 1E 02 06 2C 01")
+
+
+def test_late_ticks_are_skipped_never_replayed(rig: Rig) -> None:
+    cycle = start(rig, period=0.002)
+    begin = rig.clock.now()
+    ticks, late = run(rig, cycle, 0.2)
+    # 18 reads of 20 bytes take 3.6 ms, so every other tick is met and one is skipped.
+    assert [now - begin for now, _ in ticks[:4]] == pytest.approx([0.0, 0.004, 0.008, 0.012])
+    assert late == len(ticks)
+
+
+def test_state_bits_are_reported_when_they_change_and_the_data_is_kept(rig: Rig) -> None:
+    cycle = start(rig)
+    assert "state" not in cycle.tick(rig.clock.now()).values[6]
+    rig.kit.servo(6).hold("present_temperature", 90)
+    run(rig, cycle, 0.05)
+    ticks, _ = run(rig, cycle, 0.05)
+    states = [tick.values[6].get("state") for _, tick in ticks]
+    assert cycle.members[6].state & 0x04
+    assert states == [None] * len(states)
+    assert all(set(FAST_ITEMS) <= set(tick.values[6]) for _, tick in ticks)
+
+
+@pytest.mark.parametrize(
+    ("elapsed", "skipped", "due"), [(0.0, 0, 0.01), (0.01, 0, 0.01), (0.011, 1, 0.02), (0.02, 1, 0.02), (0.095, 9, 0.1)]
+)
+def test_ticker(elapsed: float, skipped: int, due: float) -> None:
+    ticker = Ticker(0.01, 0.0)
+    assert ticker.advance(elapsed) == skipped
+    assert ticker.due == pytest.approx(due)

@@ -1,0 +1,107 @@
+"""What the safe stop puts on the wire."""
+
+from __future__ import annotations
+
+import pytest
+from urbihw.buses.dynamixel.cycle import Cycle
+from urbihw.buses.dynamixel.scan import scan
+from urbihw.buses.dynamixel.stop import safe_stop
+
+from .conftest import Rig
+
+
+def start(rig: Rig, protocol: int = 1) -> Cycle:
+    bus = rig.bus(2 if protocol == 2 else 1)
+    cycle = Cycle(bus, scan(bus).devices, 0.01)
+    rig.sent()
+    return cycle
+
+
+def test_only_joints_that_we_moved_hold_where_they_are(rig: Rig) -> None:
+    cycle = start(rig)
+    cycle.aim(6, "goal_position", 900)
+    cycle.tick(rig.clock.now())
+    rig.clock.sleep_until(rig.clock.now() + 0.2)
+    rig.sent()
+    safe_stop(cycle)
+    read, *writes = rig.sent()
+    place = rig.kit.servo(6).registers.get("present_position")
+    assert 512 < place < 900
+    assert read == "FF FF 06 04 02 24 02 CD"
+    assert len(writes) == 2
+    assert writes[0] == writes[1]
+    assert writes[0].startswith(f"FF FF FE 07 83 1E 02 06 {place & 255:02X} {place >> 8:02X}")
+    rig.clock.sleep_until(rig.clock.now() + 1.0)
+    rig.kit.tick(rig.clock.now())
+    assert rig.kit.servo(6).registers.get("present_position") == pytest.approx(place, abs=2)
+    assert rig.kit.servo(6).registers.get("torque_enable") == 1
+
+
+def test_stopping_twice_and_stopping_an_untouched_robot_write_nothing(rig: Rig) -> None:
+    cycle = start(rig)
+    rig.sent()
+    safe_stop(cycle)
+    assert rig.sent() == []
+    cycle.aim(6, "goal_position", 900)
+    cycle.tick(rig.clock.now())
+    safe_stop(cycle)
+    rig.sent()
+    safe_stop(cycle)
+    assert rig.sent() == []
+
+
+def test_wheels_get_speed_0_first(rig: Rig) -> None:
+    for item in ("cw_limit", "ccw_limit"):
+        rig.kit.servo(3).registers.put(item, 0)
+    cycle = start(rig)
+    cycle.aim(3, "moving_speed", 1500)
+    cycle.aim(6, "goal_position", 900)
+    cycle.tick(rig.clock.now())
+    rig.sent()
+    safe_stop(cycle)
+    assert rig.sent()[:3] == ["FF FF FE 07 83 20 02 03 00 00 52"] * 2 + ["FF FF 06 04 02 24 02 CD"]
+
+
+def test_the_speed_of_a_joint_is_no_motion(rig: Rig) -> None:
+    cycle = start(rig)
+    cycle.aim(6, "moving_speed", 100)
+    cycle.tick(rig.clock.now())
+    rig.sent()
+    safe_stop(cycle)
+    assert rig.sent() == []
+
+
+def test_torque_off_only_when_asked(rig: Rig) -> None:
+    cycle = start(rig)
+    cycle.aim(6, "goal_position", 900)
+    cycle.tick(rig.clock.now())
+    safe_stop(cycle, torque_off=True)
+    assert rig.kit.servo(6).registers.get("torque_enable") == 0
+    assert rig.sent()[-1].startswith("FF FF FE 28 83 18 01 01 00 02 00")
+
+
+def test_a_silent_joint_does_not_keep_the_others_from_stopping(rig: Rig) -> None:
+    cycle = start(rig)
+    for number in (5, 6):
+        cycle.aim(number, "goal_position", 900)
+    cycle.tick(rig.clock.now())
+    rig.kit.faults.start("silence", 5)
+    safe_stop(cycle)
+    assert rig.sent()[-1].startswith("FF FF FE 07 83 1E 02 06")
+
+
+@pytest.mark.parametrize(
+    ("mode", "item", "zero"),
+    [(1, "goal_velocity", "68 00 04 00 02 00 00 00 00"), (16, "goal_pwm", "64 00 02 00 02 00 00")],
+)
+def test_turning_x_servos_get_0(x_rig: Rig, mode: int, item: str, zero: str) -> None:
+    bus = x_rig.bus(2)
+    bus.write(2, 11, bytes((mode,)))
+    cycle = Cycle(bus, scan(bus).devices, 0.01)
+    cycle.aim(2, item, 100)
+    cycle.tick(x_rig.clock.now())
+    x_rig.sent()
+    safe_stop(cycle)
+    first, second = x_rig.sent()
+    assert first == second
+    assert zero in first
