@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import pytest
+
 from fakes.bioloid import Bioloid
 from urbihw import buses
 from urbihw.buses.clock import SimClock

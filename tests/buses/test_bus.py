@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
+
 from fakes.bioloid import Bioloid
 from urbihw.buses.dynamixel import tables
 from urbihw.buses.dynamixel.scan import scan
@@ -101,7 +102,7 @@ def test_fast_reads(x_rig: Rig) -> None:
 
 def test_sync_write_reaches_all(rig: Rig) -> None:
     bus = rig.bus()
-    bus.sync_write(25, {number: b"\x01" for number in range(1, 19)})
+    bus.sync_write(25, dict.fromkeys(range(1, 19), b"\x01"))
     assert all(bus.read(number, 25, 1) == b"\x01" for number in range(1, 19))
 
 

@@ -6,6 +6,7 @@ import itertools
 import random
 
 import pytest
+
 from urbihw.buses.dynamixel import packet
 from urbihw.buses.dynamixel.crc import crc16
 from urbihw.buses.dynamixel.status import Status, refusal_words, state_words

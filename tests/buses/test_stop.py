@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+
 from urbihw.buses.dynamixel.cycle import Cycle
 from urbihw.buses.dynamixel.scan import scan
 from urbihw.buses.dynamixel.stop import safe_stop

@@ -68,7 +68,9 @@ EXCHANGES = (
         ),
     ),
     Exchange(
-        "write goal 512 speed 100", packet.write_packet(1, 1, 30, b"\x00\x02\x64\x00"), "FF FF 01 07 03 1E 00 02 64 00 70"
+        "write goal 512 speed 100",
+        packet.write_packet(1, 1, 30, b"\x00\x02\x64\x00"),
+        "FF FF 01 07 03 1E 00 02 64 00 70",
     ),
     Exchange(
         "sync write goals",

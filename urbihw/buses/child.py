@@ -39,9 +39,7 @@ def main(arguments: list[str]) -> int:
     if not isinstance(settings, Configure):
         raise TypeError(f"our bug: the first message to a worker must be Configure, not {settings!r}")
     mailbox = Mailbox(pipe)
-    Engine(
-        url, driver_of(family), mailbox, settings, Context(), lambda: terminated or os.getppid() != parent
-    ).run()
+    Engine(url, driver_of(family), mailbox, settings, Context(), lambda: terminated or os.getppid() != parent).run()
     return 0
 
 

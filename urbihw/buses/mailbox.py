@@ -1,7 +1,7 @@
 """The two ends of the pipe inside a worker: neither ever waits.
 
-A parent that hangs must not hold up the wire, nor the dead-man timer; so what does not fit into the pipe is kept
-(states, replies) or dropped and counted (samples, which the next tick replaces anyway).
+A parent that hangs must not hold up the wire, nor the dead-man timer; so what does not fit into the pipe is kept.
+States and replies wait in order; samples are merged into one message, in which the newest value of each item wins.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ class Mailbox:
 
     Attributes:
         ended: the parent is gone, or will send no more.
-        dropped: samples that were not posted since `take_dropped`.
     """
 
     def __init__(self, pipe: Connection) -> None:
@@ -28,6 +27,7 @@ class Mailbox:
         self._pipe = pipe
         self._fd = pipe.fileno()
         self._waiting: deque[FromWorker] = deque(maxlen=_KEPT)
+        self._samples: Samples | None = None
         self._deaf = False
         self._dropped = 0
 
@@ -44,16 +44,18 @@ class Mailbox:
     def post(self, message: FromWorker) -> None:
         """Send a message if the pipe takes it now."""
         self._send_waiting()
-        if self._waiting or not self._writable():
-            if isinstance(message, Samples):
-                self._dropped += 1
-            else:
-                self._waiting.append(message)
-            return
-        self._send(message)
+        if not self._waiting and self._samples is None and self._writable():
+            self._send(message)
+        elif not isinstance(message, Samples):
+            self._waiting.append(message)
+        elif self._samples is None:
+            self._samples = message
+        else:
+            self._samples = _merged(self._samples, message)
+            self._dropped += 1
 
     def take_dropped(self) -> int:
-        """Return how many samples were dropped since the last call."""
+        """Return how many samples were merged into later ones since the last call."""
         dropped, self._dropped = self._dropped, 0
         return dropped
 
@@ -65,6 +67,9 @@ class Mailbox:
     def _send_waiting(self) -> None:
         while self._waiting and self._writable():
             self._send(self._waiting.popleft())
+        if self._samples is not None and not self._waiting and self._writable():
+            samples, self._samples = self._samples, None
+            self._send(samples)
 
     def _writable(self) -> bool:
         # The kernel calls a socket writable when at least two thirds of its buffer (some 200 kB) are free, so a
@@ -79,3 +84,8 @@ class Mailbox:
         except OSError:
             # The parent's end is closed: nobody is left to be told.
             self._deaf = True
+
+
+def _merged(old: Samples, new: Samples) -> Samples:
+    values = {device: {**old.values.get(device, {}), **items} for device, items in {**old.values, **new.values}.items()}
+    return Samples(new.time, values, {**old.times, **new.times})

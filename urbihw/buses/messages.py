@@ -182,7 +182,7 @@ class Statistics:
         late: ticks that were skipped because the one before took too long.
         errors: by kind ("timeouts", "damaged", "refused", "retried"); kinds without any are left out.
         load: share of the second in which the wire was busy, 0..1.
-        dropped: Samples not posted because the parent does not read.
+        dropped: Samples merged into later ones because the parent did not read.
     """
 
     time: float

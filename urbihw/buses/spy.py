@@ -1,7 +1,7 @@
 """Look at the bytes: `spy:///dev/ttyUSB0?baud=57600` prints what passes, in hex, to standard error.
 
-    0.001234  > FF FF 01 02 01 FB
-    0.001710  < FF FF 01 02 00 FC
+0.001234  > FF FF 01 02 01 FB
+0.001710  < FF FF 01 02 00 FC
 """
 
 from __future__ import annotations

@@ -1,0 +1,278 @@
+"""One suite for every kind of link that can be opened here, then what is particular to each."""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import socket
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+
+import pytest
+import serial
+
+from urbihw import buses
+from urbihw.buses.clock import RealClock, SimClock
+from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
+from urbihw.buses.link import Context, Link, Url
+from urbihw.buses.pipe import PipeEnd
+from urbihw.buses.spy import SpyLink
+
+
+class Peer:
+    """The other end of a link under test."""
+
+    def __init__(self, url: str, context: Context, send: Callable[[bytes], None], take: Callable[[int], bytes]) -> None:
+        self.url, self.context, self.send, self.take = url, context, send, take
+        self.hang_up: Callable[[], None] = lambda: None
+
+
+def _pty(stack: ExitStack) -> Peer:
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    ends = [ours, theirs]
+    peer = Peer(os.ttyname(theirs), Context(), lambda data: _write(ours, data), lambda size: os.read(ours, size))
+
+    def hang_up() -> None:
+        while ends:
+            os.close(ends.pop())
+
+    stack.callback(hang_up)
+    peer.hang_up = hang_up
+    return peer
+
+
+def _tcp(stack: ExitStack) -> Peer:
+    server = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+    accepted: list[socket.socket] = []
+
+    def peer_socket() -> socket.socket:
+        if not accepted:
+            accepted.append(stack.enter_context(server.accept()[0]))
+        return accepted[0]
+
+    peer = Peer(
+        f"socket://127.0.0.1:{server.getsockname()[1]}",
+        Context(),
+        lambda data: peer_socket().sendall(data),
+        lambda size: peer_socket().recv(size),
+    )
+    peer.hang_up = lambda: peer_socket().close()
+    return peer
+
+
+def _pipe(_: ExitStack) -> Peer:
+    clock = SimClock()
+    got = bytearray()
+    end = PipeEnd(lambda data, at: got.extend(data))
+
+    def take(size: int) -> bytes:
+        data = bytes(got[:size])
+        del got[:size]
+        return data
+
+    peer = Peer("pipe://test", Context(clock, {"test": end}), lambda data: end.send(data, clock.now()), take)
+    peer.hang_up = end.unplug
+    return peer
+
+
+def _spy(stack: ExitStack) -> Peer:
+    inner = _pipe(stack)
+    inner.url = f"spy://{inner.url}"
+    return inner
+
+
+PEERS = {"serial": _pty, "socket": _tcp, "pipe": _pipe, "spy": _spy}
+
+
+def _write(fd: int, data: bytes) -> None:
+    os.write(fd, data)
+
+
+@pytest.fixture(params=sorted(buses.BUSES))
+def peer(request: pytest.FixtureRequest) -> Iterator[Peer]:
+    with ExitStack() as stack:
+        yield PEERS[request.param](stack)
+
+
+@pytest.fixture
+def link(peer: Peer) -> Iterator[Link]:
+    with buses.open(peer.url, peer.context) as opened:
+        yield opened
+
+
+def soon(link: Link) -> float:
+    """A deadline that nothing on this machine needs to exhaust."""
+    return link.clock.now() + 5.0
+
+
+def test_bytes_pass_both_ways_unchanged(peer: Peer, link: Link) -> None:
+    data = bytes(range(256))
+    link.write(data)
+    got = b""
+    while len(got) < 256:
+        got += peer.take(256)
+    peer.send(data)
+    back = b""
+    while len(back) < 256:
+        back += link.read(256, soon(link))
+    assert (got, back) == (data, data)
+    assert (link.bytes_written, link.bytes_read) == (256, 256)
+
+
+def test_reading_returns_what_there_is_and_never_more_than_asked(peer: Peer, link: Link) -> None:
+    peer.send(b"abcdef")
+    assert link.read(1, soon(link)) == b"a"
+    rest = b""
+    while len(rest) < 5:
+        rest += link.read(100, soon(link))
+    assert rest == b"bcdef"
+
+
+def test_a_deadline_in_the_past_still_collects_and_returns_at_once(peer: Peer, link: Link) -> None:
+    start = link.clock.now()
+    assert link.read(10, start - 1.0) == b""
+    assert link.clock.now() - start < 1.0
+    peer.send(b"x")
+    assert link.read(10, soon(link)) == b"x"
+
+
+def test_nothing_to_read_ends_at_the_deadline(link: Link) -> None:
+    deadline = link.clock.now() + 0.01
+    assert link.read(10, deadline) == b""
+    assert link.clock.now() >= deadline
+
+
+def test_discard_empties_the_input(peer: Peer, link: Link) -> None:
+    peer.send(b"old")
+    assert link.read(1, soon(link)) == b"o"
+    assert link.discard() == 2
+    assert link.read(10, link.clock.now()) == b""
+
+
+def test_closing_twice_is_fine_and_use_after_it_is_an_error(peer: Peer, link: Link) -> None:
+    link.close()
+    link.close()
+    assert not link.is_open
+    with pytest.raises(LinkGone, match="is closed"):
+        link.write(b"x")
+    with pytest.raises(LinkGone, match="is closed"):
+        link.read(1, 0.0)
+
+
+def test_opening_again_works(peer: Peer) -> None:
+    for _ in range(2 if "socket" not in peer.url else 1):
+        with buses.open(peer.url, peer.context) as opened:
+            opened.write(b"x")
+            assert peer.take(1) == b"x"
+
+
+def test_a_vanished_peer_is_link_gone(peer: Peer, link: Link) -> None:
+    link.write(b"x")
+    assert peer.take(1) == b"x"
+    peer.hang_up()
+    with pytest.raises(LinkGone, match="unplugged"):
+        for _ in range(3):
+            link.read(1, soon(link))
+
+
+def test_every_row_is_covered() -> None:
+    assert set(PEERS) == set(buses.BUSES)
+
+
+def test_urls() -> None:
+    plain = Url.parse("/dev/ttyUSB0?baud=57600")
+    assert (plain.scheme, plain.target, plain.baud) == ("serial", "/dev/ttyUSB0", 57600)
+    assert Url.parse("serial:///dev/ttyUSB0").target == "/dev/ttyUSB0"
+    assert Url.parse("/dev/ttyUSB0").baud == 1_000_000
+    spied = Url.parse("spy:///dev/ttyUSB0?baud=57600")
+    assert (spied.target, dict(spied.options)) == ("/dev/ttyUSB0?baud=57600", {})
+
+
+@pytest.mark.parametrize(
+    ("url", "message"),
+    [
+        ("", "names no port"),
+        ("socket://", "names no port"),
+        ("teapot://x", "unknown kind 'teapot'; known: pipe, serial, socket, spy"),
+        ("/dev/null?baud=fast", "baud must be a number"),
+        ("/dev/null?baud=0", "baud must be a number"),
+        ("/dev/null?baud", "key=value"),
+        ("socket://localhost", "write socket://host:port"),
+        ("socket://localhost:99999", "write socket://host:port"),
+    ],
+)
+def test_bad_urls_say_how_to_write_them(url: str, message: str) -> None:
+    with pytest.raises(BadUrl, match=message):
+        buses.open(url)
+
+
+def test_no_such_port() -> None:
+    with pytest.raises(Unavailable, match=r"no such port: /dev/ttyUSB77; is the adapter plugged in\?"):
+        buses.open("/dev/ttyUSB77")
+
+
+def test_a_port_without_permission_names_the_group(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise serial.SerialException(errno.EACCES, "could not open port /dev/ttyUSB0: Permission denied")
+
+    monkeypatch.setattr(serial, "Serial", refuse)
+    with pytest.raises(Unavailable, match="group dialout"):
+        buses.open("/dev/ttyUSB0")
+
+
+def test_a_port_in_use_says_so() -> None:
+    with ExitStack() as stack:
+        peer = _pty(stack)
+        with buses.open(peer.url), pytest.raises(Unavailable, match="is in use by another program"):
+            buses.open(peer.url)
+
+
+def test_what_is_no_terminal_cannot_be_opened() -> None:
+    with pytest.raises(Unavailable, match="cannot open /dev/null"):
+        buses.open("/dev/null")
+
+
+def test_nobody_listens() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    with pytest.raises(Unavailable, match=f"cannot connect to 127.0.0.1:{port}"):
+        buses.open(f"socket://127.0.0.1:{port}")
+
+
+def test_no_such_pipe() -> None:
+    with pytest.raises(Unavailable, match="no such pipe: nowhere; known: none"):
+        buses.open("pipe://nowhere")
+
+
+def test_spy_prints_hex_and_times() -> None:
+    output = io.StringIO()
+    clock = SimClock(5.0)
+    end = PipeEnd()
+    spy = SpyLink(Url.parse("spy://pipe://x?baud=1000"), Context(clock, {"x": end}), output)
+    with spy:
+        spy.write(b"\xff\x01")
+        end.send(b"\xfe", clock.now() + 0.5)
+        spy.read(1, clock.now() + 1.0)
+    assert spy.baud == 1000
+    assert output.getvalue() == "0.000000  > FF 01\n0.500000  < FE\n"
+
+
+def test_pipe_takes_wire_time() -> None:
+    arrived: list[float] = []
+    clock = SimClock()
+    end = PipeEnd(lambda data, at: arrived.append(at))
+    with buses.open("pipe://x?baud=1000", Context(clock, {"x": end})) as link:
+        link.write(b"ab")
+        link.write(b"c")
+    assert arrived == pytest.approx([0.02, 0.03])
+
+
+def test_real_clock_does_not_sleep_into_the_past() -> None:
+    clock = RealClock()
+    start = clock.now()
+    clock.sleep_until(start - 1.0)
+    clock.sleep_until(start + 0.002)
+    assert 0.0018 < clock.now() - start < 1.0
