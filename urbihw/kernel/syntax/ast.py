@@ -172,6 +172,20 @@ class Function(Node):
 
 
 @dataclass(frozen=True, slots=True)
+class External(Node):
+    """``external kind (arity) path from source``: a remote UObject declares a part of itself.
+
+    ``kind`` is object, var, function or event; ``path`` is ("X", "f") for ``X.f``; arity is None where the form has
+    none, and so is source for ``external object X``.
+    """
+
+    kind: str
+    path: tuple[str, ...]
+    arity: float | None
+    source: str | None
+
+
+@dataclass(frozen=True, slots=True)
 class Do(Node):
     """``do (target) { body }``; the value is the target."""
 

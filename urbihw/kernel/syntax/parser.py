@@ -1,0 +1,179 @@
+"""Tokens in, nodes out: the LALR machine, how it goes on after an error, and the wording of errors.
+
+The machine is the usual one: a stack of states, each token is shifted or makes rules reduce.  It takes one token at a
+time, so that a statement may come in any number of packets, and it never recurses, so that depth is limited by memory
+only.  Nodes are made while reducing.
+
+**After an error** it does what yacc does, since the original's answers depend on it: states are taken off the stack
+until one is found that accepts ERROR; then tokens are skipped until one comes that may follow ERROR in that state.
+The grammar has ERROR in three places: as a whole statement, and alone between braces or between the parentheses of a
+group.  So what is skipped ends at the first ``}`` or ``)`` of the innermost open block or group, whatever stands
+between, else at the next ``;`` or ``,``.  Until three tokens have been accepted again, further errors are not
+reported.  Nothing of the statement runs (server protocol, section 2).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from urbihw.kernel.syntax.check import check
+from urbihw.kernel.syntax.location import Span
+from urbihw.kernel.syntax.statements import Command, Statements
+from urbihw.kernel.syntax.tables import Tables, load_tables
+from urbihw.kernel.syntax.tokens import Token, shown
+
+# What lark calls the end of what the start rule covers.
+_ACCEPT = "$END"
+
+# The tail ", expecting A or B" names at most this many kinds, in this order; a set with others is not shown.
+_MOST_EXPECTED = 4
+_EXPECTED = ["END", "=", "[", "(", ")", "]", ",", ";", ":", "case", "catch", "default", "finally", "}", "var", "NAME"]
+_CLOSERS = frozenset(["}", ")", "]"])
+
+# How many tokens must be accepted after an error before another one is reported: the rule of yacc.
+_QUIET = 3
+
+
+class Parser(Statements):
+    """Reads one statement after the other.
+
+    ``push`` takes a token and answers whether it was the last one of a statement; ``take`` then gives the statement.
+    ``problems`` collects what is wrong with the present statement, from the lexer too, in order of appearance.
+    """
+
+    def __init__(self, tables: Tables | None = None) -> None:
+        super().__init__()
+        tables = load_tables() if tables is None else tables
+        self._rows = tables.rows
+        self._start = tables.start
+        self._rules: list[tuple[str, int, tuple[int, ...], Any]] = [
+            (rule.origin, rule.size, rule.kept, None if rule.action is None else getattr(self, rule.action))
+            for rule in tables.rules
+        ]
+        self._final = frozenset(number for number, row in enumerate(tables.rows) if _ACCEPT in row)
+        self._begin()
+
+    def _begin(self) -> None:
+        self._states: list[int] = [self._start]
+        self._values: list[Any] = []
+        self._spans: list[Span] = []
+        self._quiet = 0
+        self._resume: dict[str, int] | None = None
+
+    @property
+    def idle(self) -> bool:
+        """Whether no token of the present statement has come yet."""
+        return len(self._states) == 1
+
+    def take(self) -> Command:
+        """The statement that is complete; what is wrong with its sense is added to the problems."""
+        command = self._values[-1]
+        assert isinstance(command, Command)
+        self._begin()
+        if command.node is not None and not any(not problem.warning for problem in self.problems):
+            self.problems.extend(check(command.node))
+        return command
+
+    def push(self, token: Token) -> bool:
+        """Take the next token; true if it completes a statement."""
+        kind = token.kind
+        if self._resume is not None:
+            if kind not in self._resume:
+                if kind != "END":
+                    return False
+                self._recover_at_start()
+            self._resume = None
+        rows, states = self._rows, self._states
+        while (act := rows[states[-1]].get(kind)) is not None:
+            if act >= 0:
+                states.append(act)
+                self._values.append(token)
+                self._spans.append(token.span)
+                if self._quiet:
+                    self._quiet -= 1
+                if act in self._final:
+                    self._accept()
+                    return True
+                return False
+            self._reduce(act)
+        return self._fail(token)
+
+    def _reduce(self, act: int) -> None:
+        origin, size, kept, action = self._rules[~act]
+        states, values, spans = self._states, self._values, self._spans
+        if size == 1:
+            if action is not None:
+                values[-1] = action(spans[-1], values[-1]) if kept else action(spans[-1])
+        elif size == 0:
+            end = spans[-1] if spans else Span(1, 1, 1, 1)
+            span = Span(end.end_line, end.end_column, end.end_line, end.end_column)
+            values.append(action(span))
+            spans.append(span)
+            states.append(0)
+        else:
+            first, last = spans[-size], spans[-1]
+            span = Span(first.line, first.column, last.end_line, last.end_column)
+            kids = values[-size:]
+            value = kids[kept[0]] if action is None else action(span, *[kids[place] for place in kept])
+            del values[1 - size :], spans[1 - size :], states[1 - size :]
+            values[-1] = value
+            spans[-1] = span
+        states[-1] = self._rows[states[-2]][origin]
+
+    def _accept(self) -> None:
+        while (act := self._rows[self._states[-1]].get(_ACCEPT)) is not None:
+            self._reduce(act)
+
+    # ------------------------------------------------------------ errors
+
+    def _fail(self, token: Token) -> bool:
+        if not self._quiet:
+            self.problem(f"unexpected {shown(token.kind)}{self._tail(token.kind)}", token.span)
+        self._quiet = _QUIET
+        while "ERROR" not in self._rows[self._states[-1]]:
+            self._states.pop()
+            self._values.pop()
+            self._spans.pop()
+        self._shift_error(token.span)
+        return self.push(token)
+
+    def _shift_error(self, span: Span) -> None:
+        state = self._rows[self._states[-1]]["ERROR"]
+        self._states.append(state)
+        self._values.append(Token("ERROR", "", span))
+        self._spans.append(span)
+        self._resume = self._rows[state]
+
+    def _recover_at_start(self) -> None:
+        """The input ends inside a broken block or group: give up the whole statement."""
+        span = self._spans[0]
+        del self._states[1:], self._values[:], self._spans[:]
+        self._shift_error(span)
+
+    def _tail(self, kind: str) -> str:
+        """What would have been right instead, if that is short."""
+        if kind in _CLOSERS and not self.idle and self.accepts("END"):
+            return ', expecting end of command or "," or ;'
+        row = self._rows[self._states[-1]]
+        # `assert` is a name for the grammar, not for the user.
+        kinds = (kind for kind in row if not kind.startswith(("@", "$")) and kind not in ("ERROR", "assert"))
+        expected = {kind for kind in kinds if self.accepts(kind)}
+        if not 0 < len(expected) <= _MOST_EXPECTED or not expected <= set(_EXPECTED):
+            return ""
+        return ", expecting " + " or ".join(shown(kind) for kind in _EXPECTED if kind in expected)
+
+    def accepts(self, kind: str) -> bool:
+        """Whether a token of this kind could be shifted now; the stack is not touched."""
+        depth, above = len(self._states), list[int]()
+        while True:
+            state = above[-1] if above else self._states[depth - 1]
+            act = self._rows[state].get(kind)
+            if act is None or act >= 0:
+                return act is not None
+            origin, size, _, _ = self._rules[~act]
+            taken = min(size, len(above))
+            if taken:
+                del above[-taken:]
+            depth -= size - taken
+            state = above[-1] if above else self._states[depth - 1]
+            above.append(self._rows[state][origin])

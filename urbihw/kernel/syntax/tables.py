@@ -1,0 +1,137 @@
+"""From the grammar to the tables that drive the parser, made by lark and kept on disk.
+
+lark reads urbiscript.lark and computes the LALR(1) tables (half a second); this file copies them into plain rows and
+rules and saves those as JSON under the user's cache directory (``$XDG_CACHE_HOME/urbihw`` or ``~/.cache/urbihw``), in
+a file named after a hash of the grammar.  A later start reads that file and does not import lark at all.  Where the
+directory cannot be written, or the file is damaged, everything works, only slower.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+# To be raised when the form of the saved tables changes.
+FORMAT = 1
+
+GRAMMAR = Path(__file__).with_name("urbiscript.lark")
+
+
+@dataclass(frozen=True)
+class Rule:
+    """``origin`` is made of ``size`` symbols; ``action`` makes its value from those at the places ``kept``.
+
+    Without an action the value is that of the only symbol kept.
+    """
+
+    origin: str
+    size: int
+    action: str | None
+    kept: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Tables:
+    """``rows[state][symbol]`` is the next state if 0 or more, else ``~n`` to reduce by ``rules[n]``.
+
+    A symbol is a token kind, ``$END`` for the end of what the grammar covers, or the name of a rule after an ``@``
+    (there is a rule ``case`` and a keyword ``case``).
+    """
+
+    rows: tuple[dict[str, int], ...]
+    rules: tuple[Rule, ...]
+    start: int
+
+
+@lru_cache(maxsize=1)
+def load_tables() -> Tables:
+    """The tables of the grammar, from the cache if it has them."""
+    grammar = GRAMMAR.read_text("utf-8")
+    path = cache_directory() / f"syntax-{FORMAT}-{hashlib.sha256(grammar.encode()).hexdigest()[:24]}.json"
+    tables = _read(path)
+    if tables is None:
+        tables = build_tables(grammar)
+        _write(path, tables)
+    return tables
+
+
+def cache_directory() -> Path:
+    """Where the tables are saved; it need not exist."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "urbihw"
+
+
+def _read(path: Path) -> Tables | None:
+    try:
+        data = json.loads(path.read_text("utf-8"))
+        rules = tuple(Rule(origin, size, action, tuple(kept)) for origin, size, action, kept in data["rules"])
+        return Tables(tuple(data["rows"]), rules, data["start"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _write(path: Path, tables: Tables) -> None:
+    rules = [[rule.origin, rule.size, rule.action, rule.kept] for rule in tables.rules]
+    text = json.dumps({"rows": tables.rows, "rules": rules, "start": tables.start}, separators=(",", ":"))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # Another server may be writing the same file: it appears whole or not at all.
+        with tempfile.NamedTemporaryFile("w", encoding="utf-8", dir=path.parent, delete=False) as file:
+            file.write(text)
+        os.replace(file.name, path)
+    except OSError:
+        return
+
+
+def build_tables(grammar: str) -> Tables:
+    """Have lark compute the tables of a grammar."""
+    from lark import Lark
+    from lark.lexer import Lexer
+    from lark.lexer import Token as LarkToken
+    from lark.parsers.lalr_analysis import Shift
+
+    class OurOwn(Lexer):
+        """Tells lark not to make a lexer: ours is incremental and feeds the tables itself."""
+
+        def __init__(self, _conf: Any) -> None:
+            pass
+
+        def lex(self, _state: Any, _parser: Any) -> Iterator[LarkToken]:
+            raise NotImplementedError
+
+    lark = Lark(grammar, parser="lalr", lexer=OurOwn, maybe_placeholders=False)
+    table = lark.parse_interactive().parser_state.parse_conf.parse_table
+    # lark names the literals of a grammar its own way; here a keyword or sign is its own name.
+    texts = {terminal.name: terminal.pattern.value for terminal in lark.terminals}
+    numbers = {state: number for number, state in enumerate(table.states)}
+    rules: list[Rule] = []
+    rule_numbers: dict[Any, int] = {}
+    rows: list[dict[str, int]] = []
+    for actions in table.states.values():
+        row: dict[str, int] = {}
+        for name, (action, argument) in actions.items():
+            # Token kinds are upper case in lark, names of rules lower case.
+            symbol = texts.get(name, str(name)) if name.isupper() or name in texts else f"@{name}"
+            if action is Shift:
+                row[symbol] = numbers[argument]
+                continue
+            if argument not in rule_numbers:
+                rule_numbers[argument] = len(rules)
+                rules.append(_rule(argument))
+            row[symbol] = ~rule_numbers[argument]
+        rows.append(row)
+    return Tables(tuple(rows), tuple(rules), numbers[table.start_states["start"]])
+
+
+def _rule(rule: Any) -> Rule:
+    """Our form of a rule of lark, which keeps what lark's own trees would keep."""
+    kept = tuple(place for place, symbol in enumerate(rule.expansion) if not getattr(symbol, "filter_out", False))
+    passing = rule.options.expand1 and not rule.alias and len(kept) == 1
+    origin = str(rule.origin.name)
+    return Rule(f"@{origin}", len(rule.expansion), None if passing else str(rule.alias or origin), kept)
