@@ -55,7 +55,7 @@ AX12: Final = Table(
             Item("cw_compliance_slope", 28, 1, "RW", "R", 1, 254, 32),
             Item("ccw_compliance_slope", 29, 1, "RW", "R", 1, 254, 32),
             Item("goal_position", 30, 2, "RW", "R", 0, _STEP, None, "ax_position"),
-            # 0..1023 in joint mode; in wheel mode bit 10 is the direction. The servo refuses what its mode does not take.
+            # Joint mode takes 0..1023; in wheel mode bit 10 is the direction. The servo refuses what does not fit.
             Item("moving_speed", 32, 2, "RW", "R", 0, 2047, None, "ax_goal_speed", "ax_wheel"),
             Item("torque_limit", 34, 2, "RW", "R", 0, _STEP, None, "ax_torque"),
             Item("present_position", 36, 2, "R", "R", 0, _STEP, None, "ax_position"),

@@ -1,0 +1,164 @@
+"""A real worker process on a pty: its life, its death, and the death of its parent."""
+
+from __future__ import annotations
+
+import os
+import queue
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TypeVar
+
+import pytest
+from fakes.bioloid import Bioloid
+from fakes.endpoint import PtyEndpoint
+from urbihw.buses import messages as m
+from urbihw.buses.messages import FromWorker
+from urbihw.buses.worker import Worker
+
+pytestmark = pytest.mark.e2e
+
+T = TypeVar("T")
+PATIENCE = 10.0
+
+PARENT = """
+import sys, threading
+from urbihw.buses import messages as m
+from urbihw.buses.worker import Worker
+
+moved = threading.Event()
+def post(message):
+    if isinstance(message, m.Found):
+        worker.send(m.Watch(6, ("present_position",)))
+        worker.send(m.Targets({(6, "moving_speed"): 50, (6, "goal_position"): 1000}))
+    elif isinstance(message, m.Samples) and message.values[6]["present_position"] > 560:
+        print("moving", flush=True)
+worker = Worker.start(sys.argv[1], post=post, settings=m.Configure(dead_man=float(sys.argv[2]), protocol=1))
+threading.Event().wait()
+"""
+
+
+class Heard:
+    """What a worker posted, waited for with a bound."""
+
+    def __init__(self) -> None:
+        self.queue: queue.Queue[FromWorker] = queue.Queue()
+
+    def wait(self, kind: type[T], accept: Callable[[T], bool] = lambda _: True) -> T:
+        end = time.monotonic() + PATIENCE
+        while True:
+            message = self.queue.get(timeout=max(end - time.monotonic(), 0.001))
+            if isinstance(message, kind) and accept(message):
+                return message
+
+
+@pytest.fixture
+def robot() -> Iterator[PtyEndpoint]:
+    kit = Bioloid(baud=1_000_000)
+    for unit in kit:
+        unit.registers.put("return_delay", 0)
+    with PtyEndpoint(kit) as endpoint:
+        endpoint.start()
+        yield endpoint
+
+
+def kit_of(robot: PtyEndpoint) -> Bioloid:
+    assert isinstance(robot.device, Bioloid)
+    return robot.device
+
+
+def goal(robot: PtyEndpoint) -> int:
+    return robot.call(lambda: kit_of(robot).servo(6).registers.get("goal_position"))
+
+
+def wait_for_stop(robot: PtyEndpoint) -> None:
+    """The goal must leave 1000 for the place where the servo is, well before it would arrive."""
+    end = time.monotonic() + PATIENCE
+    while goal(robot) == 1000:
+        assert time.monotonic() < end, "the robot was not stopped"
+        time.sleep(0.01)
+    assert 540 < goal(robot) < 990
+
+
+def start_parent(robot: PtyEndpoint, dead_man: float) -> subprocess.Popen[str]:
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[2])}
+    parent = subprocess.Popen(
+        [sys.executable, "-c", PARENT, robot.url, str(dead_man)], stdout=subprocess.PIPE, text=True, env=environment
+    )
+    assert parent.stdout is not None
+    assert parent.stdout.readline() == "moving\n"
+    return parent
+
+
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "hung"])
+def test_a_parent_that_dies_or_hangs_leaves_a_stopped_robot(robot: PtyEndpoint, end: signal.Signals) -> None:
+    # A killed parent is noticed by the end of its pipe, without any dead-man time; a hung one only by its silence.
+    parent = start_parent(robot, dead_man=0.0 if end is signal.SIGKILL else 0.5)
+    try:
+        parent.send_signal(end)
+        wait_for_stop(robot)
+    finally:
+        parent.kill()
+        parent.communicate()
+
+
+def test_life_of_a_worker_process(robot: PtyEndpoint) -> None:
+    heard = Heard()
+    begin = time.monotonic()
+    with Worker.start(robot.url, post=heard.queue.put, settings=m.Configure(protocol=1)) as worker:
+        heard.wait(m.LinkState, lambda state: state.up)
+        found = heard.wait(m.Found)
+        assert time.monotonic() - begin < 2.0
+        assert len(found.devices) == 19
+        worker.send(m.Watch(6, ("present_position", "present_voltage")))
+        sample = heard.wait(m.Samples)
+        assert set(sample.values[6]) == {"present_position", "present_voltage"}
+        assert abs(time.monotonic() - sample.time) < PATIENCE
+
+        robot.unplug()
+        assert "unplugged" in heard.wait(m.LinkState).reason
+        robot.plug()
+        assert heard.wait(m.LinkState).up
+        worker.send(m.Alive())
+        assert heard.wait(m.Samples).values[6]
+        worker.send(m.Request(7, "read", 6, "model_number"))
+        assert heard.wait(m.Reply) == m.Reply(7, True, 12)
+    assert heard.wait(m.Stopped).reason == "the worker ends"
+    assert heard.wait(m.Ended) == m.Ended("")
+    assert not worker.alive
+
+
+def test_sigint_is_for_the_parent_and_sigterm_stops_the_robot(robot: PtyEndpoint) -> None:
+    heard = Heard()
+    worker = Worker.start(robot.url, post=heard.queue.put, settings=m.Configure(protocol=1, dead_man=0))
+    heard.wait(m.Found)
+    worker.send(m.Targets({(6, "moving_speed"): 50, (6, "goal_position"): 1000}))
+    worker.send(m.Watch(6, ("present_position",)))
+    heard.wait(m.Samples, lambda sample: sample.values[6]["present_position"] > 560)
+    (child,) = children()
+    os.kill(child, signal.SIGINT)
+    worker.send(m.Request(1, "ping", 6))
+    assert heard.wait(m.Reply).ok
+    os.kill(child, signal.SIGTERM)
+    assert heard.wait(m.Ended) == m.Ended("")
+    wait_for_stop(robot)
+    worker.stop()
+
+
+def test_a_worker_that_is_killed_is_reported(robot: PtyEndpoint) -> None:
+    heard = Heard()
+    worker = Worker.start(robot.url, post=heard.queue.put, settings=m.Configure(protocol=1))
+    heard.wait(m.Found)
+    (child,) = children()
+    os.kill(child, signal.SIGKILL)
+    assert "exit status -9" in heard.wait(m.Ended).reason
+    worker.stop()
+
+
+def children() -> list[int]:
+    """The processes that this one has started and that still live."""
+    text = Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii")
+    return [int(word) for word in text.split()]
