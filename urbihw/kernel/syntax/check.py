@@ -28,6 +28,11 @@ class _Around:
         return replace(self, names=set())
 
 
+# A statement without any of these words has nothing to check.
+CHECKED = frozenset(
+    ["break", "call", "catch", "class", "closure", "const", "continue", "function", "return", "throw", "var"]
+)
+
 _Step = tuple[Node, _Around]
 _TOP = _Around()
 

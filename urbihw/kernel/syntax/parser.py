@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from urbihw.kernel.syntax.check import check
+from urbihw.kernel.syntax.check import CHECKED, check
 from urbihw.kernel.syntax.location import Span
 from urbihw.kernel.syntax.statements import Command, Statements
 from urbihw.kernel.syntax.tables import Tables, load_tables
@@ -50,6 +50,8 @@ class Parser(Statements):
             (rule.origin, rule.size, rule.kept, None if rule.action is None else getattr(self, rule.action))
             for rule in tables.rules
         ]
+        # The many rules that only pass a symbol on, from one level of precedence to the next.
+        self._alone = [rule.origin if rule.size == 1 and rule.action is None else None for rule in tables.rules]
         self._final = frozenset(number for number, row in enumerate(tables.rows) if _ACCEPT in row)
         self._begin()
 
@@ -58,6 +60,7 @@ class Parser(Statements):
         self._values: list[Any] = []
         self._spans: list[Span] = []
         self._quiet = 0
+        self._doubtful = False
         self._resume: dict[str, int] | None = None
 
     @property
@@ -67,10 +70,10 @@ class Parser(Statements):
 
     def take(self) -> Command:
         """The statement that is complete; what is wrong with its sense is added to the problems."""
-        command = self._values[-1]
+        command, doubtful = self._values[-1], self._doubtful
         assert isinstance(command, Command)
         self._begin()
-        if command.node is not None and not any(not problem.warning for problem in self.problems):
+        if doubtful and command.node is not None and all(problem.warning for problem in self.problems):
             self.problems.extend(check(command.node))
         return command
 
@@ -83,7 +86,7 @@ class Parser(Statements):
                     return False
                 self._recover_at_start()
             self._resume = None
-        rows, states = self._rows, self._states
+        rows, states, alone = self._rows, self._states, self._alone
         while (act := rows[states[-1]].get(kind)) is not None:
             if act >= 0:
                 states.append(act)
@@ -91,11 +94,17 @@ class Parser(Statements):
                 self._spans.append(token.span)
                 if self._quiet:
                     self._quiet -= 1
+                if kind in CHECKED:
+                    self._doubtful = True
                 if act in self._final:
                     self._accept()
                     return True
                 return False
-            self._reduce(act)
+            origin = alone[~act]
+            if origin is None:
+                self._reduce(act)
+            else:
+                states[-1] = rows[states[-2]][origin]
         return self._fail(token)
 
     def _reduce(self, act: int) -> None:

@@ -1,0 +1,9 @@
+"""The urbiscript kernel.  ``Kernel`` is its whole door: start, feed, run, stop.
+
+Reading order: ``syntax`` (text to nodes), ``compiler`` (nodes to Python), ``sched`` (jobs, time, tags), ``runtime``
+(objects), ``stdlib`` (the classes), ``lobby`` (a connection), ``server`` (sockets), ``uobject`` (devices), ``boot``.
+"""
+
+from urbihw.kernel.facade import Kernel
+
+__all__ = ["Kernel"]

@@ -1,0 +1,38 @@
+"""Builds a world: natives first, then the urbiscript half of the library, from one ordered list.
+
+The only file of the kernel that imports all of it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from urbihw.kernel.compiler import compile_node
+from urbihw.kernel.lobby.shell import Programs, report_failure
+from urbihw.kernel.runtime.ops import make_ops
+from urbihw.kernel.runtime.world import World
+from urbihw.kernel.sched.clock import Clock
+from urbihw.kernel.sched.scheduler import Scheduler
+from urbihw.kernel.stdlib import install
+from urbihw.kernel.syntax.location import Position
+
+
+def build(scheduler: Scheduler) -> Programs:
+    """A world with the standard library, and what lobbies need to run programs in it."""
+    world = World(scheduler)
+    ops = make_ops(world)
+
+    def run_late(node: Any, this: Any, local: Any) -> Any:
+        unit = compile_node(node, world.lazy_names, late=local.names, generic=world.generic_floats)
+        return unit.function(ops, Position(1, 1), late_locals=local)(this)
+
+    world.run_late = run_late
+    scheduler.failed = report_failure(world)
+    programs = Programs(world, ops)
+    install(world, programs)
+    return programs
+
+
+def make_scheduler(clock: Clock, wake_host: Any = None) -> Scheduler:
+    """A scheduler on a clock; ``wake_host`` is called (from any thread) when something was posted."""
+    return Scheduler(clock) if wake_host is None else Scheduler(clock, wake_host)

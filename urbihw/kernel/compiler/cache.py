@@ -1,0 +1,37 @@
+"""Compiled statements by their text: the same line typed again is neither bound nor compiled again.
+
+A unit depends on which names belong to lazy functions and on whether arithmetic is generic; when either changes, the
+cache starts anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Set
+
+from urbihw.kernel.compiler.unit import Unit, compile_node
+from urbihw.kernel.syntax import ast
+
+
+class UnitCache:
+    """The units compiled lately; ``size`` statements of at most ``longest`` characters."""
+
+    def __init__(self, size: int = 2048, longest: int = 1000) -> None:
+        self.size = size
+        self.longest = longest
+        self._units: dict[str, Unit] = {}
+        self._state: tuple[int, bool] = (0, False)
+
+    def get(self, text: str, node: ast.Node, lazy_names: Set[str], generic: bool) -> Unit:
+        """The unit for a statement; ``text`` is its source without position."""
+        state = (len(lazy_names), generic)
+        if state != self._state:
+            self._units.clear()
+            self._state = state
+        unit = self._units.get(text)
+        if unit is None:
+            unit = compile_node(node, lazy_names, generic=generic)
+            if len(text) <= self.longest:
+                if len(self._units) >= self.size:
+                    del self._units[next(iter(self._units))]
+                self._units[text] = unit
+        return unit

@@ -1,0 +1,369 @@
+"""Expressions to Python expressions.
+
+An urbiscript expression may contain statements (``1 + { ...; 2 }``), a Python one may not: what needs statements writes
+them before the statement under construction and leaves a variable behind.  ``sequence`` keeps the order of evaluation:
+when a later operand writes statements, the earlier ones are put into variables first.
+"""
+
+from __future__ import annotations
+
+import ast as py
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from urbihw.kernel.compiler.emit import (
+    Emitter,
+    Pos,
+    attr,
+    call,
+    choose,
+    const,
+    if_,
+    is_,
+    is_pure,
+    list_,
+    name,
+    set_,
+    tuple_,
+    walrus,
+)
+from urbihw.kernel.compiler.unit import FunctionInfo
+from urbihw.kernel.syntax import ast
+
+ARITHMETIC = {"+": py.Add, "-": py.Sub, "*": py.Mult, "/": py.Div}
+COMPARISONS = {"<": py.Lt, "<=": py.LtE, ">": py.Gt, ">=": py.GtE}
+INPLACE = {"+=": py.Add, "-=": py.Sub, "*=": py.Mult, "/=": py.Div}
+EQUALITY = {"==": "equal", "!=": "unequal"}
+CONSTANTS = {"true": "TRUE", "false": "FALSE", "nil": "NIL", "void": "VOID"}
+NEVER_VOID = (ast.Float, ast.String, ast.ListLit, ast.TupleLit, ast.DictLit, ast.This, ast.CallMessage, ast.Function)
+
+Maker = Callable[[], py.expr]
+
+
+class Expressions(Emitter):
+    """Methods ``x_Node`` give a Python expression for the value of a node."""
+
+    def expr(self, node: ast.Node) -> py.expr:
+        """The value of a node; it may be void."""
+        method = getattr(self, "x_" + type(node).__name__, None)
+        if method is not None:
+            made: py.expr = method(node)
+            return made
+        variable = self.fresh()
+        self.stmt(node, variable)
+        return name(variable, self.mark(node))
+
+    def stmt(self, node: ast.Node, dest: str | None) -> None:
+        """Write a node as a statement (see ``Statements``)."""
+        raise NotImplementedError
+
+    def value(self, node: ast.Node) -> py.expr:
+        """The value of a node where void is an error."""
+        made = self.expr(node)
+        if self.never_void(node):
+            return made
+        p = self.mark(node)
+        return choose(is_(walrus("_v", made, p), name("VOID", p), p, negated=True), name("_v", p), call("no_void", [], p), p)
+
+    def never_void(self, node: ast.Node) -> bool:
+        """Whether the value of a node is certainly not void."""
+        if isinstance(node, NEVER_VOID):
+            return True
+        if isinstance(node, ast.Call):
+            if self.is_operator(node):
+                return True
+            local = self.binding.locals.get(id(node))
+            if local is not None and node.args is None:
+                return not local.maybe_void
+            return node.target is None and node.args is None and node.name in ("true", "false", "nil") and local is None
+        return False
+
+    def operand(self, node: ast.Node) -> py.expr:
+        """A value that is used at once and kept by nobody: a literal need not be a fresh object."""
+        if isinstance(node, ast.Float):
+            return const(node.value, self.mark(node))
+        return self.expr(node)
+
+    def condition(self, node: ast.Node) -> py.expr:
+        """A Python expression whose truth is that of the node."""
+        if isinstance(node, ast.Call) and node.target is not None and not self.generic:
+            if node.name in COMPARISONS and node.args is not None and len(node.args) == 1:
+                return self.comparison(node, node.target, node.args[0])
+            if node.name == "!" and not node.args:
+                return py.UnaryOp(py.Not(), self.condition(node.target), **self.mark(node))
+        if isinstance(node, ast.Call) and node.target is not None and self.equality(node):
+            return self.raw_equality(node)
+        if isinstance(node, ast.And | ast.Or):
+            return self.short_circuit(node, self.condition)
+        return self.operand(node)
+
+    def sequence(self, makers: Sequence[Maker]) -> list[py.expr]:
+        """Make expressions that are evaluated in order, whatever statements each of them writes."""
+        made: list[py.expr] = []
+        for maker in makers:
+            mark = len(self.w.out)
+            expression = maker()
+            if made and any(not is_pure(statement) for statement in self.w.out[mark:]):
+                spills: list[py.stmt] = []
+                for i, earlier in enumerate(made):
+                    if not isinstance(earlier, py.Constant):
+                        variable = self.fresh()
+                        p = position(earlier)
+                        spills.append(set_(variable, earlier, p))
+                        made[i] = name(variable, p)
+                self.w.out[mark:mark] = spills
+            made.append(expression)
+        return made
+
+    # ---------------------------------------------------------------- literals
+
+    def x_Float(self, node: ast.Float) -> py.expr:
+        p = self.mark(node)
+        return py.BinOp(const(node.value, p), py.Add(), name("ZERO", p), **p)
+
+    def x_String(self, node: ast.String) -> py.expr:
+        p = self.mark(node)
+        return call("new_string", [const(node.value, p)], p)
+
+    def x_ListLit(self, node: ast.ListLit) -> py.expr:
+        p = self.mark(node)
+        items = self.sequence([lambda item=item: self.value(item) for item in node.items])  # type: ignore[misc]
+        return call("new_list", [list_(items, p)], p)
+
+    def x_TupleLit(self, node: ast.TupleLit) -> py.expr:
+        p = self.mark(node)
+        items = self.sequence([lambda item=item: self.value(item) for item in node.items])  # type: ignore[misc]
+        return call("new_tuple", [list_(items, p)], p)
+
+    def x_DictLit(self, node: ast.DictLit) -> py.expr:
+        p = self.mark(node)
+        flat = [part for pair in node.pairs for part in pair]
+        items = self.sequence([lambda item=item: self.value(item) for item in flat])  # type: ignore[misc]
+        return call("new_dictionary", [list_(items, p)], p)
+
+    def x_Function(self, node: ast.Function) -> py.expr:
+        raise NotImplementedError
+
+    # ---------------------------------------------------------------- names and messages
+
+    def x_This(self, node: ast.This) -> py.expr:
+        return self.this(node, self.mark(node))
+
+    def x_CallMessage(self, node: ast.CallMessage) -> py.expr:
+        return self.read(self.binding.locals[id(node)], self.mark(node))
+
+    def x_Call(self, node: ast.Call) -> py.expr:
+        local = self.binding.locals.get(id(node))
+        if local is not None:
+            if local.name == "scopeTag" and node.name in ("scopeTag", "scope"):
+                return self.read(local, self.mark(node))
+            if node.args is None:
+                return self.read(local, self.mark(node))
+            return self.call_local(node, self.read(local, self.mark(node)))
+        if node.target is None and node.args is None and node.name in CONSTANTS:
+            return name(CONSTANTS[node.name], self.mark(node))
+        if self.is_operator(node):
+            return self.operator(node)
+        if node.target is None:
+            return self.send(node, lambda: self.this(node, self.mark(node)))
+        target = node.target
+        return self.send(node, lambda: self.operand(target) if not node.args else self.expr(target))
+
+    def send(self, node: ast.Call, target: Maker) -> py.expr:
+        """A message to a target."""
+        if node.name in self.binding.lazy_names:
+            return self.send_lazy(node, target)
+        if not node.args:
+            made = target()
+            p = self.mark(node, node.name)
+            return call("send0", [made, const(node.name, p)], p)
+        receiver = target()
+        p = self.mark(node, node.name)
+        if isinstance(receiver, py.Name):
+            first, again = receiver, name(receiver.id, p)
+        else:
+            variable = self.fresh("_o")
+            first, again = walrus(variable, receiver, p), name(variable, p)  # type: ignore[assignment]
+        return self.apply(node, call("method", [first, const(node.name, p)], p), again, p)
+
+    def call_local(self, node: ast.Call, function: py.expr) -> py.expr:
+        """Call what a local variable holds, with ``this`` as its target."""
+        p = self.mark(node, node.name)
+        this = self.this(node, p)
+        if node.name in self.binding.lazy_names and node.args:
+            return call("lazy_value", [function, this, const(node.name, p), *self.thunks(node.args, p)], p)
+        return self.apply(node, call("callee", [function], p), this, p)
+
+    def apply(self, node: ast.Call, function: py.expr, target: py.expr, p: Pos) -> py.expr:
+        """Call ``function`` (an executable) strictly, or, if it turns out to be lazy, with its arguments unevaluated."""
+        args = node.args or ()
+        verb = f"c{len(args)}" if len(args) <= 3 else "cn"
+        made: list[py.expr] = []
+        before = self.block(lambda: made.extend(self.sequence([self.argument(arg) for arg in args])))
+        found = name("_t", p)
+        strict = attr(walrus("_t", function, p), "strict", p)
+        late = [found, target, self.this(node, p), const(node.name, p), const(self.late_site(node), p)]
+        if all(is_pure(statement) for statement in before):
+            self.emit(*before)
+            return choose(strict, call(attr(found, verb, p), [target, *made], p), call("lazy_site", late, p), p)
+        kept, result = self.fresh("_t"), self.fresh()
+        self.emit(set_(kept, function, p))
+        late[0] = name(kept, p)
+        done = [*before, set_(result, call(attr(name(kept, p), verb, p), [target, *made], p), p)]
+        self.emit(if_(attr(name(kept, p), "strict", p), done, [set_(result, call("lazy_site", late, p), p)], p))
+        return name(result, p)
+
+    def argument(self, node: ast.Node) -> Maker:
+        """A strict argument: void is an error."""
+        return lambda: self.value(node)
+
+    def late_site(self, node: ast.Call) -> int:
+        """Remember a call whose function may turn out to be lazy; the number of the site."""
+        raise NotImplementedError
+
+    def send_lazy(self, node: ast.Call, target: Maker) -> py.expr:
+        """A message by a name known to belong to a lazy function."""
+        receiver = target()
+        p = self.mark(node, node.name)
+        args = [receiver, self.this(node, p), const(node.name, p), *self.thunks(node.args or (), p)]
+        return call("lazy_send", args, p)
+
+    def thunks(self, args: tuple[ast.Node, ...], p: Pos) -> list[py.expr]:
+        """Unevaluated arguments: a list of functions, and a list of their syntax."""
+        functions = [self.thunk(arg) for arg in args]
+        return [list_(functions, p), self.constant(args, p)]
+
+    def thunk(self, node: ast.Node) -> py.expr:
+        """A node as a Python function without parameters (see ``Statements``)."""
+        raise NotImplementedError
+
+    # ---------------------------------------------------------------- operators
+
+    def is_operator(self, node: ast.Call) -> bool:
+        """Whether a call is one that Python's own operator serves."""
+        if node.target is None or self.generic:
+            return False
+        count = len(node.args or ())
+        if count == 0:
+            return node.name == "!" or (node.name == "-" and node.args is None)
+        return count == 1 and (node.name in ARITHMETIC or node.name in COMPARISONS or node.name in EQUALITY
+                               or node.name in ("===", "!=="))
+
+    def operator(self, node: ast.Call) -> py.expr:
+        """A call served by a Python operator."""
+        assert node.target is not None
+        if not node.args:
+            if node.name == "!":
+                made = self.condition(node)
+                p = self.mark(node, node.name)
+                return choose(made, name("TRUE", p), name("FALSE", p), p)
+            operand = self.operand(node.target)
+            p = self.mark(node, node.name)
+            if isinstance(operand, py.Constant):
+                return py.BinOp(name("ZERO", p), py.Sub(), operand, **p)
+            return py.UnaryOp(py.USub(), operand, **p)
+        left, right = node.target, node.args[0]
+        if node.name in COMPARISONS:
+            return self.truth(self.comparison(node, left, right), node)
+        if node.name in ARITHMETIC:
+            a, b = self.sequence([lambda: self.operand(left), lambda: self.operand(right)])
+            if isinstance(a, py.Constant) and isinstance(b, py.Constant):
+                a = self.expr(left)
+            return py.BinOp(a, ARITHMETIC[node.name](), b, **self.mark(node, node.name))
+        if node.name in EQUALITY:
+            return self.truth(self.raw_equality(node), node)
+        a, b = self.sequence([lambda: self.value(left), lambda: self.value(right)])
+        p = self.mark(node, node.name)
+        return choose(is_(a, b, p, negated=node.name == "!=="), name("TRUE", p), name("FALSE", p), p)
+
+    def comparison(self, node: ast.Call, left: ast.Node, right: ast.Node) -> py.expr:
+        """``left < right`` and so on: a Python bool, or whatever an object's operator gives."""
+        a, b = self.sequence([lambda: self.operand(left), lambda: self.operand(right)])
+        return py.Compare(a, [COMPARISONS[node.name]()], [b], **self.mark(node, node.name))
+
+    def equality(self, node: ast.Call) -> bool:
+        """Whether a call is ``==`` or ``!=`` as an operator."""
+        return node.name in EQUALITY and node.args is not None and len(node.args) == 1
+
+    def raw_equality(self, node: ast.Call) -> py.expr:
+        """``left == right``: a Python bool, or whatever an object's operator gives."""
+        assert node.target is not None and node.args is not None
+        left, right = node.target, node.args[0]
+        args = self.sequence([lambda: self.operand(left), lambda: self.operand(right)])
+        return call(EQUALITY[node.name], args, self.mark(node, node.name))
+
+    def truth(self, made: py.expr, node: ast.Node) -> py.expr:
+        """A Python bool as true or false; anything else as it is."""
+        p = self.mark(node)
+        is_bool = is_(attr(walrus("_v", made, p), "__class__", p), name("bool", p), p)
+        return choose(is_bool, choose(name("_v", p), name("TRUE", p), name("FALSE", p), p), name("_v", p), p)
+
+    def x_And(self, node: ast.And) -> py.expr:
+        return self.short_circuit(node, self.expr)
+
+    def x_Or(self, node: ast.Or) -> py.expr:
+        return self.short_circuit(node, self.expr)
+
+    def short_circuit(self, node: ast.And | ast.Or, make: Callable[[ast.Node], py.expr]) -> py.expr:
+        """``&&`` and ``||``: the right side is evaluated only if it decides."""
+        left = make(node.left)
+        right: list[py.expr] = []
+        before = self.block(lambda: right.append(make(node.right)))
+        p = self.mark(node)
+        both = isinstance(node, ast.And)
+        if not any(not is_pure(statement) for statement in before):
+            self.emit(*before)
+            return py.BoolOp(py.And() if both else py.Or(), [left, right[0]], **p)
+        variable = self.fresh()
+        self.emit(set_(variable, left, p))
+        test: py.expr = name(variable, p)
+        if not both:
+            test = py.UnaryOp(py.Not(), test, **p)
+        self.emit(if_(test, [*before, set_(variable, right[0], p)], [], p))
+        return name(variable, p)
+
+    # ---------------------------------------------------------------- properties
+
+    def slot_holder(self, slot: ast.Call, node: ast.Node) -> Maker:
+        """The object whose slot is meant by ``a`` or ``o.a``."""
+        target = slot.target
+        if target is None:
+            return lambda: self.this(node, self.mark(node))
+        return lambda: self.value(target)
+
+    def x_Property(self, node: ast.Property) -> py.expr:
+        holder = self.slot_holder(node.slot, node)()
+        p = self.mark(node, "getProperty")
+        return call("get_property", [holder, const(node.slot.name, p), const(node.name, p)], p)
+
+    # ---------------------------------------------------------------- patterns
+
+    def pattern(self, node: ast.Node) -> py.expr:
+        """A pattern as the tuple that ``runtime.matching`` describes."""
+        p = self.mark(node)
+        if isinstance(node, ast.Var) and node.target is None and node.value is None:
+            return tuple_([const("bind", p)], p)
+        if isinstance(node, ast.ListLit | ast.TupleLit):
+            kind = "list" if isinstance(node, ast.ListLit) else "tuple"
+            parts = [self.pattern(item) for item in node.items]
+            return tuple_([const(kind, p), list_(parts, p)], p)
+        if isinstance(node, ast.DictLit):
+            pairs: list[py.expr] = [tuple_([self.value(key), self.pattern(item)], p) for key, item in node.pairs]
+            return tuple_([const("dict", p), list_(pairs, p)], p)
+        return tuple_([const("value", p), self.value(node)], p)
+
+    # ---------------------------------------------------------------- function literals
+
+    def info(self, node: ast.Function, uses_call: bool) -> FunctionInfo:
+        """What is known of a function literal."""
+        formals = node.formals or ()
+        variadic = bool(formals) and formals[-1].variadic
+        least = sum(1 for formal in formals if formal.default is None and not formal.variadic)
+        most = -1 if variadic or node.formals is None else len(formals)
+        return FunctionInfo(least, most, node.formals is None, uses_call, node.closure, len(formals), node)
+
+
+def position(node: Any) -> Pos:
+    """The position of a Python node made by an ``Emitter``."""
+    line = node.lineno
+    return {"lineno": line, "col_offset": 0, "end_lineno": line, "end_col_offset": 0}

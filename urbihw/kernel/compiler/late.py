@@ -1,0 +1,85 @@
+"""Arguments of a call whose function turned out to be lazy when the call was about to be made.
+
+The compiler cannot know which functions are lazy; names that already belong to lazy functions get their arguments as
+Python functions from the start, all other calls are compiled strict.  When such a call meets a lazy function after all,
+its arguments are compiled now, as expressions that reach the local variables of the waiting Python frame through
+``FrameLocals``.  Rare, correct, slow.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+from collections.abc import Callable
+from types import FrameType
+from typing import Any
+
+from urbihw.kernel.compiler.bind import Binding
+from urbihw.kernel.syntax import ast
+
+
+class LateSites:
+    """The calls of one unit, by number."""
+
+    __slots__ = ("_sites",)
+
+    def __init__(self) -> None:
+        self._sites: list[tuple[ast.Call, dict[str, tuple[str, bool]]]] = []
+
+    def add(self, node: ast.Call, binding: Binding) -> int:
+        """Remember a call and where the locals that its arguments name live; its number."""
+        self._sites.append((node, _names(node.args or (), binding)))
+        return len(self._sites) - 1
+
+    def arguments(self, site: int) -> tuple[ast.Node, ...]:
+        """The argument nodes of a call."""
+        return self._sites[site][0].args or ()
+
+    def thunks(self, site: int, frame: FrameType, this: Any, run: Callable[..., Any]) -> list[Callable[[], Any]]:
+        """The arguments of a call as functions; ``run(node, this, locals)`` evaluates a node where ``locals`` are seen."""
+        node, names = self._sites[site]
+        local = FrameLocals(frame, names)
+        return [lambda arg=arg: run(arg, this, local) for arg in node.args or ()]  # type: ignore[misc]
+
+
+class FrameLocals:
+    """The local variables of a Python frame by their urbiscript names, to read and to write."""
+
+    __slots__ = ("_frame", "names")
+
+    def __init__(self, frame: FrameType, names: dict[str, tuple[str, bool]]) -> None:
+        self._frame = frame
+        self.names = names
+
+    def read(self, name: str) -> Any:
+        """The value of a local."""
+        python, boxed = self.names[name]
+        value = self._frame.f_locals[python]
+        return value.v if boxed else value
+
+    def write(self, name: str, value: Any) -> None:
+        """Assign a local of the frame."""
+        python, boxed = self.names[name]
+        variables = self._frame.f_locals
+        if boxed:
+            variables[python].v = value
+            return
+        variables[python] = value
+        if sys.version_info < (3, 13):  # from 3.13 on f_locals writes through
+            ctypes.pythonapi.PyFrame_LocalsToFast(ctypes.py_object(self._frame), ctypes.c_int(0))
+
+
+def _names(nodes: tuple[ast.Node, ...], binding: Binding) -> dict[str, tuple[str, bool]]:
+    """Urbiscript name to Python name, for all locals that the nodes name."""
+    found: dict[str, tuple[str, bool]] = {}
+    todo: list[Any] = list(nodes)
+    while todo:
+        node = todo.pop()
+        if isinstance(node, tuple):
+            todo.extend(node)
+        elif isinstance(node, ast.Node):
+            local = binding.locals.get(id(node))
+            if local is not None:
+                found[local.name] = (local.python, local.boxed)
+            todo.extend(getattr(node, field) for field in type(node).__dataclass_fields__ if field != "span")
+    return found

@@ -1,0 +1,48 @@
+"""From an instruction of generated code back to urbiscript.
+
+Generated Python carries no real line numbers: the "line" of each instruction is an index into the table of its unit.
+An entry holds the span of the urbiscript node, the name of the call made there (None if it is none), and the entry
+that encloses it as an invisible call: the body of a for-each counts as called by ``each``.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from urbihw.kernel.syntax.location import Location, Position, Span
+
+
+class Entry(NamedTuple):
+    """One place in a unit's source."""
+
+    span: Span
+    name: str | None
+    outer: int
+
+
+class Step(NamedTuple):
+    """A location and the name called there."""
+
+    location: Location
+    name: str | None
+
+
+class LineMap:
+    """The table of one unit, placed where the statement stood: ``base`` is the position of its first character."""
+
+    __slots__ = ("base", "entries", "late", "system")
+
+    def __init__(self, entries: list[Entry], base: Position, system: bool, late: object) -> None:
+        self.entries = entries
+        self.base = base
+        self.system = system
+        self.late = late
+
+    def frames(self, index: int) -> list[Step]:
+        """The urbiscript call frames of one instruction, innermost first."""
+        steps = []
+        while 0 < index < len(self.entries):
+            entry = self.entries[index]
+            steps.append(Step(Location.of(entry.span, self.base), entry.name))
+            index = entry.outer
+        return steps

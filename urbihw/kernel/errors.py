@@ -1,0 +1,87 @@
+"""The error tree of the kernel.
+
+::
+
+    UrbiError                an urbiscript value on its way up: thrown by ``throw`` or by native code
+      Raised                 made by native code: a kind of Exception and its arguments, built into an object only if
+                             somebody looks at it
+    KernelBug                our own fault, reported as such
+
+``sched.signals`` holds what unwinds a job without being an error.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+class UrbiError(Exception):
+    """A value thrown by urbiscript code; ``value`` is what was thrown."""
+
+    def __init__(self, value: Any) -> None:
+        super().__init__()
+        self.value = value
+
+
+class Raised(UrbiError):
+    """An exception raised by native code: ``kind`` is a slot of Exception, ``args`` are those of its constructor.
+
+    The routine named in the message is that of the urbiscript call which led here, unless ``routine`` says otherwise.
+    """
+
+    def __init__(self, kind: str, message: str, routine: str | None = "", **slots: Any) -> None:
+        super().__init__(None)
+        self.kind = kind
+        self.message = message
+        self.routine = routine
+        self.slots = slots
+
+
+class KernelBug(Exception):
+    """Something that cannot happen did; always our fault, never the user's."""
+
+
+def lookup_failed(name: str) -> Raised:
+    """``lookup failed: name``."""
+    return Raised("Lookup", f"lookup failed: {name}", None, name=name)
+
+
+def unexpected_void() -> Raised:
+    """``unexpected void``: a value was needed."""
+    return Raised("UnexpectedVoid", "unexpected void", None)
+
+
+def arity(given: int, least: int, most: int | None = None, routine: str | None = "") -> Raised:
+    """``name: expected N arguments, given M``; ``most`` None is the same as ``least``, -1 is no limit."""
+    if most is None or most == least:
+        wanted = f"{least} argument{'s' if least > 1 else ''}"
+    elif most < 0:
+        wanted = f"at least {least} argument{'s' if least > 1 else ''}"
+    else:
+        wanted = f"between {least} and {most} argument{'s' if most > 1 else ''}"
+    return Raised("Arity", f"expected {wanted}, given {given}", routine, effective=given, min=least, max=most)
+
+
+def primitive(message: str, routine: str | None = "") -> Raised:
+    """``name: message`` raised by a built-in routine."""
+    return Raised("Primitive", message, routine)
+
+
+def redefinition(name: str) -> Raised:
+    """``slot redefinition: name``."""
+    return Raised("Redefinition", f"slot redefinition: {name}", None, name=name)
+
+
+def constness() -> Raised:
+    """``cannot modify const slot``."""
+    return Raised("Constness", "cannot modify const slot", None)
+
+
+def match_failure() -> Raised:
+    """``pattern did not match``."""
+    return Raised("MatchFailure", "pattern did not match", None)
+
+
+def bad_number(kind: str, message: str) -> Raised:
+    """``name: message`` about a number; kind is BadInteger, BadNumber, NegativeNumber or NonPositiveNumber."""
+    return Raised(kind, message)

@@ -1,0 +1,50 @@
+"""The kernel as the daemon, the commands and the tests see it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from urbihw.kernel.boot import build
+from urbihw.kernel.lobby.lobby import Lobby
+from urbihw.kernel.sched.clock import Clock, RealClock, SimClock
+from urbihw.kernel.sched.scheduler import Scheduler
+
+
+class Kernel:
+    """One urbiscript world with its scheduler.
+
+    ``clock`` decides about time: a ``RealClock`` under the daemon, a ``SimClock`` in tests and for ``--fast``.  Drive
+    it by ``run()``, which returns when to call again; hand in bytes with ``feed``; take a lobby's output from
+    ``lobby.output.take()``.  ``post`` is the one call allowed from other threads.
+    """
+
+    def __init__(self, clock: Clock | None = None, wake_host: Callable[[], None] = lambda: None) -> None:
+        self.clock = clock if clock is not None else RealClock()
+        self.scheduler = Scheduler(self.clock, wake_host)
+        self.programs = build(self.scheduler)
+        self.world = self.programs.world
+
+    def open_lobby(
+        self, remote: str | None = None, wanted: Callable[[Lobby], None] = lambda lobby: None, limit: int = 8 << 20
+    ) -> Lobby:
+        """A lobby for a new connection; ``wanted(lobby)`` is called when it has something to say."""
+        return Lobby(self.world, self.programs, wanted, remote, limit)
+
+    def feed(self, lobby: Lobby, data: bytes) -> None:
+        """Bytes from a client, cut anywhere."""
+        lobby.feed(data)
+
+    def run(self) -> float | None:
+        """Run what is ready; the time (of ``clock``) to call again, None for when something happens."""
+        return self.scheduler.run()
+
+    def post(self, action: Callable[[], None]) -> None:
+        """From any thread: run ``action`` between two rounds."""
+        self.scheduler.post(action)
+
+    def run_text(self, lobby: Lobby, text: str, until: float | None = None) -> str:
+        """Feed a program and run it in simulated time until nothing is left to do; what the lobby said."""
+        assert isinstance(self.clock, SimClock), "run_text needs a simulated clock"
+        lobby.feed(text.encode("latin-1", "replace"))
+        self.scheduler.run_simulated(until)
+        return lobby.output.take().decode("latin-1")

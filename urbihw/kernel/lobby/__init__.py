@@ -1,0 +1,5 @@
+"""One connection's world: bytes in, jobs, lines out.
+
+Reading order: ``output`` (time-stamped lines, bounded), ``lobby`` (the object and its life), ``shell`` (statements to
+jobs).  May import ``compiler``, ``syntax`` (through it), ``runtime`` and ``sched``; knows no socket.
+"""

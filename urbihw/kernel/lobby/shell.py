@@ -1,0 +1,169 @@
+"""From statements to jobs: each lobby has one main job that runs its statements in order; ``,`` makes background jobs."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from urbihw.kernel import errors
+from urbihw.kernel.compiler import compile_node
+from urbihw.kernel.compiler.cache import UnitCache
+from urbihw.kernel.sched.group import Group
+from urbihw.kernel.sched.signals import JobKilled, StopTag
+from urbihw.kernel.sched.waiting import WaitQueue
+from urbihw.kernel.syntax.reader import Item, Reader, Statement, StatementCache, SyntaxProblem, parse_program
+
+if TYPE_CHECKING:
+    from urbihw.kernel.lobby.lobby import Lobby
+    from urbihw.kernel.runtime.world import World
+
+
+class Programs:
+    """What all lobbies of a kernel share: caches of read and compiled statements, and the verbs of generated code."""
+
+    def __init__(self, world: World, ops: dict[str, Any]) -> None:
+        self.world = world
+        self.ops = ops
+        self.read = StatementCache()
+        self.units = UnitCache()
+        self._lobbies = 0
+
+    def lobby_name(self) -> str:
+        """A name for the next connection's tag."""
+        self._lobbies += 1
+        return f"Lobby_{self._lobbies}"
+
+    def function(self, statement: Statement) -> Callable[[Any], Any]:
+        """A statement as a Python function of ``this``."""
+        world = self.world
+        unit = self.units.get(statement.text, statement.node, world.lazy_names, world.generic_floats)
+        return unit.function(self.ops, statement.base)
+
+    def evaluate(self, text: str, this: Any, file: str | None = None, system: bool = False) -> Any:
+        """Run a program (``eval``, ``load``, the library): the value of its last statement.
+
+        A syntax error anywhere means that nothing runs; it is raised as Exception.Syntax.  Must be called in a job.
+        """
+        items = parse_program(text, file)
+        for item in items:
+            if isinstance(item, SyntaxProblem) and not item.warning:
+                raise errors.Raised("Syntax", item.message, None, loc=str(item.location), input=text)
+        world = self.world
+        value = world.void
+        with Group(world.scheduler) as background:
+            for item in items:
+                if not isinstance(item, Statement):
+                    continue
+                unit = compile_node(item.node, world.lazy_names, generic=world.generic_floats)
+                function = unit.function(self.ops, item.base, system)
+                if item.separator == ",":
+                    background.start(partial(function, this))
+                else:
+                    value = function(this)
+                    if world.scheduler.ready:
+                        world.scheduler.yield_()
+        return value
+
+
+class Shell:
+    """The main job of one lobby."""
+
+    def __init__(self, lobby: Lobby, name: str) -> None:
+        self._lobby = lobby
+        self._scheduler = lobby.world.scheduler
+        self._reader = Reader(cache=lobby.programs.read)
+        self._items: deque[Item] = deque()
+        self._more = WaitQueue(self._scheduler)
+        self._count = 0
+        self._name = name
+        self._job = self._scheduler.spawn(self._run, name, context=lobby)
+
+    def feed(self, data: bytes) -> None:
+        """Bytes from the client."""
+        items = self._reader.feed(data)
+        if items:
+            self._items.extend(items)
+            self._more.wake_one()
+
+    def close(self) -> None:
+        """End the main job; what was not yet run is dropped."""
+        self._items.clear()
+        self._scheduler.kill(self._job)
+
+    @property
+    def idle(self) -> bool:
+        """Whether all statements received so far were run."""
+        return not self._items and len(self._more) == 1
+
+    def _run(self) -> None:
+        while True:
+            while not self._items:
+                self._more.wait()
+            item = self._items.popleft()
+            if isinstance(item, SyntaxProblem):
+                self._complain(item)
+            elif item.separator == ",":
+                self._background(item)
+            else:
+                self._foreground(item)
+                if self._scheduler.ready:
+                    self._scheduler.yield_()
+
+    def _complain(self, problem: SyntaxProblem) -> None:
+        if problem.warning:
+            self._lobby.output.line(f"!!! {problem.location}: warning: {problem.message}", "warning")
+        else:
+            self._lobby.output.line(f"!!! {problem.location}: syntax error: {problem.message}", "error")
+
+    def _foreground(self, statement: Statement) -> None:
+        lobby = self._lobby
+        passage = lobby.tag.open()
+        try:
+            passage.enter()
+            self.show(lobby.programs.function(statement)(lobby))
+        except StopTag as signal:
+            if not passage.owns(signal):
+                raise
+        except Exception as error:
+            lobby.report(error)
+        finally:
+            passage.exit()
+
+    def show(self, value: Any) -> None:
+        """Print the value of a top-level statement; void and nil are silent."""
+        world = self._lobby.world
+        if value is not world.void and value is not world.nil:
+            self._lobby.output.line(world.text(world.ops.send0(value, "asToplevelPrintable")))
+
+    def _background(self, statement: Statement) -> None:
+        lobby = self._lobby
+        self._count += 1
+
+        def run() -> None:
+            passage = lobby.tag.open()
+            try:
+                passage.enter()
+                lobby.programs.function(statement)(lobby)
+            except StopTag as signal:
+                if not passage.owns(signal):
+                    raise
+            finally:
+                passage.exit()
+
+        job = self._scheduler.spawn(run, f"{self._name}_{self._count}", context=lobby)
+        self._scheduler.start_now(job)
+
+
+def report_failure(world: World) -> Callable[[Any, BaseException], None]:
+    """What the scheduler does with an error that ends a job: tell the lobby the job speaks to."""
+    from urbihw.kernel.lobby.lobby import Lobby
+
+    def failed(job: Any, error: BaseException) -> None:
+        if isinstance(error, Exception) and isinstance(job.context, Lobby):
+            job.context.report(error)
+        elif not isinstance(error, JobKilled | StopTag | Exception):
+            return
+
+    return failed

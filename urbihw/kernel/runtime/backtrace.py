@@ -1,0 +1,80 @@
+"""From a Python traceback to what an urbiscript user understands.
+
+Generated code runs in frames whose globals hold ``__urbi__``, the line map of their unit; the "line number" of an
+instruction is an index into that map.  So the call stack of an error costs nothing until somebody looks at it: it is
+read off the traceback, leaving out the frames of native code.  The innermost frame says where the error happened and
+which call raised it; each frame further out says from where the next was called, and by what name.
+"""
+
+from __future__ import annotations
+
+import sys
+from types import FrameType, TracebackType
+from typing import Any, NamedTuple, Protocol
+
+LINE_MAP = "__urbi__"
+
+
+class LineMap(Protocol):
+    """What this module needs of the compiler's line map."""
+
+    system: bool
+
+    def frames(self, index: int) -> list[Frame]:
+        """The urbiscript frames of one instruction, innermost first (a for-each body counts as called by ``each``)."""
+        ...
+
+
+class Frame(NamedTuple):
+    """One step of a call stack: where a call was made, and the name that was called (None if it is no call)."""
+
+    location: Any
+    name: str | None
+
+
+class Stack(NamedTuple):
+    """A call stack: where it happened, the routine that was called there, and the calls that led to it."""
+
+    location: Any
+    routine: str | None
+    calls: tuple[Frame, ...]
+
+
+NO_STACK = Stack(None, None, ())
+
+
+def stack_of(error: BaseException, hide_system: bool = True) -> Stack:
+    """The urbiscript call stack of an exception, innermost first."""
+    steps: list[tuple[bool, list[Frame]]] = []
+    tb: TracebackType | None = error.__traceback__
+    while tb is not None:
+        line_map = tb.tb_frame.f_globals.get(LINE_MAP)
+        if line_map is not None:
+            steps.append((line_map.system, line_map.frames(tb.tb_lineno)))
+        tb = tb.tb_next
+    steps.reverse()
+    return _stack(steps, hide_system)
+
+
+def current_stack(hide_system: bool = True) -> Stack:
+    """The call stack of the running job, innermost first."""
+    steps: list[tuple[bool, list[Frame]]] = []
+    frame: FrameType | None = sys._getframe(1)
+    while frame is not None:
+        line_map = frame.f_globals.get(LINE_MAP)
+        if line_map is not None:
+            steps.append((line_map.system, line_map.frames(frame.f_lineno)))
+        frame = frame.f_back
+    return _stack(steps, hide_system)
+
+
+def _stack(steps: list[tuple[bool, list[Frame]]], hide_system: bool) -> Stack:
+    if hide_system:
+        shown = [frames for system, frames in steps if not system]
+    else:
+        shown = [frames for _, frames in steps]
+    flat = [frame for frames in shown for frame in frames]
+    if not flat:
+        return NO_STACK
+    calls = tuple(frame for frame in flat[1:] if frame.name is not None)
+    return Stack(flat[0].location, flat[0].name, calls)

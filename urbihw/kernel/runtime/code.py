@@ -1,0 +1,265 @@
+"""What can be called: urbiscript functions (``Code``) and built-in ones (``Primitive``).
+
+Generated code calls an executable by the number of arguments, ``f.c2(this, a, b)``, when ``f.strict``; a lazy one
+(no formal arguments, or one that uses ``call``) wants a call message instead.  A function of exactly two arguments
+is a ``Code2`` whose ``c2`` *is* the compiled Python function, so the usual call costs one attribute look-up; every
+other number goes through ``call``, which checks it, fills in defaults and gathers the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Protocol
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.object import Obj
+
+if TYPE_CHECKING:
+    from urbihw.kernel.runtime.world import World
+
+
+class _Missing:
+    """Stands for an argument that was not given, until the default is computed."""
+
+
+MISSING: Any = _Missing()
+
+
+class Executable(Obj):
+    """Anything that runs when called."""
+
+    __slots__ = ()
+    strict = True
+
+    def call(self, this: Any, args: tuple[Any, ...]) -> Any:
+        """Run with these arguments, all evaluated; raises the arity error when their number is wrong."""
+        raise NotImplementedError
+
+    def call_lazy(self, message: Any) -> Any:
+        """Run a lazy executable with a call message."""
+        raise NotImplementedError
+
+    def c0(self, this: Any) -> Any:
+        """Call without arguments."""
+        return self.call(this, ())
+
+    def c1(self, this: Any, a: Any) -> Any:
+        """Call with one argument."""
+        return self.call(this, (a,))
+
+    def c2(self, this: Any, a: Any, b: Any) -> Any:
+        """Call with two arguments."""
+        return self.call(this, (a, b))
+
+    def c3(self, this: Any, a: Any, b: Any, c: Any) -> Any:
+        """Call with three arguments."""
+        return self.call(this, (a, b, c))
+
+    def cn(self, this: Any, *args: Any) -> Any:
+        """Call with any number of arguments."""
+        return self.call(this, args)
+
+
+class Getter(Executable):
+    """A plain value in the place of something called: gives itself to a call without arguments."""
+
+    __slots__ = ("value",)
+
+    def __init__(self, world: World, value: Any) -> None:
+        super().__init__(world, [])
+        self.value = value
+
+    def call(self, this: Any, args: tuple[Any, ...]) -> Any:
+        """The value; any argument is too many."""
+        if args:
+            raise errors.arity(len(args), 0)
+        return self.value
+
+
+class FunctionInfo(Protocol):
+    """What the compiler knows of a function literal.
+
+    ``least``/``most`` are the numbers of arguments (most -1: any), ``lazy`` has no formals, ``uses_call`` needs the
+    call message, ``node`` is its syntax for printing and comparing.
+    """
+
+    least: int
+    most: int
+    lazy: bool
+    uses_call: bool
+    closure: bool
+    formals: int
+    node: Any
+
+
+class Code(Executable):
+    """An urbiscript function or closure: a compiled Python function and what is known of its literal.
+
+    The Python function takes ``this``, then the call message if it uses one, then one value per formal (``MISSING``
+    where a default is to be computed; a List for a variadic last one).
+    """
+
+    __slots__ = ("fn", "info")
+
+    def __init__(self, world: World, fn: Callable[..., Any], info: FunctionInfo) -> None:
+        super().__init__(world, [world.code_proto])
+        self.fn = fn
+        self.info = info
+
+    def call(self, this: Any, args: tuple[Any, ...]) -> Any:
+        """Run with evaluated arguments."""
+        info = self.info
+        if info.lazy or info.uses_call:
+            return self.call_lazy(self.world.call_message(self, this, args))
+        return self.fn(this, *self._fill(args))
+
+    def call_lazy(self, message: Any) -> Any:
+        """Run with a call message; strict formals are evaluated from it."""
+        if self.info.lazy:
+            return self.fn(message.target, message)
+        values = [argument.force() for argument in message.args]
+        for value in values:
+            if value is self.world.void:
+                raise errors.unexpected_void()
+        return self.fn(message.target, message, *self._fill(tuple(values)))
+
+    def _fill(self, args: tuple[Any, ...]) -> tuple[Any, ...]:
+        info = self.info
+        given = len(args)
+        if given < info.least or (info.most >= 0 and given > info.most):
+            raise errors.arity(given, info.least, info.most)
+        if info.most < 0:
+            fixed = info.formals - 1
+            rest = self.world.new_list(list(args[fixed:]))
+            return args[:fixed] + (MISSING,) * (fixed - given) + (rest,)
+        return args + (MISSING,) * (info.formals - given)
+
+
+class LazyCode(Code):
+    """A function that takes a call message instead of values."""
+
+    __slots__ = ()
+    strict = False
+
+
+class Code0(Code):
+    """A function of no argument."""
+
+    __slots__ = ("c0",)
+
+
+class Code1(Code):
+    """A function of one argument."""
+
+    __slots__ = ("c1",)
+
+
+class Code2(Code):
+    """A function of two arguments."""
+
+    __slots__ = ("c2",)
+
+
+class Code3(Code):
+    """A function of three arguments."""
+
+    __slots__ = ("c3",)
+
+
+def make_code(world: World, fn: Callable[..., Any], info: FunctionInfo) -> Code:
+    """The Code for a compiled function."""
+    if info.lazy or info.uses_call:
+        return LazyCode(world, fn, info)
+    if info.least == info.most:
+        if info.least == 0:
+            code0 = Code0(world, fn, info)
+            code0.c0 = fn  # type: ignore[method-assign]
+            return code0
+        if info.least == 1:
+            code1 = Code1(world, fn, info)
+            code1.c1 = fn  # type: ignore[method-assign]
+            return code1
+        if info.least == 2:
+            code2 = Code2(world, fn, info)
+            code2.c2 = fn  # type: ignore[method-assign]
+            return code2
+        if info.least == 3:
+            code3 = Code3(world, fn, info)
+            code3.c3 = fn  # type: ignore[method-assign]
+            return code3
+    return Code(world, fn, info)
+
+
+class Primitive(Executable):
+    """A built-in function: ``fn(this, *args)`` in Python, with the least and the greatest number of arguments."""
+
+    __slots__ = ("fn", "least", "most", "name")
+
+    def __init__(self, world: World, name: str, fn: Callable[..., Any], least: int, most: int) -> None:
+        super().__init__(world, [world.primitive_proto])
+        self.name = name
+        self.fn = fn
+        self.least = least
+        self.most = most
+
+    def call(self, this: Any, args: tuple[Any, ...]) -> Any:
+        """Run with evaluated arguments."""
+        given = len(args)
+        if given < self.least or (self.most >= 0 and given > self.most):
+            raise errors.arity(given, self.least, self.most)
+        return self.fn(this, *args)
+
+
+class LazyPrimitive(Primitive):
+    """A built-in that takes a call message: ``fn(message)``."""
+
+    __slots__ = ()
+    strict = False
+
+    def call(self, this: Any, args: tuple[Any, ...]) -> Any:
+        """Run with values in the place of unevaluated arguments."""
+        return self.call_lazy(self.world.call_message(self, this, args))
+
+    def call_lazy(self, message: Any) -> Any:
+        """Run with a call message."""
+        given = len(message.args)
+        if given < self.least or (self.most >= 0 and given > self.most):
+            raise errors.arity(given, self.least, self.most)
+        return self.fn(message)
+
+
+class Primitive0(Primitive):
+    """A built-in of no argument."""
+
+    __slots__ = ("c0",)
+
+
+class Primitive1(Primitive):
+    """A built-in of one argument."""
+
+    __slots__ = ("c1",)
+
+
+class Primitive2(Primitive):
+    """A built-in of two arguments."""
+
+    __slots__ = ("c2",)
+
+
+def make_primitive(world: World, name: str, fn: Callable[..., Any], least: int, most: int, lazy: bool) -> Primitive:
+    """The Primitive for a Python function."""
+    if lazy:
+        return LazyPrimitive(world, name, fn, least, most)
+    if least == most == 0:
+        made0 = Primitive0(world, name, fn, 0, 0)
+        made0.c0 = fn  # type: ignore[method-assign]
+        return made0
+    if least == most == 1:
+        made1 = Primitive1(world, name, fn, 1, 1)
+        made1.c1 = fn  # type: ignore[method-assign]
+        return made1
+    if least == most == 2:
+        made2 = Primitive2(world, name, fn, 2, 2)
+        made2.c2 = fn  # type: ignore[method-assign]
+        return made2
+    return Primitive(world, name, fn, least, most)

@@ -1,0 +1,217 @@
+"""at, whenever and waituntil on Boolean expressions, and on events: the verbs that generated code calls.
+
+Each takes Python functions compiled from the urbiscript clauses.  Bodies run as jobs of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from urbihw.kernel.runtime.event import Accept, Emission, Event, Handlers, Subscription, Waiter
+from urbihw.kernel.runtime.watch import Watch
+from urbihw.kernel.sched.timequeue import Timer
+
+if TYPE_CHECKING:
+    from urbihw.kernel.runtime.world import World
+
+Thunk = Callable[[], Any]
+
+
+class AtExpression(Handlers):
+    """``at (expression ~ duration) body onleave leave``."""
+
+    __slots__ = ("_body", "_duration", "_leave", "_on", "_timer", "_watch")
+
+    def __init__(self, world: World, condition: Thunk, duration: float | None, body: Thunk, leave: Thunk | None):
+        super().__init__(world, "at")
+        self._body = body
+        self._leave = leave
+        self._duration = duration
+        self._timer: Timer | None = None
+        self._on = False
+        self._watch = Watch(world.recorder, condition, self._edge)
+        self._watch.touched()
+
+    def _edge(self, value: bool) -> None:
+        if self.frozen():
+            return
+        if not value:
+            self._fall()
+        elif self._duration is None:
+            self._rise()
+        else:
+            scheduler = self.world.scheduler
+            self._timer = scheduler.call_at(scheduler.clock.now() + self._duration, self._rise)
+
+    def _rise(self) -> None:
+        self._timer = None
+        self._on = True
+        self.spawn(self._body)
+
+    def _fall(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if self._on:
+            self._on = False
+            if self._leave is not None:
+                self.spawn(self._leave)
+
+    def close(self) -> None:
+        """The tag was stopped: if the condition was on, it is left."""
+        self._watch.stop()
+        if self._timer is not None:
+            self._timer.cancel()
+        if self._on and self._leave is not None:
+            self.world.scheduler.spawn(self._leave, self.name, context=self._context)
+
+
+class Edge:
+    """The present truth of a watched expression, with a job that may wait for it to change.
+
+    With a duration the expression counts as true only after it held that long.
+    """
+
+    __slots__ = ("_duration", "_job", "_timer", "_watch", "_world", "value")
+
+    def __init__(self, world: World, condition: Thunk, duration: float | None) -> None:
+        self._world = world
+        self._duration = duration
+        self._job = world.scheduler.running()
+        self._timer: Timer | None = None
+        self.value = False
+        self._watch = Watch(world.recorder, condition, self._edge)
+        self._watch.touched()
+
+    def _edge(self, value: bool) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if value and self._duration is not None:
+            scheduler = self._world.scheduler
+            self._timer = scheduler.call_at(scheduler.clock.now() + self._duration, lambda: self._set(True))
+        else:
+            self._set(value)
+
+    def _set(self, value: bool) -> None:
+        self.value = value
+        if self._world.scheduler.current is not self._job:
+            self._world.scheduler.wake(self._job)
+
+    def wait_change(self) -> None:
+        """Park the job until the truth changes."""
+        before = self.value
+        while self.value == before:
+            self._world.scheduler.suspend(None)
+
+    def stop(self) -> None:
+        """Look no more."""
+        self._watch.stop()
+        if self._timer is not None:
+            self._timer.cancel()
+
+
+class Conditions:
+    """The verbs of one world."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+
+    def at_expr(self, condition: Thunk, duration: Any, body: Thunk, leave: Thunk | None) -> None:
+        """``at (condition ~ duration) body onleave leave``."""
+        AtExpression(self.world, condition, duration, body, leave)
+
+    def at_event(
+        self, event: Any, accept: Accept, duration: Any, body: Callable[..., Any], leave: Callable[..., Any] | None
+    ) -> None:
+        """``at (event?(...) ~ duration) body onleave leave``; bodies take the bound values."""
+
+        def left(match: Any) -> Thunk | None:
+            return None if leave is None else lambda: leave(*match)
+
+        Subscription(
+            self.world, self._event(event), accept, lambda match, _: lambda: body(*match), left, duration
+        )
+
+    def whenever_expr(self, condition: Thunk, duration: Any, body: Thunk, otherwise: Thunk | None) -> None:
+        """``whenever (condition) body else otherwise``: runs the one or the other again and again."""
+        scheduler = self.world.scheduler
+
+        def loop() -> None:
+            edge = Edge(self.world, condition, duration)
+            try:
+                while True:
+                    chosen = body if edge.value else otherwise
+                    if chosen is None:
+                        edge.wait_change()
+                    else:
+                        chosen()
+                        scheduler.yield_()
+            finally:
+                edge.stop()
+
+        scheduler.spawn(loop, "whenever", parent=scheduler.running())
+
+    def whenever_event(
+        self,
+        event: Any,
+        accept: Accept,
+        duration: Any,
+        body: Callable[..., Any],
+        otherwise: Callable[..., Any] | None,
+    ) -> None:
+        """``whenever (event?(...)) body else otherwise``."""
+        source = self._event(event)
+        scheduler = self.world.scheduler
+
+        def entered(match: Any, emission: Emission) -> Thunk:
+            def loop() -> None:
+                body(*match)
+                scheduler.yield_()
+                while emission.on:
+                    body(*match)
+                    scheduler.yield_()
+
+            return loop
+
+        Subscription(self.world, source, accept, entered, lambda match: None, duration)
+        if otherwise is not None:
+            rest = otherwise
+
+            def off() -> None:
+                while True:
+                    if source.emissions:
+                        scheduler.sleep(self.world.period)
+                    else:
+                        rest()
+                        scheduler.yield_()
+
+            scheduler.spawn(off, "whenever", parent=scheduler.running())
+
+    def wait_expr(self, condition: Thunk, duration: Any) -> None:
+        """``waituntil (condition ~ duration)``."""
+        edge = Edge(self.world, condition, duration)
+        try:
+            if not edge.value:
+                edge.wait_change()
+        finally:
+            edge.stop()
+
+    def wait_event(self, event: Any, accept: Accept) -> Any:
+        """``waituntil (event?(...))``; the bound values."""
+        return Waiter(self.world, accept).wait(self._event(event))
+
+    def emit(self, event: Any, payload: list[Any], duration: Any = None) -> None:
+        """``event!(payload) ~ duration``."""
+        if event.__class__ is Event and "emit" not in event.slots:
+            event.emit(payload, 0.0 if duration is None else duration)
+        elif duration is None:
+            self.world.send(event, "emit", *payload)
+        else:
+            self._event(event).emit(payload, duration)
+
+    def _event(self, event: Any) -> Event:
+        if not isinstance(event, Event):
+            raise self.world.type_error(None, event, "Event", None)
+        return event

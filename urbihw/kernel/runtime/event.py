@@ -1,0 +1,254 @@
+"""Events: emissions, subscriptions, and the jobs that handlers run in.
+
+An *emission* begins, lasts (an instant, a duration, or until it is stopped) and ends.  A *subscription* is what ``at``,
+``whenever`` and ``waituntil`` set up: it accepts or refuses a payload, and is told the beginning and the end of each
+emission it accepted.  A subscription belongs to the tags under which it was made: it is gone when one of them is
+stopped, and what happens while one is frozen is lost on it.  Handlers run as jobs of their own, under those tags.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.sched.job import Job
+from urbihw.kernel.sched.tag import TagEntry
+from urbihw.kernel.sched.timequeue import Timer
+
+if TYPE_CHECKING:
+    from urbihw.kernel.runtime.world import World
+
+Payload = list[Any]
+Accept = Callable[[Payload], Any]
+"""Given a payload, the values bound by the pattern (any object but None), or None to refuse."""
+
+
+class Emission:
+    """One occurrence of an event; ``on`` while it lasts."""
+
+    __slots__ = ("event", "jobs", "matches", "on", "payload")
+
+    def __init__(self, event: Event, payload: Payload) -> None:
+        self.event = event
+        self.payload = payload
+        self.on = True
+        self.matches: list[tuple[Subscription, Any]] = []
+        self.jobs: list[Job] = []
+
+    def stop(self) -> None:
+        """The event is over; twice is harmless."""
+        if not self.on:
+            return
+        self.on = False
+        self.event.emissions.pop(self, None)
+        for subscription, match in self.matches:
+            subscription.ended(self, match)
+        for follower in self.event.followers:
+            follower.end_of(self)
+
+
+class Event(Obj):
+    """An urbiscript Event."""
+
+    __slots__ = ("_forwarded", "emissions", "followers", "subscribed", "subscriptions")
+
+    def __init__(self, world: World, protos: list[Obj]) -> None:
+        super().__init__(world, protos)
+        self.subscriptions: dict[Subscription, None] = {}
+        self.emissions: dict[Emission, None] = {}
+        self.followers: dict[Event, None] = {}
+        self._forwarded: dict[Emission, Emission] = {}
+        self.subscribed: Event | None = None
+
+    def clone(self) -> Event:
+        """A fresh event without subscriptions."""
+        return Event(self.world, [self])
+
+    def begin(self, payload: Payload) -> Emission:
+        """Begin to emit; end it with ``stop``.  Runs in a job: guards of subscriptions are evaluated here."""
+        emission = Emission(self, payload)
+        self.emissions[emission] = None
+        for subscription in list(self.subscriptions):
+            subscription.offer(emission)
+        for follower in list(self.followers):
+            follower._forwarded[emission] = follower.begin(payload)
+        return emission
+
+    def end_of(self, emission: Emission) -> None:
+        """An emission that this event followed is over."""
+        mine = self._forwarded.pop(emission, None)
+        if mine is not None:
+            mine.stop()
+
+    def emit(self, payload: Payload, duration: float = 0.0) -> Emission:
+        """Emit for an instant, or hold the running job for a duration in seconds."""
+        emission = self.begin(payload)
+        try:
+            if duration > 0:
+                self.world.scheduler.sleep(duration)
+        finally:
+            emission.stop()
+        return emission
+
+    def sync_emit(self, payload: Payload) -> None:
+        """Emit for an instant and wait until the handlers are over."""
+        for job in self.emit(payload).jobs:
+            wait_for(self.world, job)
+
+    def subscribe(self, subscription: Subscription) -> None:
+        """Add a subscription; it is told at once of the emissions that last."""
+        self.subscriptions[subscription] = None
+        if self.subscribed is not None:
+            self.subscribed.emit([])
+        for emission in list(self.emissions):
+            subscription.offer(emission)
+
+
+def wait_for(world: World, job: Job) -> None:
+    """Park the running job until another is over."""
+    if job.done:
+        return
+    me = world.scheduler.running()
+    job.when_ended(lambda _: world.scheduler.wake(me))
+    while not job.done:
+        world.scheduler.suspend(None)
+
+
+class Handlers:
+    """What runs handler jobs for something set up by urbiscript code: remembers context and tags of its maker."""
+
+    __slots__ = ("_context", "_entries", "live", "name", "world")
+
+    def __init__(self, world: World, name: str) -> None:
+        maker = world.scheduler.running()
+        self.world = world
+        self.name = name
+        self._context = maker.context
+        self._entries: list[TagEntry] = list(maker.entries)
+        self.live = True
+        for entry in self._entries:
+            entry.tag.hooks[self] = None
+
+    def frozen(self) -> bool:
+        """Whether a tag holds what was set up."""
+        return any(entry.tag.is_frozen() for entry in self._entries)
+
+    def spawn(self, body: Callable[[], Any]) -> Job:
+        """A job under the tags of the maker."""
+        return self.world.scheduler.spawn(body, self.name, context=self._context, entries=self._entries)
+
+    def stopped(self) -> None:
+        """A tag of the maker was stopped."""
+        if self.live:
+            self.live = False
+            for entry in self._entries:
+                entry.tag.hooks.pop(self, None)
+            self.close()
+
+    def close(self) -> None:
+        """Undo what was set up."""
+
+
+class Subscription(Handlers):
+    """An ``at`` or ``whenever`` on an event.
+
+    ``accept`` gives the bound values or None; ``enter(match, emission)`` and ``leave(match)`` make the bodies to run.
+    With a ``duration`` the emission has to last that long before it counts.
+    """
+
+    __slots__ = ("_accept", "_duration", "_enter", "_event", "_leave", "_on", "_timers")
+
+    def __init__(
+        self,
+        world: World,
+        event: Event,
+        accept: Accept,
+        enter: Callable[[Any, Emission], Callable[[], Any] | None],
+        leave: Callable[[Any], Callable[[], Any] | None],
+        duration: float | None,
+    ) -> None:
+        super().__init__(world, "at")
+        self._event = event
+        self._accept = accept
+        self._enter = enter
+        self._leave = leave
+        self._duration = duration
+        self._timers: dict[Emission, Timer] = {}
+        self._on: dict[Emission, Any] = {}
+        event.subscribe(self)
+
+    def offer(self, emission: Emission) -> None:
+        """An emission begins."""
+        if self.frozen():
+            return
+        match = self._accept(emission.payload)
+        if match is None:
+            return
+        emission.matches.append((self, match))
+        if self._duration is None:
+            self._begin(emission, match)
+        else:
+            deadline = self.world.scheduler.clock.now() + self._duration
+            self._timers[emission] = self.world.scheduler.call_at(deadline, lambda: self._begin(emission, match))
+
+    def _begin(self, emission: Emission, match: Any) -> None:
+        self._timers.pop(emission, None)
+        self._on[emission] = match
+        body = self._enter(match, emission)
+        if body is not None:
+            emission.jobs.append(self.spawn(body))
+
+    def ended(self, emission: Emission, match: Any) -> None:
+        """An emission that was accepted is over."""
+        timer = self._timers.pop(emission, None)
+        if timer is not None:
+            timer.cancel()
+        if self._on.pop(emission, None) is None or self.frozen():
+            return
+        body = self._leave(match)
+        if body is not None:
+            emission.jobs.append(self.spawn(body))
+
+    def close(self) -> None:
+        """The tag was stopped: hear no more, leave what is on."""
+        self._event.subscriptions.pop(self, None)
+        for timer in self._timers.values():
+            timer.cancel()
+        for match in self._on.values():
+            body = self._leave(match)
+            if body is not None:
+                self.world.scheduler.spawn(body, self.name, context=self._context)
+        self._on.clear()
+
+
+class Waiter:
+    """A ``waituntil`` on an event: parks the running job until an emission is accepted."""
+
+    __slots__ = ("_accept", "_job", "_timers", "match", "world")
+
+    def __init__(self, world: World, accept: Accept) -> None:
+        self.world = world
+        self._accept = accept
+        self._job = world.scheduler.running()
+        self.match: Any = None
+
+    def offer(self, emission: Emission) -> None:
+        """An emission begins; one that comes while the waiting job is frozen is lost."""
+        if self.match is None and not self._job.frozen:
+            self.match = self._accept(emission.payload)
+            if self.match is not None:
+                self.world.scheduler.wake(self._job)
+
+    def ended(self, emission: Emission, match: Any) -> None:
+        """Ends do not matter to one who waits for a beginning."""
+
+    def wait(self, event: Event) -> Any:
+        """Park until an emission is accepted; the bound values."""
+        event.subscribe(self)  # type: ignore[arg-type]
+        try:
+            while self.match is None:
+                self.world.scheduler.suspend(None)
+        finally:
+            event.subscriptions.pop(self, None)  # type: ignore[call-overload]
+        return self.match

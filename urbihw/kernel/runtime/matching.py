@@ -1,0 +1,50 @@
+"""Structural pattern matching: a pattern is a small tuple built by generated code.
+
+``("bind",)`` takes any value; ``("value", v)`` wants one equal to v; ``("list", patterns)``, ``("tuple", patterns)``
+want that container with as many members; ``("dict", [(key, pattern), ...])`` wants at least these keys.
+Matching gives the bound values in the order in which the bindings stand in the source, or None.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from urbihw.kernel.runtime.values import Dictionary, List, String, Tuple
+
+if TYPE_CHECKING:
+    from urbihw.kernel.runtime.world import World
+
+
+def match(world: World, pattern: tuple[Any, ...], value: Any) -> list[Any] | None:
+    """The values bound by matching ``value`` against ``pattern``, or None when it does not match."""
+    bound: list[Any] = []
+    return bound if _match(world, pattern, value, bound) else None
+
+
+def match_payload(world: World, patterns: list[tuple[Any, ...]], payload: list[Any]) -> list[Any] | None:
+    """Match an event's payload: as many values as patterns."""
+    bound: list[Any] = []
+    if len(patterns) != len(payload):
+        return None
+    return bound if all(_match(world, p, v, bound) for p, v in zip(patterns, payload, strict=True)) else None
+
+
+def _match(world: World, pattern: tuple[Any, ...], value: Any, bound: list[Any]) -> bool:
+    kind = pattern[0]
+    if kind == "bind":
+        bound.append(value)
+        return True
+    if kind == "value":
+        return bool(world.ops.equal(pattern[1], value))
+    if kind == "dict":
+        if not isinstance(value, Dictionary):
+            return False
+        for key, inner in pattern[1]:
+            name = key.s if isinstance(key, String) else world.text(key)
+            if name not in value.d or not _match(world, inner, value.d[name], bound):
+                return False
+        return True
+    wanted = List if kind == "list" else Tuple
+    if not isinstance(value, wanted) or len(value.l) != len(pattern[1]):
+        return False
+    return all(_match(world, inner, member, bound) for inner, member in zip(pattern[1], value.l, strict=True))

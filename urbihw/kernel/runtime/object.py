@@ -1,0 +1,195 @@
+"""Objects: slots, prototypes, and the order in which slots are looked up.
+
+An object owns a dict of its local slots, name to value.  What is inherited is found through a *cache* kept by each
+object that serves as a prototype: name to the ancestor that holds it.  All caches of a world are
+flushed when the structure of some prototype changes (a slot appears or goes, the prototypes change), never when a
+value changes.  A slot that is more than a value (constant, watched, with properties, with an owner) has a ``SlotMeta``
+beside it in ``meta``; objects without any such slot have ``meta`` None, which is all that a plain write tests.
+
+Floats are Python floats and are no ``Obj``: their prototype is ``World.float_proto``, and the rare slots hung on one
+particular number live in ``World.float_slots``, keyed by identity.
+
+Python operators are defined on ``Obj`` by sending the urbiscript operator, so that generated code can say ``a + b``
+and CPython's own dispatch finds the right thing for numbers and for objects alike.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from urbihw.kernel import errors
+
+if TYPE_CHECKING:
+    from urbihw.kernel.runtime.slot import SlotMeta
+    from urbihw.kernel.runtime.world import World
+
+
+class Obj:
+    """Any urbiscript object but a float."""
+
+    __slots__ = ("__weakref__", "cache", "meta", "protos", "slots", "world")
+
+    def __init__(self, world: World, protos: list[Obj]) -> None:
+        self.world = world
+        self.protos: list[Any] = protos
+        self.slots: dict[str, Any] = {}
+        self.cache: dict[str, Obj] | None = None
+        self.meta: dict[str, SlotMeta] | None = None
+
+    # ---------------------------------------------------------------- lookup
+
+    def find(self, name: str) -> Obj | None:
+        """The object that holds the slot ``name``, looking depth first from here, or None."""
+        if name in self.slots:
+            return self
+        protos = self.protos
+        if len(protos) != 1:
+            return self._search(name, {})
+        proto = protos[0]
+        if proto.__class__ is float:
+            proto = self.world.float_proto
+        cache = proto.cache
+        if cache is None:
+            cache = proto.make_cache()
+        holder: Obj | None = cache.get(name)
+        if holder is None:
+            holder = self._search(name, {})
+            if holder is not None:
+                cache[name] = holder
+        return holder
+
+    def make_cache(self) -> dict[str, Obj]:
+        """Begin to serve as a prototype: from now on a change of this object's structure flushes the caches."""
+        self.cache = {}
+        self.world.cached.append(self)
+        return self.cache
+
+    def _search(self, name: str, seen: dict[int, None]) -> Obj | None:
+        if name in self.slots:
+            return self
+        seen[id(self)] = None
+        for proto in self.protos:
+            if proto.__class__ is float:
+                proto = self.world.float_proto
+            if id(proto) not in seen:
+                if proto.cache is None:
+                    proto.make_cache()
+                found: Obj | None = proto._search(name, seen)
+                if found is not None:
+                    return found
+        return None
+
+    def fallback_slot(self, name: str) -> Any:
+        """What answers for a slot that was not found: raises ``lookup failed``."""
+        raise errors.lookup_failed(name)
+
+    # ---------------------------------------------------------------- structure
+
+    def set_protos(self, protos: list[Any]) -> None:
+        """Change the prototypes."""
+        self.protos = protos
+        self.world.flush()
+
+    def clone(self) -> Obj:
+        """A fresh object whose only prototype is this one; a value class copies its value."""
+        return Obj(self.world, [self])
+
+    # ---------------------------------------------------------------- Python's operators
+
+    def _send1(self, name: str, other: Any) -> Any:
+        return self.world.send(self, name, other)
+
+    def __add__(self, other: Any) -> Any:
+        return self._send1("+", other)
+
+    def __sub__(self, other: Any) -> Any:
+        return self._send1("-", other)
+
+    def __mul__(self, other: Any) -> Any:
+        return self._send1("*", other)
+
+    def __truediv__(self, other: Any) -> Any:
+        return self._send1("/", other)
+
+    def __lt__(self, other: Any) -> Any:
+        return self._send1("<", other)
+
+    def __le__(self, other: Any) -> Any:
+        return self._send1("<=", other)
+
+    def __gt__(self, other: Any) -> Any:
+        return self._send1(">", other)
+
+    def __ge__(self, other: Any) -> Any:
+        return self._send1(">=", other)
+
+    def __neg__(self) -> Any:
+        return self.world.send(self, "-")
+
+    def __pos__(self) -> Any:
+        return self.world.send(self, "+")
+
+    def _not_a_float(self, operator: str) -> Any:
+        raise self.world.type_error(1, self, "Float", operator)
+
+    def __radd__(self, left: Any) -> Any:
+        return self._not_a_float("+")
+
+    def __rsub__(self, left: Any) -> Any:
+        return self._not_a_float("-")
+
+    def __rmul__(self, left: Any) -> Any:
+        return self._not_a_float("*")
+
+    def __rtruediv__(self, left: Any) -> Any:
+        return self._not_a_float("/")
+
+    def __bool__(self) -> bool:
+        return True
+
+
+class Void(Obj):
+    """The one absence of a value: answers ``isVoid`` and little else, and may not be used where a value is needed."""
+
+    __slots__ = ()
+
+    def fallback_slot(self, name: str) -> Any:
+        """Any other message is an error."""
+        raise errors.unexpected_void()
+
+    def _send1(self, name: str, other: Any) -> Any:
+        raise errors.unexpected_void()
+
+    def __neg__(self) -> Any:
+        raise errors.unexpected_void()
+
+    def __pos__(self) -> Any:
+        raise errors.unexpected_void()
+
+    def _not_a_float(self, operator: str) -> Any:
+        raise errors.unexpected_void()
+
+    def __bool__(self) -> bool:
+        raise errors.unexpected_void()
+
+
+class Truth(Obj):
+    """``true`` and ``false``: not Python's bools, which are ints."""
+
+    __slots__ = ("value",)
+
+    def __init__(self, world: World, protos: list[Obj], value: bool) -> None:
+        super().__init__(world, protos)
+        self.value = value
+
+    def __bool__(self) -> bool:
+        return self.value
+
+
+class Nil(Obj):
+    """``nil``."""
+
+    __slots__ = ()
+
+    def __bool__(self) -> bool:
+        return False

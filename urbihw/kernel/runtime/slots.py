@@ -1,0 +1,189 @@
+"""Reading, calling, writing and declaring slots: the hot half of the runtime.
+
+Kept as closures over one world (``SlotOps``), so that a slot read is one Python call and a few dict look-ups.
+``method`` finds what a name means for a target as something callable; ``send0`` is a message without arguments;
+``update_slot`` is ``target.name = value`` with copy on write; ``set_slot`` declares.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.code import Executable, Getter
+from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.slot import peek_meta
+from urbihw.kernel.runtime.values import Container
+from urbihw.kernel.runtime.watch import notify
+
+if TYPE_CHECKING:
+    from urbihw.kernel.runtime.world import World
+
+
+class SlotOps:
+    """The slot verbs of one world."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        recorder = world.recorder
+
+        def get_slot(target: Any, name: str) -> Any:
+            """The value of a slot, not called; raises ``lookup failed``."""
+            obj = world.peek_obj(target) if target.__class__ is float else target
+            slots = obj.slots
+            if name not in slots:
+                holder = obj.find(name)
+                if holder is None:
+                    if recorder.active is not None:
+                        recorder.read(target, name)
+                    return obj.fallback_slot(name)
+                slots = holder.slots
+                if recorder.active is not None:
+                    recorder.read(holder, name)
+            if recorder.active is not None:
+                self.record(target, name, slots[name])
+            return slots[name]
+
+        def method(target: Any, name: str) -> Any:
+            """What ``target.name`` means, as something with ``strict`` and ``c0`` to ``cn``."""
+            try:
+                value = get_slot(target, name)
+            except errors.Raised:
+                return self.fallback(target, name)
+            if isinstance(value, Executable):
+                return value
+            return Getter(world, value)
+
+        def send0(target: Any, name: str) -> Any:
+            """``target.name`` without arguments: the value, or what calling it gives."""
+            try:
+                value = get_slot(target, name)
+            except errors.Raised:
+                value = self.fallback(target, name)
+            if isinstance(value, Executable):
+                if value.strict:
+                    return value.c0(target)
+                return value.call_lazy(world.call_message(value, target, (), name))
+            return value
+
+        def send(target: Any, name: str, *args: Any) -> Any:
+            """``target.name(args)`` with evaluated arguments, from native code."""
+            try:
+                value = get_slot(target, name)
+            except errors.Raised:
+                value = self.fallback(target, name)
+            return world.invoke(value, target, args, name)
+
+        def equal(a: Any, b: Any) -> Any:
+            """``a == b``: a Python bool for numbers, what ``'=='`` gives for others."""
+            if a.__class__ is float and b.__class__ is float:
+                return a == b
+            return send(a, "==", b)
+
+        def unequal(a: Any, b: Any) -> Any:
+            """``a != b``."""
+            if a.__class__ is float and b.__class__ is float:
+                return a != b
+            return send(a, "!=", b)
+
+        self.equal = equal
+        self.unequal = unequal
+        self.get_slot = get_slot
+        self.method = method
+        self.send0 = send0
+        self.send = send
+
+    def fallback(self, target: Any, name: str) -> Any:
+        """What answers a message that was not understood: the ``fallback`` slot, if there is one."""
+        holder = self.world.peek_obj(target).find("fallback")
+        if holder is None or target is self.world.void:
+            raise  # noqa: PLE0704 - called from an except clause: the look-up error goes on
+        return holder.slots["fallback"]
+
+    def record(self, target: Any, name: str, value: Any) -> None:
+        """A condition reads a slot: it depends on it, on the variables of a function found there, and on the content
+        of a container."""
+        recorder = self.world.recorder
+        recorder.read(target, name)
+        if isinstance(target, Container):
+            recorder.read(target, "")
+        if isinstance(value, Executable):
+            recorder.boxes(getattr(value, "fn", None))
+
+    # ---------------------------------------------------------------- writing
+
+    def update_slot(self, target: Any, name: str, value: Any) -> Any:
+        """``target.name = value``: an inherited slot is copied into the target first.
+
+        Returns the value; raises ``lookup failed``, ``cannot modify const slot``, ``unexpected void``.
+        """
+        if value is self.world.void:
+            raise errors.unexpected_void()
+        obj = self.world.as_obj(target)
+        slots = obj.slots
+        if name in slots:
+            if obj.meta is None:
+                slots[name] = value
+                return value
+            return self._write(obj, obj, name, value)
+        holder = obj.find(name)
+        if holder is None:
+            return obj.fallback_slot(name)
+        meta = peek_meta(holder, name)
+        if meta is not None and (meta.accessor is not None or meta.constant):
+            return self._write(holder, target, name, value)
+        self.put(obj, name, value)
+        return value
+
+    def _write(self, holder: Obj, target: Any, name: str, value: Any) -> Any:
+        meta = peek_meta(holder, name)
+        if meta is None:
+            holder.slots[name] = value
+            return value
+        if meta.constant:
+            raise errors.constness()
+        if meta.accessor is not None:
+            return meta.accessor.write(target, value)
+        holder.slots[name] = value
+        self.announce(holder, name)
+        return value
+
+    def announce(self, holder: Obj, name: str) -> None:
+        """A slot was written: its changed event fires, conditions that read it look again."""
+        meta = peek_meta(holder, name)
+        if meta is not None:
+            if meta.changed is not None:
+                self.send(meta.changed, "emit")
+            notify(meta)
+
+    def put(self, obj: Obj, name: str, value: Any) -> None:
+        """Create a local slot, or overwrite it, whatever was there; the structure may change."""
+        if name not in obj.slots and obj.cache is not None:
+            self.world.flush()
+        obj.slots[name] = value
+        if isinstance(value, Executable) and not value.strict:
+            self.world.lazy_names.add(name)
+        if obj.meta is not None:
+            self.announce(obj, name)
+
+    def set_slot(self, target: Any, name: str, value: Any) -> Any:
+        """``var target.name = value``; raises ``slot redefinition``."""
+        obj = self.world.as_obj(target)
+        if obj is self.world.void:
+            raise errors.unexpected_void()
+        if name in obj.slots:
+            raise errors.redefinition(name)
+        self.put(obj, name, value)
+        return value
+
+    def remove_slot(self, target: Any, name: str) -> None:
+        """Remove a local slot if there is one."""
+        obj = self.world.as_obj(target)
+        if name not in obj.slots:
+            return
+        del obj.slots[name]
+        if obj.cache is not None:
+            self.world.flush()
+        meta = None if obj.meta is None else obj.meta.pop(name, None)
+        if meta is not None:
+            notify(meta)

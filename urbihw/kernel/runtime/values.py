@@ -1,0 +1,140 @@
+"""Value objects that own a Python value: strings, lists, tuples, dictionaries, lazies, call messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.watch import notify
+
+if TYPE_CHECKING:
+    from urbihw.kernel.runtime.code import Executable
+    from urbihw.kernel.runtime.world import World
+
+
+class Container(Obj):
+    """An object whose content conditions may watch."""
+
+    __slots__ = ()
+
+    def touch(self) -> None:
+        """The content changed: tell the conditions that read it.  Call after every mutation."""
+        if self.meta is not None:
+            meta = self.meta.get("")
+            if meta is not None:
+                notify(meta)
+
+
+class String(Container):
+    """A mutable string; ``s`` holds one character per byte."""
+
+    __slots__ = ("s",)
+
+    def __init__(self, world: World, protos: list[Obj], s: str) -> None:
+        super().__init__(world, protos)
+        self.s = s
+
+    def clone(self) -> String:
+        """A fresh string with the same content."""
+        return String(self.world, [self], self.s)
+
+    def __bool__(self) -> bool:
+        return bool(self.s)
+
+
+class List(Container):
+    """A list; ``l`` holds the values."""
+
+    __slots__ = ("l",)
+
+    def __init__(self, world: World, protos: list[Obj], values: list[Any]) -> None:
+        super().__init__(world, protos)
+        self.l = values  # noqa: E741
+
+    def clone(self) -> List:
+        """A fresh list with the same members."""
+        return List(self.world, [self], list(self.l))
+
+    def __bool__(self) -> bool:
+        return bool(self.l)
+
+
+class Tuple(Container):
+    """A tuple; ``l`` holds the values."""
+
+    __slots__ = ("l",)
+
+    def __init__(self, world: World, protos: list[Obj], values: list[Any]) -> None:
+        super().__init__(world, protos)
+        self.l = values  # noqa: E741
+
+    def clone(self) -> Tuple:
+        """A fresh tuple with the same members."""
+        return Tuple(self.world, [self], list(self.l))
+
+
+class Dictionary(Container):
+    """A dictionary from strings to values; ``d`` holds it, iteration is in the order of the keys."""
+
+    __slots__ = ("d",)
+
+    def __init__(self, world: World, protos: list[Obj], values: dict[str, Any]) -> None:
+        super().__init__(world, protos)
+        self.d = values
+
+    def clone(self) -> Dictionary:
+        """A fresh dictionary with the same content."""
+        return Dictionary(self.world, [self], dict(self.d))
+
+    def __bool__(self) -> bool:
+        return bool(self.d)
+
+
+class Lazy(Obj):
+    """A value not yet computed: ``thunk`` computes it, ``node`` is its syntax (None if native code made it)."""
+
+    __slots__ = ("cached", "code", "keep", "node", "thunk")
+
+    def __init__(self, world: World, thunk: Callable[[], Any], node: Any, code: Executable | None = None) -> None:
+        super().__init__(world, [world.lazy_proto])
+        self.thunk = thunk
+        self.node = node
+        self.code = code
+        self.cached: Any = None
+        self.keep = False
+
+    def force(self) -> Any:
+        """Compute the value, each time anew unless it is to be kept."""
+        if self.keep:
+            if self.cached is None:
+                self.cached = self.thunk()
+            return self.cached
+        return self.thunk()
+
+    def memoize(self) -> None:
+        """Compute the value once at most from now on."""
+        self.keep = True
+
+
+class CallMessage(Obj):
+    """How a function was called: who, on what, by which name, with which unevaluated arguments."""
+
+    __slots__ = ("args", "code", "message", "sender", "target")
+
+    def __init__(
+        self, world: World, code: Any, target: Any, message: str, sender: Any, args: list[Lazy]
+    ) -> None:
+        super().__init__(world, [world.call_message_proto])
+        self.code = code
+        self.target = target
+        self.message = message
+        self.sender = sender
+        self.args = args
+
+    def eval_at(self, index: int) -> Any:
+        """Evaluate the argument at ``index``; it may be void."""
+        if not 0 <= index < len(self.args):
+            raise errors.primitive(f"invalid index: {index}", "evalArgAt")
+        return self.args[index].force()

@@ -1,0 +1,390 @@
+"""One kernel's objects: the roots, the constants, and the verbs by which native code handles values.
+
+Everything hangs on a ``World``; there is no module-level state, so two kernels fit in one process.  The classes of the
+standard library put their slots on the bare prototypes made here.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.backtrace import Stack, stack_of
+from urbihw.kernel.runtime.code import Executable, make_primitive
+from urbihw.kernel.runtime.event import Event
+from urbihw.kernel.runtime.object import Nil, Obj, Truth, Void
+from urbihw.kernel.runtime.passage import TagObject
+from urbihw.kernel.runtime.slots import SlotOps
+from urbihw.kernel.runtime.values import CallMessage, Dictionary, Lazy, List, String, Tuple
+from urbihw.kernel.runtime.watch import Recorder
+from urbihw.kernel.sched.job import Job
+from urbihw.kernel.sched.scheduler import Scheduler
+from urbihw.kernel.sched.tag import Tag
+
+log = logging.getLogger("urbihw.kernel")
+
+
+class World:
+    """The objects of one kernel.  ``self.object`` is urbiscript's Object, and so on."""
+
+    def __init__(self, scheduler: Scheduler) -> None:
+        self.scheduler = scheduler
+        self.recorder = Recorder()
+        self.cached: list[Obj] = []
+        self.ndebug = False
+        self.period = 0.02
+        self.tag_count = 0
+        self.float_slots: dict[int, tuple[float, Obj]] = {}
+        self.lazy_names: set[str] = set()
+        self.generic_floats = False
+
+        self.object = Obj(self, [])
+        self.global_ = Obj(self, [self.object])
+        self.object.protos = [self.global_]
+        self.void = Void(self, [])
+        self.float_proto = self.proto()
+        self.string_proto = String(self, [self.object], "")
+        self.list_proto = List(self, [self.object], [])
+        self.tuple_proto = Tuple(self, [self.object], [])
+        self.dictionary_proto = Dictionary(self, [self.object], {})
+        self.boolean_proto = self.proto()
+        self.true = Truth(self, [self.boolean_proto], True)
+        self.false = Truth(self, [self.boolean_proto], False)
+        self.nil = Nil(self, [self.object])
+        self.executable_proto = self.proto()
+        self.code_proto = self.proto(self.executable_proto)
+        self.primitive_proto = self.proto(self.executable_proto)
+        self.lazy_proto = self.proto()
+        self.call_message_proto = self.proto()
+        self.exception_proto = self.proto()
+        self.lobby_proto = self.proto()
+        self.event_proto = Event(self, [self.object])
+        self.tag_proto = TagObject(self, [self.object], Tag(scheduler, "tag"))
+        self.run_late: Callable[..., Any] = _no_compiler
+        self.ops = SlotOps(self)
+        self.send = self.ops.send
+        self.get_slot = self.ops.get_slot
+        self.set_slot = self.ops.set_slot
+        self.update_slot = self.ops.update_slot
+        self.float_zero_error = errors.primitive("division by 0", "/")
+
+    # ---------------------------------------------------------------- making values
+
+    def proto(self, *protos: Obj) -> Obj:
+        """A bare object with these prototypes (Object if none)."""
+        return Obj(self, list(protos) or [self.object])
+
+    def string(self, s: str) -> String:
+        """A String; characters beyond latin-1 become their UTF-8 bytes."""
+        return String(self, [self.string_proto], s)
+
+    def new_list(self, values: list[Any]) -> List:
+        """A List that owns ``values``."""
+        return List(self, [self.list_proto], values)
+
+    def new_tuple(self, values: Iterable[Any]) -> Tuple:
+        """A Tuple."""
+        return Tuple(self, [self.tuple_proto], [*values])
+
+    def dictionary(self, values: dict[str, Any]) -> Dictionary:
+        """A Dictionary that owns ``values``."""
+        return Dictionary(self, [self.dictionary_proto], values)
+
+    def boolean(self, value: object) -> Truth:
+        """``true`` or ``false``."""
+        return self.true if value else self.false
+
+    def lazy(self, thunk: Callable[[], Any], node: Any) -> Lazy:
+        """A value not yet computed."""
+        return Lazy(self, thunk, node)
+
+    def call_message(self, code: Any, target: Any, args: Iterable[Any], message: str = "") -> CallMessage:
+        """The message of a call made by native code, with arguments already evaluated."""
+        return self.lazy_message(code, target, message, target, [self.evaluated(value) for value in args])
+
+    def evaluated(self, value: Any) -> Lazy:
+        """A lazy argument that is a value already."""
+        return Lazy(self, lambda: value, None)
+
+    def lazy_message(self, code: Any, target: Any, name: str, sender: Any, args: list[Lazy]) -> CallMessage:
+        """The message of a call with unevaluated arguments."""
+        return CallMessage(self, code, target, name, sender, args)
+
+    def new_class(self, name: str, protos: list[Any]) -> Obj:
+        """What ``class name : protos`` makes before its body runs: an object with its ``type`` and ``as<name>``."""
+        if len(protos) == 1 and protos[0].__class__ is not float:
+            made: Obj = protos[0].clone()
+        else:
+            made = Obj(self, list(protos) or [self.object])
+        made.slots["type"] = self.string(name)
+        made.slots["as" + name] = make_primitive(self, "as" + name, lambda this: this, 0, 0, False)
+        return made
+
+    def key(self, value: Any) -> str:
+        """A dictionary key: keys are strings."""
+        if not isinstance(value, String):
+            raise self.type_error(None, value, "String", None)
+        return value.s
+
+    def iterate(self, items: Any) -> Iterable[Any]:
+        """The members of a container as ``each`` would give them: a snapshot."""
+        if items.__class__ is float:
+            if items < 0 or items != int(items):
+                raise errors.Raised("BadInteger", f"expected positive integer, got {self.text(items)}", "each")
+            return map(float, range(int(items)))
+        if isinstance(items, List) and "each" not in items.slots:
+            if self.recorder.active is not None:
+                self.recorder.read(items, "")
+            return list(items.l)
+        found: list[Any] = []
+
+        def take(this: Any, member: Any) -> Any:
+            found.append(member)
+            return self.void
+
+        taker = make_primitive(self, "each", take, 1, 1, False)
+        self.send(items, "each", taker)
+        return found
+
+    # ---------------------------------------------------------------- asking values
+
+    def as_obj(self, value: Any) -> Obj:
+        """The object that holds the slots of a value: itself, or for a number a holder keyed by identity."""
+        if value.__class__ is not float:
+            assert isinstance(value, Obj)
+            return value
+        known = self.float_slots.get(id(value))
+        if known is None:
+            known = self.float_slots[id(value)] = (value, Obj(self, [self.float_proto]))
+        return known[1]
+
+    def peek_obj(self, value: Any) -> Obj:
+        """Like ``as_obj`` for reading: a number without slots of its own is its prototype."""
+        if value.__class__ is float:
+            known = self.float_slots.get(id(value)) if self.float_slots else None
+            return self.float_proto if known is None else known[1]
+        assert isinstance(value, Obj)
+        return value
+
+    def protos_of(self, value: Any) -> list[Any]:
+        """The prototypes of a value."""
+        return [self.float_proto] if value.__class__ is float and id(value) not in self.float_slots \
+            else self.as_obj(value).protos
+
+    def is_a(self, value: Any, proto: Any) -> bool:
+        """Whether ``proto`` is the value or one of its ancestors."""
+        if value is proto:
+            return True
+        todo: list[Any] = list(self.protos_of(value))
+        seen: set[int] = set()
+        while todo:
+            ancestor = todo.pop()
+            if ancestor is proto:
+                return True
+            if id(ancestor) not in seen:
+                seen.add(id(ancestor))
+                todo.extend(self.protos_of(ancestor))
+        return False
+
+    def text(self, value: Any) -> str:
+        """What ``value.asString`` says, as a Python str."""
+        if value.__class__ is String and "asString" not in value.slots:
+            return str(value.s)
+        answer = self.send(value, "asString")
+        if not isinstance(answer, String):
+            raise self.type_error(None, answer, "String", "asString")
+        return answer.s
+
+    def printable(self, value: Any) -> str:
+        """What ``value.asPrintable`` says, as a Python str."""
+        answer = self.send(value, "asPrintable")
+        if not isinstance(answer, String):
+            raise self.type_error(None, answer, "String", "asPrintable")
+        return answer.s
+
+    def type_name(self, value: Any) -> str:
+        """The ``type`` of a value."""
+        return self.text(self.send(value, "type"))
+
+    def as_float(self, value: Any, index: int | None, routine: str) -> float:
+        """A value that must be a Float."""
+        if value.__class__ is not float:
+            raise self.type_error(index, value, "Float", routine)
+        return float(value)
+
+    def quoted_name(self, name: str) -> str:
+        """A slot name as it is written in a program: quoted unless it is an identifier."""
+        return name if name.isidentifier() else f"'{name}'"
+
+    def uid(self, value: Any) -> str:
+        """What tells a value from all others: ``0x`` and hexadecimal digits."""
+        return hex(id(value))
+
+    # ---------------------------------------------------------------- calling
+
+    def invoke(self, value: Any, this: Any, args: tuple[Any, ...] = (), name: str = "") -> Any:
+        """Call a value with a target and evaluated arguments, from native code."""
+        if not isinstance(value, Executable):
+            if args:
+                raise errors.arity(len(args), 0, routine=name or "")
+            return value
+        if not value.strict:
+            return value.call_lazy(self.call_message(value, this, args, name))
+        return value.call(this, args)
+
+    def flush(self) -> None:
+        """The structure of some prototype changed: forget where inherited slots were found."""
+        for obj in self.cached:
+            obj.cache = None
+        self.cached.clear()
+
+    # ---------------------------------------------------------------- tags
+
+    def fresh_tag_name(self) -> str:
+        """A name for a tag that was given none."""
+        self.tag_count += 1
+        return f"tag_{self.tag_count}"
+
+    def tag_by_name(self, holder: Any, implicit: bool, path: Sequence[str]) -> Any:
+        """The tag meant by ``a.b:``; a name not declared makes a tag, in Tag (``a`` alone) or in its parent tag."""
+        for index, name in enumerate(path):
+            obj = self.as_obj(holder)
+            if index == 0 and implicit and obj.find(name) is None:
+                obj = self.tag_proto
+            if obj.find(name) is None:
+                if not isinstance(obj, TagObject):
+                    raise errors.Raised("ImplicitTagComponent", "invalid component in implicit tag", None)
+                parent = None if obj is self.tag_proto else obj.tag
+                made = TagObject(self, [obj], Tag(self.scheduler, name, parent))
+                self.set_slot(obj, name, made)
+            holder = self.ops.send0(obj, name)
+        return holder
+
+    # ---------------------------------------------------------------- errors
+
+    def type_error(self, index: int | None, value: Any, expected: str, routine: str | None = "") -> errors.UrbiError:
+        """``routine: unexpected VALUE for argument INDEX, expected a TYPE``."""
+        if value is self.void:
+            return errors.unexpected_void()
+        where = "" if index is None else f" for argument {index}"
+        article = "an" if expected[:1] in "AEIOU" else "a"
+        kind = "Type" if index is None else "ArgumentType"
+        return errors.Raised(kind, f"unexpected {self.printable(value)}{where}, expected {article} {expected}", routine)
+
+    def normalized(self, error: BaseException) -> errors.UrbiError:
+        """Any Python exception as an urbiscript one; what is no error of urbiscript is logged as a bug of ours."""
+        if isinstance(error, errors.UrbiError):
+            return error
+        if isinstance(error, ZeroDivisionError):
+            raised: errors.UrbiError = errors.primitive("division by 0", "/")
+        elif isinstance(error, RecursionError):
+            raised = errors.Raised("Scheduling", "stack exhausted", None)
+        elif isinstance(error, MemoryError):
+            raised = errors.Raised("Scheduling", "memory exhausted", None)
+        else:
+            log.error("bug in urbihw: %s: %s", type(error).__name__, error)
+            log.debug("traceback of the bug", exc_info=error)
+            raised = errors.primitive(f"internal error ({type(error).__name__}), please report it: {error}", None)
+        return raised.with_traceback(error.__traceback__)
+
+    def caught(self, error: BaseException) -> Any:
+        """The urbiscript value of a caught error; Exceptions get their location and backtrace here."""
+        urbi = self.normalized(error)
+        if isinstance(urbi, errors.Raised):
+            if urbi.value is None:
+                urbi.value = self._exception(urbi)
+            return urbi.value
+        value = urbi.value
+        if isinstance(value, Obj) and "backtrace" not in value.slots and self.is_a(value, self.exception_proto):
+            self._locate(value, stack_of(urbi))
+        return value
+
+    def describe(self, error: BaseException) -> list[str]:
+        """The lines that tell a user of an uncaught error, without the leading marks."""
+        urbi = self.normalized(error)
+        stack = stack_of(urbi)
+        value = self.caught(urbi)
+        if isinstance(value, Obj) and self.is_a(value, self.exception_proto):
+            head = self.exception_text(value)
+            place = self._slot_text(value, "location")
+            first = f"{place}: {head}" if place else head
+        else:
+            first = self.text(value)
+        lines = [first]
+        lines += [f"   called from: {frame.location}: {frame.name}" for frame in stack.calls]
+        return lines
+
+    def exception_text(self, value: Any) -> str:
+        """``routine: message`` of an Exception."""
+        loc = self._slot_text(value, "loc")
+        routine = self._slot_text(value, "routine")
+        message = self.text(self.send(value, "message"))
+        if loc:
+            return f"syntax error: {message}"
+        return f"{routine}: {message}" if routine else message
+
+    def _slot_text(self, value: Any, name: str) -> str:
+        holder = self.as_obj(value).find(name)
+        content = None if holder is None else holder.slots[name]
+        if content is None or content is self.void or content is self.nil:
+            return ""
+        return self.text(content)
+
+    def _exception(self, raised: errors.Raised) -> Obj:
+        kind = self.exception_proto if raised.kind == "Exception" else self.exception_proto.slots.get(raised.kind, self.exception_proto)
+        made = Obj(self, [kind])
+        made.slots["message"] = self.string(raised.message)
+        stack = stack_of(raised)
+        routine = stack.routine if raised.routine == "" else raised.routine
+        if routine is not None:
+            made.slots["routine"] = self.string(routine)
+        for name, value in raised.slots.items():
+            made.slots[name] = self.from_python(value)
+        self._locate(made, stack)
+        return made
+
+    def _locate(self, value: Obj, stack: Stack) -> None:
+        value.slots["location"] = self.location_value(stack.location)
+        value.slots["backtrace"] = self.backtrace_value(stack)
+
+    def location_value(self, location: Any) -> Any:
+        """A Location object (replaced by the standard library; a string until then)."""
+        return self.nil if location is None else self.string(str(location))
+
+    def backtrace_value(self, stack: Stack) -> Any:
+        """A list of StackFrames (replaced by the standard library)."""
+        return self.new_list([])
+
+    # ---------------------------------------------------------------- conversions
+
+    def from_python(self, value: Any) -> Any:
+        """A Python value as an urbiscript one; None is void."""
+        if isinstance(value, Obj) or value.__class__ is float:
+            return value
+        if value is None:
+            return self.void
+        if isinstance(value, bool):
+            return self.boolean(value)
+        if isinstance(value, int | float):
+            return float(value)
+        if isinstance(value, str):
+            return self.string(value)
+        if isinstance(value, bytes | bytearray):
+            return self.string(value.decode("latin-1"))
+        if isinstance(value, list):
+            return self.new_list([self.from_python(member) for member in value])
+        if isinstance(value, tuple):
+            return self.new_tuple([self.from_python(member) for member in value])
+        if isinstance(value, dict):
+            return self.dictionary({str(key): self.from_python(member) for key, member in value.items()})
+        raise TypeError(f"no urbiscript value for a Python {type(value).__name__}")
+
+    def spawn(self, body: Callable[[], Any], name: str = "", parent: Job | None = None) -> Job:
+        """A new job that ends alone; its errors are reported to the lobby of its context."""
+        return self.scheduler.spawn(body, name, parent=parent)
+
+
+def _no_compiler(*args: Any) -> Any:
+    raise errors.KernelBug("this world has no compiler")

@@ -1,0 +1,51 @@
+"""Clocks.  The scheduler is handed one; nobody else asks the time."""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """Seconds since the kernel started, never going back."""
+
+    def now(self) -> float:
+        """The present time, in seconds."""
+        ...
+
+    def idle(self, deadline: float) -> None:
+        """Nothing is ready before ``deadline``: a simulated clock jumps there, a real one does nothing."""
+        ...
+
+
+class RealClock:
+    """The machine's monotonic clock; zero is when it was made."""
+
+    def __init__(self) -> None:
+        self._origin = time.monotonic()
+
+    def now(self) -> float:
+        """Seconds since this clock was made."""
+        return time.monotonic() - self._origin
+
+    def idle(self, deadline: float) -> None:
+        """Real time passes by itself."""
+
+
+class SimClock:
+    """A clock that stands still while jobs run and jumps to the next deadline when all of them sleep."""
+
+    def __init__(self, start: float = 0.0) -> None:
+        self._now = start
+
+    def now(self) -> float:
+        """The simulated time, in seconds."""
+        return self._now
+
+    def idle(self, deadline: float) -> None:
+        """Jump to the deadline, never back."""
+        self._now = max(self._now, deadline)
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass by hand (tests of components that are told the time)."""
+        self._now += seconds

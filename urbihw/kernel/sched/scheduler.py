@@ -1,0 +1,309 @@
+"""The scheduler: runs the jobs that are ready, in turn, and says when it wants to be called next.
+
+One *round* runs each job that was ready when it began, once, first in first out; a round has one time (``now``),
+which is also the time stamp of what is written in it.  ``run()`` makes rounds until nobody is ready and returns the
+time of the next wake-up; who calls it (an asyncio loop, a simulated clock) is not its business.
+
+Jobs made by ``spawn`` start at the end of the queue; ``start_now`` gives the processor to the new job at once and
+puts its maker at the end of the queue, which is what a ``,`` in urbiscript does.
+
+``post()`` is the one door for other threads: what they post runs between rounds.  ``interrupt()`` makes ``run``
+return soon although jobs are ready, so that an endless loop of ``;`` cannot starve the sockets.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
+
+from greenlet import getcurrent
+
+from urbihw.kernel.sched import job as states
+from urbihw.kernel.sched.clock import Clock
+from urbihw.kernel.sched.job import Job
+from urbihw.kernel.sched.signals import JobKilled, StopTag
+from urbihw.kernel.sched.timequeue import TimeQueue, Timer
+from urbihw.kernel.sched.trace import Tracer
+
+if TYPE_CHECKING:
+    from urbihw.kernel.sched.tag import TagEntry
+
+
+class _Interrupt:
+    """A mark in the ready queue at which ``run`` returns."""
+
+
+_INTERRUPT = _Interrupt()
+
+
+class Scheduler:
+    """All jobs of one kernel."""
+
+    def __init__(self, clock: Clock, wake_host: Callable[[], None] = lambda: None) -> None:
+        self.clock = clock
+        self.hub = getcurrent()
+        self.ready: deque[Job | _Interrupt] = deque()
+        self.timers = TimeQueue()
+        self.current: Job | None = None
+        self.now = clock.now()
+        self.cycle = 0
+        self.jobs: dict[Job, None] = {}
+        self.tracer = Tracer()
+        self.failed: Callable[[Job, BaseException], None] = lambda job, error: None
+        self.round_over: Callable[[], None] = lambda: None
+        self._posted: deque[Callable[[], None]] = deque()
+        self._wake_host = wake_host
+
+    # ---------------------------------------------------------------- making jobs
+
+    def spawn(
+        self,
+        body: Callable[[], Any],
+        name: str = "",
+        *,
+        context: Any = None,
+        parent: Job | None = None,
+        entries: Iterable[TagEntry] = (),
+    ) -> Job:
+        """A new job at the end of the ready queue.
+
+        ``parent`` gives its tags and its context; without one, ``entries`` are the tags it begins under.  ``failed``
+        is called with whatever error ends a job that belongs to no group.
+        """
+        if parent is not None:
+            context = parent.context if context is None else context
+            entries = parent.entries
+        made = Job(self, body, name, context)
+        self.jobs[made] = None
+        for entry in entries:
+            entry.inherit(made)
+        if made.entries:
+            self.recheck_frozen(made)
+        self.ready.append(made)
+        self.tracer.created(made)
+        return made
+
+    def start_now(self, made: Job) -> None:
+        """Run a job just spawned before its maker goes on; the maker queues up behind it."""
+        self.ready.remove(made)
+        self.ready.appendleft(made)
+        self.yield_()
+
+    def running(self) -> Job:
+        """The job that runs; only a job may call what needs this."""
+        if self.current is None:
+            raise RuntimeError("no job is running: this may only be called from inside a job")
+        return self.current
+
+    # ---------------------------------------------------------------- what a job asks for
+
+    def yield_(self) -> None:
+        """Let the other ready jobs run; come back behind them."""
+        job = self.running()
+        self.ready.append(job)
+        job.state = states.READY
+        self._leave(job)
+
+    def sleep(self, seconds: float) -> None:
+        """Come back after this much time, less what is spent frozen; zero or less is a yield."""
+        if seconds <= 0:
+            self.yield_()
+            return
+        job = self.running()
+        job.timer = self.timers.add(self.clock.now() + seconds, lambda: self._wake_sleeper(job))
+        job.state = states.SLEEPING
+        job.undo = lambda: self._forget_timer(job)
+        self._leave(job)
+
+    def suspend(self, undo: Callable[[], None] | None) -> None:
+        """Park the running job until ``wake``; ``undo`` takes it out of where it waits if it is stopped before."""
+        job = self.running()
+        job.state = states.WAITING
+        job.undo = undo
+        self._leave(job)
+
+    def wake(self, job: Job) -> None:
+        """Make a parked job ready; harmless if it is not parked."""
+        if job.state in (states.WAITING, states.SLEEPING) and not job.done:
+            job.undo = None
+            job.state = states.READY
+            self.ready.append(job)
+
+    def throw(self, job: Job, error: BaseException) -> None:
+        """Make a job leave what it does by an exception; the running job leaves at once.
+
+        Of two that are to reach a job the one that leads further out wins.
+        """
+        if job.done:
+            return
+        if job is self.current:
+            raise error
+        if job.pending is not None:
+            if _goes_further(error, job.pending):
+                job.pending = error
+            return
+        job.pending = error
+        if job.undo is not None:
+            undo, job.undo = job.undo, None
+            undo()
+        if job.held or job.state in (states.WAITING, states.SLEEPING):
+            job.held = False
+            job.state = states.READY
+            self.ready.append(job)
+
+    def kill(self, job: Job) -> None:
+        """End a job; its finally clauses run."""
+        self.throw(job, JobKilled())
+
+    def call_at(self, deadline: float, action: Callable[[], None]) -> Timer:
+        """Call ``action`` (outside any job) at a time; the timer can be cancelled."""
+        return self.timers.add(deadline, action)
+
+    # ---------------------------------------------------------------- freezing
+
+    def recheck_frozen(self, job: Job) -> None:
+        """A tag of the job was frozen or unfrozen, entered or left: bring the job's state in line."""
+        frozen = any(entry.tag.is_frozen() for entry in job.entries)
+        if frozen == job.frozen or job.done:
+            return
+        job.frozen = frozen
+        now = self.clock.now()
+        if frozen:
+            job.frozen_at = now
+            if job.timer is not None:
+                job.wake_left = job.timer.deadline - now
+                job.timer.cancel()
+            return
+        job.shift += now - job.frozen_at
+        if job.held:
+            job.held = False
+            job.state = states.READY
+            self.ready.append(job)
+        elif job.timer is not None:
+            job.timer = self.timers.add(now + job.wake_left, lambda: self._wake_sleeper(job))
+
+    def hold_if_frozen(self) -> None:
+        """The running job stops here while a tag holds it (it froze itself, or it stands at a frozen tag's door)."""
+        job = self.running()
+        while job.frozen:
+            job.held = True
+            job.state = states.WAITING
+            self._leave(job)
+
+    # ---------------------------------------------------------------- other threads and the host
+
+    def post(self, action: Callable[[], None]) -> None:
+        """From any thread: run ``action`` between two rounds, outside any job."""
+        self._posted.append(action)
+        self._wake_host()
+
+    def interrupt(self) -> None:
+        """From any thread: make a running ``run`` return at the end of its present turn."""
+        self.ready.append(_INTERRUPT)
+
+    def run(self) -> float | None:
+        """Run rounds until no job is ready (or ``interrupt``); the time of the next wake-up, None for never.
+
+        Returns the present time when interrupted: call again soon.
+        """
+        self.hub = getcurrent()
+        while True:
+            self.now = now = self.clock.now()
+            while self._posted:
+                self._posted.popleft()()
+            action = self.timers.pop_due(now)
+            while action is not None:
+                action()
+                action = self.timers.pop_due(now)
+            ready = self.ready
+            if not ready:
+                self.round_over()
+                if not ready and not self._posted:
+                    return self.timers.next_deadline()
+                continue
+            self.cycle += 1
+            for _ in range(len(ready)):
+                job = ready.popleft()
+                if job is _INTERRUPT:
+                    self.round_over()
+                    return now
+                self._resume(job)  # type: ignore[arg-type]
+            self.round_over()
+
+    def run_simulated(self, until: float | None = None) -> None:
+        """With a simulated clock: run until all jobs are over or wait for ever, or until a time."""
+        while True:
+            deadline = self.run()
+            if deadline is None or (until is not None and deadline > until):
+                if until is not None:
+                    self.clock.idle(until)
+                    self.now = self.clock.now()
+                return
+            self.clock.idle(deadline)
+
+    # ---------------------------------------------------------------- inside
+
+    def ended(self, job: Job) -> None:
+        """A job's body is over (called at the end of the job's own greenlet)."""
+        job.done = True
+        job.state = states.TERMINATED
+        self.jobs.pop(job, None)
+        for entry in job.entries:
+            entry.forget(job)
+        job.entries = []
+        self.tracer.ended(job)
+        error = job.error
+        if job.group is not None:
+            job.group.child_ended(job, error)
+        elif error is not None:
+            self.failed(job, error)
+        if job.on_end is not None:
+            for action in job.on_end:
+                action(job)
+            job.on_end = None
+
+    def _leave(self, job: Job) -> None:
+        """Give the processor back to the hub; throw what somebody wants thrown when the job is resumed."""
+        self.hub.switch()
+        job.state = states.RUNNING
+        if job.pending is not None:
+            error, job.pending = job.pending, None
+            raise error
+
+    def _resume(self, job: Job) -> None:
+        if job.done:
+            return
+        if job.frozen and job.pending is None:
+            job.held = True
+            job.state = states.WAITING if job.state == states.READY else job.state
+            return
+        self.current = job
+        job.state = states.RUNNING
+        if not job.started:
+            job.started = True
+            if job.pending is not None:
+                job.error, job.pending = job.pending, None
+                job.body = None
+                self.ended(job)
+                self.current = None
+                return
+        job.coro.switch()
+        self.current = None
+
+    def _wake_sleeper(self, job: Job) -> None:
+        job.timer = None
+        self.wake(job)
+
+    def _forget_timer(self, job: Job) -> None:
+        if job.timer is not None:
+            job.timer.cancel()
+            job.timer = None
+
+
+def _goes_further(new: BaseException, old: BaseException) -> bool:
+    if isinstance(old, JobKilled):
+        return False
+    if isinstance(new, StopTag) and isinstance(old, StopTag):
+        return bool(new.entry.depth < old.entry.depth)
+    return True

@@ -1,0 +1,37 @@
+"""What is thrown into a job to make it leave what it does.
+
+All are ``BaseException``s: a device's ``except Exception`` cannot eat them.  They are not errors and are never shown.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+class Signal(BaseException):
+    """Base of everything that unwinds a job without being an error."""
+
+
+class JobKilled(Signal):
+    """The job is to end: its connection closed, or somebody called ``terminate``."""
+
+
+class StopTag(Signal):
+    """The code under one tag entry is to be left, with a value."""
+
+    def __init__(self, entry: Any, value: Any) -> None:
+        super().__init__()
+        self.entry = entry
+        self.value = value
+
+
+class Leave(Signal):
+    """return, break or continue that has to cross from one job into the one that waits for it.
+
+    ``token`` names the function call or the loop to be left or gone on with.
+    """
+
+    def __init__(self, token: Any, value: Any = None) -> None:
+        super().__init__()
+        self.token = token
+        self.value = value

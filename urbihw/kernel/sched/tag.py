@@ -1,0 +1,184 @@
+"""Tags: handles on the code that runs under them.
+
+A job keeps the list of its *entries*, outermost first.  Entering tagged code adds an entry; a job made by another
+inherits the entries of its maker, and being stopped at an inherited entry ends the job.  A tag made from another
+(``clone``) is its child: stopping, freezing or blocking the parent does the same to the child's code.
+"""
+
+from __future__ import annotations
+
+import weakref
+from typing import TYPE_CHECKING, Any, Protocol
+
+from urbihw.kernel.sched.signals import StopTag
+
+if TYPE_CHECKING:
+    from urbihw.kernel.sched.job import Job
+    from urbihw.kernel.sched.scheduler import Scheduler
+
+
+class TagEntry:
+    """One passage of one job (and of the jobs it makes meanwhile) through tagged code."""
+
+    __slots__ = ("depth", "jobs", "owner", "tag")
+
+    def __init__(self, tag: Tag, owner: Job) -> None:
+        self.tag = tag
+        self.owner = owner
+        self.depth = len(owner.entries)
+        self.jobs: dict[Job, None] = {owner: None}
+
+    def inherit(self, job: Job) -> None:
+        """A new job begins under this entry."""
+        job.entries.append(self)
+        self.jobs[job] = None
+        self.tag.live[self] = None
+
+    def forget(self, job: Job) -> None:
+        """A job is over or has left the tagged code."""
+        self.jobs.pop(job, None)
+        if not self.jobs:
+            self.tag.live.pop(self, None)
+
+
+class Hook(Protocol):
+    """Something set up under a tag that is no job: told when the tag is stopped."""
+
+    def stopped(self) -> None:
+        """The tag was stopped."""
+        ...
+
+
+class Tag:
+    """A tag of the scheduler; the urbiscript object of the same name holds one."""
+
+    def __init__(self, scheduler: Scheduler, name: str, parent: Tag | None = None) -> None:
+        self.scheduler = scheduler
+        self.name = name
+        self.parent = parent
+        self.frozen = False
+        self.blocked = False
+        self.block_value: Any = None
+        self.live: dict[TagEntry, None] = {}
+        self._children: list[weakref.ref[Tag]] = []
+        self.hooks: dict[Hook, None] = {}
+        if parent is not None:
+            parent._children.append(weakref.ref(self, parent._children.remove))
+
+    # ---------------------------------------------------------------- state
+
+    def is_frozen(self) -> bool:
+        """Whether this tag or one it derives from is frozen."""
+        tag: Tag | None = self
+        while tag is not None:
+            if tag.frozen:
+                return True
+            tag = tag.parent
+        return False
+
+    def blocker(self) -> Tag | None:
+        """The blocked tag that keeps code from entering here, or None."""
+        tag: Tag | None = self
+        while tag is not None:
+            if tag.blocked:
+                return tag
+            tag = tag.parent
+        return None
+
+    # ---------------------------------------------------------------- passing through
+
+    def enter(self) -> TagEntry:
+        """The running job enters code under this tag; it waits at the door while the tag is frozen.
+
+        Raises StopTag for the new entry when the tag is blocked.
+        """
+        job = self.scheduler.running()
+        entry = TagEntry(self, job)
+        job.entries.append(entry)
+        self.live[entry] = None
+        blocker = self.blocker()
+        if blocker is not None:
+            self.leave(entry)
+            raise StopTag(entry, blocker.block_value)
+        self.scheduler.recheck_frozen(job)
+        if job.frozen:
+            try:
+                self.scheduler.hold_if_frozen()
+            except BaseException:
+                self.leave(entry)
+                raise
+        return entry
+
+    def leave(self, entry: TagEntry) -> None:
+        """The running job leaves what it entered."""
+        job = entry.owner
+        if job.entries and job.entries[-1] is entry:
+            job.entries.pop()
+        elif entry in job.entries:
+            job.entries.remove(entry)
+        entry.forget(job)
+        self.scheduler.recheck_frozen(job)
+
+    # ---------------------------------------------------------------- commands
+
+    def stop(self, value: Any) -> None:
+        """Make all code under this tag and its children stop, with a value; the running job last, if it is one."""
+        mine: StopTag | None = None
+        for tag in self._family():
+            for entry in list(tag.live):
+                for job in list(entry.jobs):
+                    outer = _outermost(job, self)
+                    signal = StopTag(outer, value)
+                    if job is self.scheduler.current:
+                        mine = signal
+                    else:
+                        self.scheduler.throw(job, signal)
+            for hook in list(tag.hooks):
+                hook.stopped()
+        if mine is not None:
+            raise mine
+
+    def freeze(self) -> None:
+        """Hold all code under this tag; the running job too, at once, if it is under it."""
+        self.frozen = True
+        self._recheck()
+        if self.scheduler.current is not None:
+            self.scheduler.hold_if_frozen()
+
+    def unfreeze(self) -> None:
+        """Let the code go on, unless another tag holds it."""
+        self.frozen = False
+        self._recheck()
+
+    def block(self, value: Any) -> None:
+        """Stop the code under this tag and let none enter until ``unblock``."""
+        self.blocked = True
+        self.block_value = value
+        self.stop(value)
+
+    def unblock(self) -> None:
+        """Let code enter again."""
+        self.blocked = False
+        self.block_value = None
+
+    def _family(self) -> list[Tag]:
+        family = [self]
+        for tag in family:
+            family.extend(child for child in (ref() for ref in tag._children) if child is not None)
+        return family
+
+    def _recheck(self) -> None:
+        for tag in self._family():
+            for entry in list(tag.live):
+                for job in list(entry.jobs):
+                    self.scheduler.recheck_frozen(job)
+
+
+def _outermost(job: Job, tag: Tag) -> TagEntry:
+    for entry in job.entries:
+        over: Tag | None = entry.tag
+        while over is not None:
+            if over is tag:
+                return entry
+            over = over.parent
+    raise LookupError(f"job {job.name} is not under tag {tag.name}")

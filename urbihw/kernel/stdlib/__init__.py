@@ -1,0 +1,87 @@
+"""The standard library: one module per urbiscript class, native half and urbiscript half side by side.
+
+``MODULES`` is the boot order.  A module may have
+
+- ``TABLE``, a table of built-ins (or ``TABLES``, several): each goes to the prototype of its name;
+- ``install(world, programs)`` for what a table cannot say (it runs after its tables);
+- an urbiscript half, ``<module>.u`` beside it, run with Global as ``this`` after all natives are in place.
+
+``prototype`` finds or makes the object a table belongs to.  May import ``compiler``, ``runtime`` and ``sched``.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from importlib.resources import files
+from typing import Any
+
+from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.world import World
+
+MODULES = ("object",)
+
+
+def prototype(world: World, name: str) -> Obj:
+    """The object in Global called ``name`` (``A.B`` for a slot of another), made as a child of Object if missing."""
+    holder: Any = world.global_
+    for part in name.split("."):
+        if part not in holder.slots:
+            made = world.proto()
+            made.slots["type"] = world.string(part)
+            holder.slots[part] = made
+        holder = holder.slots[part]
+    assert isinstance(holder, Obj)
+    return holder
+
+
+def _roots(world: World) -> None:
+    known = {
+        "Object": world.object,
+        "Global": world.global_,
+        "Float": world.float_proto,
+        "String": world.string_proto,
+        "List": world.list_proto,
+        "Tuple": world.tuple_proto,
+        "Dictionary": world.dictionary_proto,
+        "Boolean": world.boolean_proto,
+        "Executable": world.executable_proto,
+        "Code": world.code_proto,
+        "Primitive": world.primitive_proto,
+        "Lazy": world.lazy_proto,
+        "CallMessage": world.call_message_proto,
+        "Exception": world.exception_proto,
+        "Lobby": world.lobby_proto,
+        "Event": world.event_proto,
+        "Tag": world.tag_proto,
+    }
+    for name, proto in known.items():
+        world.global_.slots[name] = proto
+        proto.slots["type"] = world.string(name)
+    world.global_.slots.update({"nil": world.nil, "void": world.void, "true": world.true, "false": world.false})
+
+
+def install(world: World, programs: Any) -> None:
+    """Put the whole library into a world: natives at once, the urbiscript halves in a job that is run here."""
+    _roots(world)
+    modules = [import_module(f"urbihw.kernel.stdlib.{name}") for name in MODULES]
+    for module in modules:
+        tables = getattr(module, "TABLES", None) or ([module.TABLE] if hasattr(module, "TABLE") else [])
+        for table in tables:
+            table.install(world, prototype(world, table.proto))
+        if hasattr(module, "install"):
+            module.install(world, programs)
+    world.flush()
+    _run_urbiscript(world, programs)
+
+
+def _run_urbiscript(world: World, programs: Any) -> None:
+    def run() -> None:
+        for name in MODULES:
+            source = files("urbihw.kernel.stdlib").joinpath(name + ".u")
+            if source.is_file():
+                programs.evaluate(source.read_text("latin-1"), world.global_, f"{name}.u", system=True)
+
+    job = world.scheduler.spawn(run, "boot")
+    world.scheduler.run()
+    if job.error is not None:
+        raise job.error
