@@ -69,7 +69,7 @@ class Bioloid(DynamixelBus):
         """
         unit = self[number]
         if not isinstance(unit, Ax12):
-            raise UnknownRequest(f"unit {number}: a {type(unit).__name__}, not an AX-12")
+            raise UnknownRequest(f"unit {number}: this is {type(unit).__name__}, not an AX-12")
         return unit
 
     def sensor(self, number: int = 100) -> AxS1:
@@ -81,7 +81,7 @@ class Bioloid(DynamixelBus):
         """
         unit = self[number]
         if not isinstance(unit, AxS1):
-            raise UnknownRequest(f"unit {number}: a {type(unit).__name__}, not an AX-S1")
+            raise UnknownRequest(f"unit {number}: this is {type(unit).__name__}, not an AX-S1")
         return unit
 
     def x_servo(self, number: int) -> XSeries:
@@ -93,5 +93,5 @@ class Bioloid(DynamixelBus):
         """
         unit = self[number]
         if not isinstance(unit, XSeries):
-            raise UnknownRequest(f"unit {number}: a {type(unit).__name__}, not an X-series servo")
+            raise UnknownRequest(f"unit {number}: this is {type(unit).__name__}, not an X-series servo")
         return unit

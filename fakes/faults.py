@@ -21,6 +21,7 @@ Not covered: answers that collide with a later request because they are late (bo
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from fakes.errors import UnknownRequest
@@ -55,7 +56,7 @@ class Faults:
     def __init__(self) -> None:
         self._active: dict[tuple[str, int | None], Fault] = {}
 
-    def __iter__(self) -> object:
+    def __iter__(self) -> Iterator[Fault]:
         return iter(tuple(self._active.values()))
 
     @property

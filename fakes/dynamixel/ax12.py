@@ -221,11 +221,17 @@ class Ax12(Unit1):
             span = min(steps, 50)
             self._run(span)
             steps -= span
-            if steps > 50 and abs(self.speed - speed) < 1e-6 and abs(self.drive - drive) < 1e-9:
-                # Nothing changes any more but angle, heat and patience: one leap instead of many steps.
+            steady = abs(self.speed - speed) < 1e-6 and abs(self.drive - drive) < 1e-9
+            if steps > 50 and steady and not self._on_its_way():
+                # Nothing changes any more but angle and heat: one leap instead of many steps.
                 self.position = self._bounded(self.position + self.speed * steps * STEP)
                 self._warm(steps * STEP)
                 steps = 0
+
+    def _on_its_way(self) -> bool:
+        """True while a steady state will not last: a goal comes nearer, or a stall turns into an overload."""
+        goal_ahead = self.speed != 0.0 and self.drive != 0.0 and not self.wheel
+        return goal_ahead or (self._stalled_for > 0.0 and not self.overloaded)
 
     def _run(self, steps: int) -> None:
         get = self.registers.get
@@ -280,7 +286,7 @@ class Ax12(Unit1):
         errors = packet1.ERR_OVERLOAD if self.overloaded else 0
         if not get("min_voltage") <= round(self.volts * 10) <= get("max_voltage"):
             errors |= packet1.ERR_VOLTAGE
-        if self.celsius > get("temperature_limit"):
+        if int(self.celsius) > get("temperature_limit"):
             errors |= packet1.ERR_HEAT
         return errors
 

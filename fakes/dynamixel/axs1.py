@@ -142,7 +142,7 @@ class AxS1(Unit1):
         get = self.registers.get
         inside = get("min_voltage") <= round(self.volts * 10) <= get("max_voltage")
         return (0 if inside else packet1.ERR_VOLTAGE) | (
-            packet1.ERR_HEAT if self.celsius > get("temperature_limit") else 0
+            packet1.ERR_HEAT if int(self.celsius) > get("temperature_limit") else 0
         )
 
     def advance(self, elapsed: float) -> None:

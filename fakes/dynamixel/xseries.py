@@ -264,13 +264,20 @@ class XSeries(Unit2):
             span = min(steps, 50)
             self._run(span)
             steps -= span
-            if steps > 50 and abs(self.motor.speed - speed) < 1e-6 and abs(self.motor.drive - drive) < 1e-9:
-                # Nothing changes any more but angle, heat and patience: one leap instead of many steps.
+            steady = abs(self.motor.speed - speed) < 1e-6 and abs(self.motor.drive - drive) < 1e-9
+            if steps > 50 and steady and not self._on_its_way():
+                # Nothing changes any more but angle and heat: one leap instead of many steps.
                 leap = steps * STEP
                 self.motor.position += self.motor.speed * leap
                 self.profile.position += self.profile.velocity * leap
                 self._warm(leap)
                 steps = 0
+
+    def _on_its_way(self) -> bool:
+        """True while a steady state will not last: a goal comes nearer, or a stall turns into an overload."""
+        positions = self.mode in (POSITION, EXTENDED, CURRENT_POSITION)
+        goal_ahead = self.torque and positions and (self.motor.speed != 0.0 or self.profile.velocity != 0.0)
+        return goal_ahead or 0.0 < self._stalled_for < OVERLOAD_TIME
 
     def _run(self, steps: int) -> None:
         get = self.registers.get
@@ -323,7 +330,7 @@ class XSeries(Unit2):
         get = self.registers.get
         if not get("min_voltage") <= round(self.volts * 10) <= get("max_voltage"):
             self._raise(HW_VOLTAGE)
-        if self.celsius > get("temperature_limit"):
+        if int(self.celsius) > get("temperature_limit"):
             self._raise(HW_HEAT)
         if self._stalled_for >= OVERLOAD_TIME:
             self._raise(HW_OVERLOAD)
