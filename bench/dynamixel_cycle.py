@@ -1,0 +1,353 @@
+"""How close the Dynamixel cycle comes to the wire: `python -m bench.dynamixel_cycle [--seconds 3]`.
+
+One run against the fake kit on a pty, paced at 1 Mbps in a process of its own: 18 servos, one sync write and all of
+them read, as often as it goes. Beside it, in the same run and on the same fake: rustypot, dynamixel-sdk, and a bare
+os.write / select / os.read loop that decodes nothing, which shows what this machine and the fake allow at all.
+100 % is the bytes of a cycle at 10 bits each and nothing else. Return delays are 0.
+
+Then: processor at 100 Hz, the time of a scan, and what 1, 2 and 5 silent servos of 18 cost.
+The fake spins (so that its own wake-up is not counted against the driver): on two cores one is its.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import select
+import statistics
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import dynamixel_sdk  # type: ignore[import-untyped]
+import rustypot
+from urbihw import buses
+from urbihw.buses import messages as m
+from urbihw.buses.dynamixel import packet
+from urbihw.buses.dynamixel.bus import DynamixelBus
+from urbihw.buses.dynamixel.cycle import Cycle
+from urbihw.buses.dynamixel.scan import scan
+from urbihw.buses.link import Link
+from urbihw.buses.worker import Worker
+
+BAUD = 1_000_000
+IDS = list(range(1, 19))
+BYTE = 10 / BAUD
+READ = {1: (36, 8), 2: (126, 10)}
+ITEMS = {
+    1: ("present_position", "present_speed", "present_load", "present_voltage", "present_temperature"),
+    2: ("present_load", "present_velocity", "present_position"),
+}
+# As often as it goes: the next tick is always due.
+FLAT_OUT = 100_000.0
+ROOT = Path(__file__).resolve().parents[1]
+
+
+class Fake:
+    """The fake kit in its own process: AX-12 in protocol 1.0, XL430 in 2.0."""
+
+    def __init__(self, protocol: int) -> None:
+        kind = ["--x-series", "18"] if protocol == 2 else []
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "fakes", "bioloid", "--pty", "--pace", "--spin", "--baud", str(BAUD), "--until-eof", *kind],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            cwd=ROOT,
+        )
+        assert self._process.stdout is not None
+        self.url = f"{self._process.stdout.readline().strip()}?baud={BAUD}"
+        self.path = self.url.removeprefix("serial://").partition("?")[0]
+        with buses.open(self.url) as link:
+            bus = DynamixelBus(link, 1 if protocol == 1 else 2)
+            for device in IDS:
+                bus.write(device, 5 if protocol == 1 else 9, b"\x00")
+
+    def say(self, line: str) -> None:
+        """Type a line at the fake's console and wait for its answer."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.write(line + "\n")
+        self._process.stdin.flush()
+        self._process.stdout.readline()
+
+    def close(self) -> None:
+        """End it."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.close()
+        self._process.wait(10)
+        self._process.stdout.close()
+
+
+@contextlib.contextmanager
+def fake(protocol: int) -> Iterator[Fake]:
+    """A fake for the time of a `with`."""
+    made = Fake(protocol)
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+def rate_of(loop: Callable[[int], object], seconds: float) -> float:
+    """Calls a second of `loop(n)`, after a moment of warming up."""
+    for count in range(20):
+        loop(count)
+    count = 0
+    start = time.perf_counter()
+    while time.perf_counter() - start < seconds:
+        loop(count)
+        count += 1
+    return count / (time.perf_counter() - start)
+
+
+def goal(protocol: int, count: int) -> bytes:
+    """Four bytes to write: goal and speed in protocol 1.0, goal in 2.0; another one each time."""
+    place = 500 + count % 20
+    return place.to_bytes(2, "little") + b"\x64\x00" if protocol == 1 else place.to_bytes(4, "little")
+
+
+def sync_write(protocol: int, count: int) -> bytes:
+    """The sync write of one cycle."""
+    return packet.sync_write_packet(protocol, 30 if protocol == 1 else 116, dict.fromkeys(IDS, goal(protocol, count)))
+
+
+def wire_limit(protocol: int, fast: bool = False) -> float:
+    """Cycles a second that the bytes alone allow."""
+    address, size = READ[protocol]
+    count = len(sync_write(protocol, 0))
+    if protocol == 1:
+        count += len(IDS) * (8 + 6 + size)
+    else:
+        answer = 8 + len(IDS) * (size + 4) if fast else len(IDS) * (11 + size)
+        count += len(packet.sync_read_packet(address, size, IDS)) + answer
+    return 1 / (count * BYTE)
+
+
+def bare_loop(link: Link, protocol: int) -> Callable[[int], None]:
+    """Requests made beforehand, answers counted but not looked at."""
+    fd = os.open(link.url.target, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    address, size = READ[protocol]
+    if protocol == 1:
+        requests = [(packet.read_packet(1, device, address, size), 6 + size) for device in IDS]
+    else:
+        requests = [(packet.sync_read_packet(address, size, IDS), len(IDS) * (11 + size))]
+
+    def loop(count: int) -> None:
+        data = sync_write(protocol, count)
+        for request, expected in requests:
+            os.write(fd, data + request)
+            data = b""
+            while expected > 0:
+                if not select.select((fd,), (), (), 1.0)[0]:
+                    raise TimeoutError("the fake does not answer")
+                expected -= len(os.read(fd, expected))
+
+    return loop
+
+
+def cycle_of(link: Link, protocol: int, fast: bool, period: float) -> Cycle:
+    """Our cycle over all servos, reading everything each tick."""
+    bus = DynamixelBus(link, 1 if protocol == 1 else 2)
+    cycle = Cycle(bus, [device for device in scan(bus, IDS).devices], period, fast)
+    for device in IDS:
+        cycle.watch(device, ITEMS[protocol], 0.0, link.clock.now())
+    return cycle
+
+
+def aim(cycle: Cycle, protocol: int, count: int) -> None:
+    """New targets for all."""
+    for device in IDS:
+        cycle.aim(device, "goal_position", 500 + count % 20)
+        if protocol == 1:
+            cycle.aim(device, "moving_speed", 100 + count % 3)
+
+
+def our_loop(link: Link, protocol: int, fast: bool = False) -> Callable[[int], None]:
+    """Our cycle as a loop; it must bring all data each time."""
+    cycle = cycle_of(link, protocol, fast, 1 / FLAT_OUT)
+
+    def loop(count: int) -> None:
+        aim(cycle, protocol, count)
+        if len(cycle.tick(link.clock.now()).values) != len(IDS):
+            shortfalls.append(count)
+
+    shortfalls: list[int] = []
+    return loop
+
+
+def rustypot_rate(kit: Fake, protocol: int, seconds: float) -> float:
+    """rustypot's cycle: raw data, as ours."""
+    kind = rustypot.AxPyController if protocol == 1 else rustypot.Xl430PyController
+    controller = kind(kit.path, BAUD, 0.1)
+    address, size = READ[protocol]
+
+    def loop(count: int) -> None:
+        data = list(goal(protocol, count))
+        controller.sync_write_raw_data(IDS, 30 if protocol == 1 else 116, [data] * len(IDS))
+        if protocol == 1:
+            for device in IDS:
+                controller.read_raw_data(device, address, size)
+        else:
+            controller.sync_read_raw_data(IDS, address, size)
+
+    try:
+        return rate_of(loop, seconds)
+    finally:
+        controller.close()
+
+
+def sdk_rate(kit: Fake, protocol: int, seconds: float) -> float:
+    """dynamixel-sdk's cycle."""
+    port = dynamixel_sdk.PortHandler(kit.path)
+    port.openPort()
+    port.setBaudRate(BAUD)
+    handler = dynamixel_sdk.PacketHandler(float(protocol))
+    address, size = READ[protocol]
+    group_write = dynamixel_sdk.GroupSyncWrite(port, handler, 30 if protocol == 1 else 116, 4)
+    group_read = dynamixel_sdk.GroupSyncRead(port, handler, address, size) if protocol == 2 else None
+    for device in IDS:
+        group_write.addParam(device, goal(protocol, 0))
+        if group_read is not None:
+            group_read.addParam(device)
+
+    def loop(count: int) -> None:
+        for device in IDS:
+            group_write.changeParam(device, goal(protocol, count))
+        group_write.txPacket()
+        if group_read is not None:
+            group_read.txRxPacket()
+        else:
+            for device in IDS:
+                handler.readTxRx(port, device, address, size)
+
+    try:
+        return rate_of(loop, seconds)
+    finally:
+        port.closePort()
+
+
+def worker_numbers(kit: Fake, protocol: int, rate: float, seconds: float) -> tuple[float, float]:
+    """(ticks a second, processor share) of a worker process whose parent sends new targets for each sample."""
+    found = threading.Event()
+    rates: list[float] = []
+    count = 0
+
+    def post(message: m.FromWorker) -> None:
+        nonlocal count
+        if isinstance(message, m.Found):
+            found.set()
+        elif isinstance(message, m.Statistics):
+            rates.append(message.rate)
+        elif isinstance(message, m.Samples):
+            count += 1
+            place = 500 + count % 20
+            worker.send(m.Targets({(device, "goal_position"): place for device in IDS}))
+
+    settings = m.Configure(rate=rate, protocol=1 if protocol == 1 else 2, ids=tuple(IDS), dead_man=0, fast_read=False)
+    with Worker.start(kit.url, post=post, settings=settings) as worker:
+        found.wait(5)
+        for device in IDS:
+            worker.send(m.Watch(device, ITEMS[protocol]))
+        time.sleep(1.0)
+        rates.clear()
+        begin, used = time.perf_counter(), child_seconds()
+        time.sleep(seconds)
+        share = (child_seconds() - used) / (time.perf_counter() - begin)
+    return statistics.median(rates), share
+
+
+def child_seconds() -> float:
+    """Processor time so far of the one worker process among our children."""
+    total = 0.0
+    for child in Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii").split():
+        if "urbihw.buses.child" in Path(f"/proc/{child}/cmdline").read_text(encoding="utf-8"):
+            fields = Path(f"/proc/{child}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+            total += (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    return total
+
+
+def throughput(protocol: int, seconds: float) -> None:
+    """Print the table of rates of one protocol."""
+    limit = wire_limit(protocol)
+    print(f"\nprotocol {protocol}.0, sync write of 4 bytes + {READ[protocol][1]} bytes read of each of 18 servos, 1 Mbps")
+    print(f"  {'wire limit':24}{limit:8.1f} Hz   100.0 %")
+
+    def row(name: str, rate: float, of: float = limit) -> None:
+        print(f"  {name:24}{rate:8.1f} Hz   {100 * rate / of:5.1f} %", flush=True)
+
+    with fake(protocol) as kit:
+        with buses.open(kit.url) as link:
+            row("bare loop, no decoding", rate_of(bare_loop(link, protocol), seconds))
+        with buses.open(kit.url) as link:
+            row("urbihw cycle", rate_of(our_loop(link, protocol), seconds))
+        row("rustypot", rustypot_rate(kit, protocol, seconds))
+        row("dynamixel-sdk", sdk_rate(kit, protocol, seconds))
+        with buses.open(kit.url) as link:
+            row("urbihw cycle, again", rate_of(our_loop(link, protocol), seconds))
+        row("urbihw worker process", worker_numbers(kit, protocol, FLAT_OUT, seconds)[0])
+        if protocol == 2:
+            with buses.open(kit.url) as link:
+                row("urbihw, fast sync read", rate_of(our_loop(link, 2, True), seconds), wire_limit(2, True))
+        rate, share = worker_numbers(kit, protocol, 100.0, seconds)
+        print(f"  worker at 100 Hz: {rate:.1f} Hz, {100 * share:.1f} % of a core")
+
+
+def scans(protocol: int) -> None:
+    """Print how long looking for all ids takes."""
+    with fake(protocol) as kit, buses.open(kit.url) as link:
+        times = []
+        for _ in range(3):
+            start = time.perf_counter()
+            found = scan(DynamixelBus(link, 1 if protocol == 1 else 2))
+            times.append(time.perf_counter() - start)
+        print(f"scan of all ids, protocol {protocol}.0: {min(times):.3f} s, {len(found.devices)} devices")
+
+
+def silent(protocol: int, seconds: float) -> None:
+    """Print what silent servos cost the others, at full speed."""
+    with fake(protocol) as kit, buses.open(kit.url) as link:
+        healthy = 0.0
+        for dead in ((), (6,), (6, 13), (1, 6, 7, 13, 18)):
+            cycle = cycle_of(link, protocol, False, 1 / FLAT_OUT)
+            for device in dead:
+                kit.say(f"silence {device}")
+            counts = [0, 0]
+
+            def loop(count: int, cycle: Cycle = cycle, counts: list[int] = counts, dead: tuple[int, ...] = dead) -> None:
+                aim(cycle, protocol, count)
+                values = cycle.tick(link.clock.now()).values
+                counts[0] += 1
+                counts[1] += len(values) == len(IDS) - len(dead)
+
+            rate = rate_of(loop, seconds)
+            for device in dead:
+                kit.say(f"heal {device}")
+            healthy = healthy or rate
+            full = 100 * counts[1] / counts[0]
+            share = 100 * rate / healthy
+            print(f"  {len(dead)} of 18 silent: {rate:6.1f} Hz ({share:5.1f} %), full data of the living {full:5.1f} %")
+
+
+def main() -> None:
+    """Run everything and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=3.0, help="of each measurement (%(default)s)")
+    seconds = parser.parse_args().seconds
+    for protocol in (1, 2):
+        throughput(protocol, seconds)
+    print()
+    for protocol in (1, 2):
+        scans(protocol)
+    for protocol in (1, 2):
+        print(f"\nsilent servos, protocol {protocol}.0")
+        silent(protocol, seconds)
+
+
+if __name__ == "__main__":
+    main()
