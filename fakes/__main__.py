@@ -14,8 +14,9 @@ import sys
 from fakes.bioloid import Bioloid
 from fakes.bioloid_console import commands
 from fakes.console import Console
-from fakes.endpoint import Endpoint, PtyEndpoint, TcpEndpoint
+from fakes.endpoint import PtyEndpoint, TcpEndpoint
 from fakes.errors import FakeError
+from fakes.serving import Endpoint
 
 DEFAULT_BAUD = 1_000_000
 EXIT_CONFIG = 78

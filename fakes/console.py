@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from fakes.endpoint import Endpoint
 from fakes.errors import FakeError, UnknownRequest
 from fakes.faults import WORDS
+from fakes.serving import Endpoint
 
 
 @dataclass(frozen=True, slots=True)

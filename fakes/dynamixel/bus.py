@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from fakes.device import Answer, Device
 from fakes.dynamixel import packet1, packet2
 from fakes.dynamixel.framer import BROADCAST, Framer, Request
-from fakes.dynamixel.unit import Unit
+from fakes.dynamixel.unit import Unit, nobody
 from fakes.dynamixel.unit1 import Unit1
 from fakes.dynamixel.unit2 import Unit2
 from fakes.errors import NoSuchUnit
@@ -77,6 +77,7 @@ class DynamixelBus(Device):
     def remove(self, unit: Unit) -> None:
         """Take a unit off the wire."""
         self._units.remove(unit)
+        unit.moved = nobody
         self._index()
 
     def tick(self, now: float) -> list[Answer]:

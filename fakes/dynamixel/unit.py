@@ -15,7 +15,7 @@ def near(baud: float, other: float) -> bool:
     return abs(baud - other) <= BAUD_TOLERANCE * other
 
 
-def _nobody() -> None:
+def nobody() -> None:
     """A unit that hangs on no bus has nobody to tell."""
 
 
@@ -33,7 +33,7 @@ class Unit:
         self.registers = RegisterFile(rows)
         self.registers.put("id", unit)
         self.powered = True
-        self.moved: Callable[[], None] = _nobody  # the bus sets it; called when it listens to other numbers
+        self.moved: Callable[[], None] = nobody  # the bus sets it; called when it listens to other numbers
         self.sensors: dict[str, Callable[[], int]] = {}  # read-only registers and how to compute them
         self._held: dict[str, int] = {}
         self._sensed: dict[tuple[int, int], tuple[str, ...]] = {}  # bytes read -> sensors behind them, as found

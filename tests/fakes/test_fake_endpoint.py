@@ -15,8 +15,9 @@ from fake_talk import packet2
 
 from fakes.bioloid import Bioloid
 from fakes.device import Answer, Device
-from fakes.endpoint import Endpoint, MemoryEndpoint, PtyEndpoint, SteppedClock, TcpEndpoint
+from fakes.endpoint import MemoryEndpoint, PtyEndpoint, SteppedClock, TcpEndpoint
 from fakes.errors import AdapterGone, FakeError, UnknownRequest
+from fakes.serving import Endpoint
 
 WAIT = 5.0  # s at most for anything that must happen
 
