@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 
 class Programs:
-    """What all lobbies of a kernel share: caches of read and compiled statements, and the verbs of generated code."""
+    """What all lobbies of a kernel share: caches of read and compiled statements, the verbs of generated code, and what
+    the host says of itself (``arguments``, ``listen_port``, ``quiet``; ``shutdown()`` ends the process)."""
 
     def __init__(self, world: World, ops: dict[str, Any]) -> None:
         self.world = world
@@ -29,6 +30,10 @@ class Programs:
         self.read = StatementCache()
         self.units = UnitCache()
         self._lobbies = 0
+        self.arguments: list[str] = []
+        self.quiet = True
+        self.listen_port = -1
+        self.shutdown: Callable[[], None] = lambda: None
 
     def lobby_name(self) -> str:
         """A name for the next connection's tag."""
@@ -78,6 +83,7 @@ class Shell:
         self._more = WaitQueue(self._scheduler)
         self._count = 0
         self._name = name
+        self._when_idle: Callable[[], None] | None = None
         self._job = self._scheduler.spawn(self._run, name, context=lobby)
 
     def feed(self, data: bytes) -> None:
@@ -92,14 +98,16 @@ class Shell:
         self._items.clear()
         self._scheduler.kill(self._job)
 
-    @property
-    def idle(self) -> bool:
-        """Whether all statements received so far were run."""
-        return not self._items and len(self._more) == 1
+    def when_idle(self, action: Callable[[], None]) -> None:
+        """Call ``action`` once all statements received so far were run."""
+        self._when_idle = action
+        self._more.wake_one()
 
     def _run(self) -> None:
         while True:
             while not self._items:
+                if self._when_idle is not None:
+                    self._when_idle()
                 self._more.wait()
             item = self._items.popleft()
             if isinstance(item, SyntaxProblem):

@@ -78,3 +78,15 @@ def _stack(steps: list[tuple[bool, list[Frame]]], hide_system: bool) -> Stack:
         return NO_STACK
     calls = tuple(frame for frame in flat[1:] if frame.name is not None)
     return Stack(flat[0].location, flat[0].name, calls)
+
+
+def describe_frame(frame: FrameType | None) -> str:
+    """`` (file:line.col: name)`` of the innermost urbiscript call in a Python frame, for the log."""
+    while frame is not None:
+        line_map = frame.f_globals.get(LINE_MAP)
+        if line_map is not None:
+            steps: list[Frame] = line_map.frames(frame.f_lineno)
+            if steps:
+                return f" at {steps[0].location}" + (f" in {steps[0].name}" if steps[0].name else "")
+        frame = frame.f_back
+    return ""

@@ -51,7 +51,7 @@ class Scheduler:
         self.jobs: dict[Job, None] = {}
         self.tracer = Tracer()
         self.failed: Callable[[Job, BaseException], None] = lambda job, error: None
-        self.round_over: Callable[[], None] = lambda: None
+        self._round_hooks: list[Callable[[], None]] = []
         self._posted: deque[Callable[[], None]] = deque()
         self._wake_host = wake_host
 
@@ -198,6 +198,14 @@ class Scheduler:
         self._posted.append(action)
         self._wake_host()
 
+    def set_wake_host(self, wake_host: Callable[[], None]) -> None:
+        """Whom ``post`` calls so that ``run`` is called soon."""
+        self._wake_host = wake_host
+
+    def add_round_hook(self, hook: Callable[[], None]) -> None:
+        """Call ``hook`` (outside any job) at the end of each round."""
+        self._round_hooks.append(hook)
+
     def interrupt(self) -> None:
         """From any thread: make a running ``run`` return at the end of its present turn."""
         self.ready.append(_INTERRUPT)
@@ -218,7 +226,7 @@ class Scheduler:
                 action = self.timers.pop_due(now)
             ready = self.ready
             if not ready:
-                self.round_over()
+                self._round_over()
                 if not ready and not self._posted:
                     return self.timers.next_deadline()
                 continue
@@ -226,10 +234,10 @@ class Scheduler:
             for _ in range(len(ready)):
                 job = ready.popleft()
                 if job is _INTERRUPT:
-                    self.round_over()
+                    self._round_over()
                     return now
                 self._resume(job)  # type: ignore[arg-type]
-            self.round_over()
+            self._round_over()
 
     def run_simulated(self, until: float | None = None) -> None:
         """With a simulated clock: run until all jobs are over or wait for ever, or until a time."""
@@ -262,6 +270,10 @@ class Scheduler:
             for action in job.on_end:
                 action(job)
             job.on_end = None
+
+    def _round_over(self) -> None:
+        for hook in self._round_hooks:
+            hook()
 
     def _leave(self, job: Job) -> None:
         """Give the processor back to the hub; throw what somebody wants thrown when the job is resumed."""
