@@ -7,9 +7,9 @@ memory as the real one would on its wire. Every fake is typed from the maker's d
 Who may import it: tests, benches and the command line (`urbihw serve --fake` starts `python -m fakes` as a process of
 its own). Nothing in the gateway imports it.
 
-Where to start: `device` (what a device is: bytes and a time in, timed answers out), then `endpoint` (how one is reached)
-and `serving` (the loop behind it), `faults` (what can go wrong, the same words for every robot), then a robot, for
-example `bioloid`. What a model leaves out is said at the head of its file.
+Where to start: `device` (what a device is: bytes and a time in, timed answers out), then `endpoint` (how one is
+reached) and `serving` (the loop behind it), `faults` (what can go wrong, the same words for every robot), then a
+robot, for example `bioloid`. What a model leaves out is said at the head of its file.
 
     python -m fakes bioloid --pty /tmp/bioloid
 """
