@@ -50,7 +50,7 @@ _WORD_CHARACTERS = re.compile(r"[A-Za-z0-9_]+\Z")
 _UNFINISHED_SIGNS = {sign[:size] for sign in {*SIGNS, "//", "/*"} for size in range(1, len(sign))}
 # From this size on a word is not looked at again before its end has come.
 _LONG_WORD = 64
-_UNFINISHED_NUMBER = re.compile(r"[0-9][A-Za-z0-9_.]*[-+]?\Z")
+_UNFINISHED_NUMBER = re.compile(r"[0-9][A-Za-z0-9_]*(?:\.[A-Za-z0-9_]*)?(?:(?<=[eE])[-+][0-9A-Za-z_]*)?\Z")
 
 _STRING_PART = {quote: re.compile(rf"[^{quote}\\]+") for quote in "\"'"}
 _ESCAPE = re.compile(r"\\(?:([0-7]{1,3})|x([0-9A-Fa-f]{2})|B\(([0-9]{1,15})\)\(|([\\\"'abfnrtv]))", re.DOTALL)
@@ -352,8 +352,7 @@ class Lexer:
             self._depth = 0
             return
         self._mode = "line"
-        # Only a whole line is a syncline.
-        self._missing = _SYNCLINE_SIZE if self._at - self._origin == 1 else 0
+        self._missing = _SYNCLINE_SIZE
         self._parts = []
 
     def _go_on_comment(self) -> bool:

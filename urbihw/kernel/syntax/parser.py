@@ -53,12 +53,16 @@ class Parser(Statements):
         # The many rules that only pass a symbol on, from one level of precedence to the next.
         self._alone = [rule.origin if rule.size == 1 and rule.action is None else None for rule in tables.rules]
         self._final = frozenset(number for number, row in enumerate(tables.rows) if _ACCEPT in row)
+        # Where an operator might come, an error names no tokens expected; a block is not only an operand.
+        closed = {row["}"] for row in tables.rows if row.get("}", -1) >= 0}
+        self._operand = frozenset(number for number, row in enumerate(tables.rows) if "+" in row) - closed
         self._begin()
 
     def _begin(self) -> None:
         self._states: list[int] = [self._start]
         self._values: list[Any] = []
         self._spans: list[Span] = []
+        self._shifted = self._start
         self._quiet = 0
         self._doubtful = False
         self._resume: dict[str, int] | None = None
@@ -90,6 +94,7 @@ class Parser(Statements):
         while (act := rows[states[-1]].get(kind)) is not None:
             if act >= 0:
                 states.append(act)
+                self._shifted = act
                 self._values.append(token)
                 self._spans.append(token.span)
                 if self._quiet:
@@ -163,6 +168,8 @@ class Parser(Statements):
         """What would have been right instead, if that is short."""
         if kind in _CLOSERS and not self.idle and self.accepts("END"):
             return ', expecting end of command or "," or ;'
+        if self._shifted in self._operand:
+            return ""
         row = self._rows[self._states[-1]]
         # `assert` is a name for the grammar, not for the user.
         kinds = (kind for kind in row if not kind.startswith(("@", "$")) and kind not in ("ERROR", "assert"))

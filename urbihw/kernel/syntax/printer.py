@@ -156,8 +156,8 @@ def _assign(node: ast.Assign) -> _Parts:
     # `x = (y = 1) time: 1s`: without the parentheses the modifier would be that of y.
     value: _Parts = _operand(node.value) if node.modifiers else [node.value]
     parts = [*_target(node.place), " = ", *value]
-    for name, value in node.modifiers:
-        parts += [f" {print_name(name)}: ", *_operand(value)]
+    for name, setting in node.modifiers:
+        parts += [f" {print_name(name)}: ", *_operand(setting)]
     return parts
 
 
