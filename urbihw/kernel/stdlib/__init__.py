@@ -2,6 +2,8 @@
 
 ``MODULES`` is the boot order.  A module may have
 
+- ``CLASSES``, name of a prototype -> Python class, for prototypes that hold a native value: ``cls(world, protos)``;
+- ``PROTOS``, name of a prototype -> names of its own prototypes, where these are not just Object;
 - ``TABLE``, a table of built-ins (or ``TABLES``, several): each goes to the prototype of its name;
 - ``install(world, programs)`` for what a table cannot say (it runs after its tables);
 - an urbiscript half, ``<module>.u`` beside it, run with Global as ``this`` after all natives are in place.
@@ -34,6 +36,14 @@ def prototype(world: World, name: str) -> Obj:
     return holder
 
 
+def put_prototype(world: World, name: str, made: Obj) -> None:
+    """Make ``made`` the prototype called ``name`` (``A.B`` for a slot of another)."""
+    path, _, last = name.rpartition(".")
+    made.slots["type"] = world.string(last)
+    holder = prototype(world, path) if path else world.global_
+    holder.slots[last] = made
+
+
 def _roots(world: World) -> None:
     known = {
         "Object": world.object,
@@ -64,6 +74,12 @@ def install(world: World, programs: Any) -> None:
     """Put the whole library into a world: natives at once, the urbiscript halves in a job that is run here."""
     _roots(world)
     modules = [import_module(f"urbihw.kernel.stdlib.{name}") for name in MODULES]
+    for module in modules:
+        for name, native in getattr(module, "CLASSES", {}).items():
+            put_prototype(world, name, native(world, [world.object]))
+    for module in modules:
+        for name, parents in getattr(module, "PROTOS", {}).items():
+            prototype(world, name).protos = [prototype(world, parent) for parent in parents]
     for module in modules:
         tables = getattr(module, "TABLES", None) or ([module.TABLE] if hasattr(module, "TABLE") else [])
         for table in tables:
