@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.code import Primitive, make_primitive
-from urbihw.kernel.runtime.values import List, String
+from urbihw.kernel.runtime.values import FloatObject, List, String
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
@@ -158,12 +158,13 @@ def _check(world: World, annotation: str) -> Check | None:
 def _python_check(world: World, kind: str) -> Check:
     def check_float(value: Any, index: int | None) -> Any:
         if value.__class__ is not float:
+            if isinstance(value, FloatObject):
+                return value.value
             raise world.type_error(index, value, "Float")
         return value
 
     def check_int(value: Any, index: int | None) -> Any:
-        if value.__class__ is not float:
-            raise world.type_error(index, value, "Float")
+        value = check_float(value, index)
         if value != value or value in (float("inf"), float("-inf")) or value != int(value):
             raise errors.bad_number("BadInteger", f"expected integer, got {world.text(value)}")
         return int(value)

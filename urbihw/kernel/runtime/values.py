@@ -1,4 +1,4 @@
-"""Value objects that own a Python value: strings, lists, tuples, dictionaries, lazies, call messages."""
+"""Value objects that own a Python value: strings, lists, tuples, dictionaries, lazies, call messages, derived floats."""
 
 from __future__ import annotations
 
@@ -92,6 +92,35 @@ class Dictionary(Container):
         return bool(self.d)
 
 
+class FloatObject(Obj):
+    """A number that is an object: Float itself (worth 0) and what derives from it; ``value`` is the number."""
+
+    __slots__ = ("value",)
+
+    def __init__(self, world: World, protos: list[Obj], value: float) -> None:
+        super().__init__(world, protos)
+        self.value = value
+
+    def clone(self) -> FloatObject:
+        """A fresh object of the same worth."""
+        return FloatObject(self.world, [self], self.value)
+
+    def __bool__(self) -> bool:
+        return bool(self.value)
+
+    def __radd__(self, left: Any) -> Any:
+        return left + self.value
+
+    def __rsub__(self, left: Any) -> Any:
+        return left - self.value
+
+    def __rmul__(self, left: Any) -> Any:
+        return left * self.value
+
+    def __rtruediv__(self, left: Any) -> Any:
+        return left / self.value
+
+
 class Lazy(Obj):
     """A value not yet computed: ``thunk`` computes it, ``node`` is its syntax (None if native code made it)."""
 
@@ -122,6 +151,7 @@ class CallMessage(Obj):
     """How a function was called: who, on what, by which name, with which unevaluated arguments."""
 
     __slots__ = ("args", "code", "message", "sender", "target")
+    FIELDS = ("code", "target", "message", "sender", "args")
 
     def __init__(
         self, world: World, code: Any, target: Any, message: str, sender: Any, args: list[Lazy]
@@ -132,6 +162,15 @@ class CallMessage(Obj):
         self.message = message
         self.sender = sender
         self.args = args
+
+    def find(self, name: str) -> Obj | None:
+        """The holder of a slot; what is known of the call becomes slots when somebody asks for one of them."""
+        if name in self.FIELDS and name not in self.slots:
+            world = self.world
+            values = (self.code, self.target, world.string(self.message), self.sender, world.new_list([*self.args]))
+            for field, value in zip(self.FIELDS, values, strict=True):
+                self.slots.setdefault(field, value)
+        return super().find(name)
 
     def eval_at(self, index: int) -> Any:
         """Evaluate the argument at ``index``; it may be void."""

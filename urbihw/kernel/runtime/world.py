@@ -17,7 +17,7 @@ from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.object import Nil, Obj, Truth, Void
 from urbihw.kernel.runtime.passage import TagObject
 from urbihw.kernel.runtime.slots import SlotOps
-from urbihw.kernel.runtime.values import CallMessage, Dictionary, Lazy, List, String, Tuple
+from urbihw.kernel.runtime.values import CallMessage, Dictionary, FloatObject, Lazy, List, String, Tuple
 from urbihw.kernel.runtime.watch import Recorder
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.scheduler import Scheduler
@@ -44,7 +44,7 @@ class World:
         self.global_ = Obj(self, [self.object])
         self.object.protos = [self.global_]
         self.void = Void(self, [])
-        self.float_proto = self.proto()
+        self.float_proto = FloatObject(self, [self.object], 0.0)
         self.string_proto = String(self, [self.object], "")
         self.list_proto = List(self, [self.object], [])
         self.tuple_proto = Tuple(self, [self.object], [])
@@ -211,6 +211,8 @@ class World:
     def as_float(self, value: Any, index: int | None, routine: str) -> float:
         """A value that must be a Float."""
         if value.__class__ is not float:
+            if isinstance(value, FloatObject):
+                return value.value
             raise self.type_error(index, value, "Float", routine)
         return float(value)
 
