@@ -133,6 +133,14 @@ def test_blocks() -> None:
 
 def test_long_sync_writes_are_split_to_what_an_ax_can_hold() -> None:
     values = {"goal_position": 512, "moving_speed": 100}
-    packets = plan.sync_writes(1, dict.fromkeys(range(40), (tables.AX12, values)))
+    runs = plan.write_runs(tables.AX12, values)
+    packets = plan.sync_writes(1, dict.fromkeys(range(40), (runs, values)))
     assert [len(packet) for packet in packets] == [8 + 27 * 5, 8 + 13 * 5]
-    assert len(plan.sync_writes(2, {number: (tables.XL430, {"led": 1}) for number in range(100)})) == 1
+    led = plan.write_runs(tables.XL430, ["led"])
+    assert len(plan.sync_writes(2, {number: (led, {"led": 1}) for number in range(100)})) == 1
+
+
+def test_neighbours_are_written_together_but_torque_keeps_to_itself() -> None:
+    names = ["moving_speed", "goal_position", "led", "torque_enable", "punch"]
+    runs = plan.write_runs(tables.AX12, names)
+    assert [run.names for run in runs] == [("torque_enable",), ("led",), ("goal_position", "moving_speed"), ("punch",)]

@@ -15,7 +15,7 @@ with a few slices; everything else (noise, echo, somebody else's answer, stuffin
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -27,7 +27,12 @@ from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
 from urbihw.buses.link import Link
 
 ProtocolChoice = Literal[1, 2, "auto"]
+_AskGroup = Callable[[bytes, Sequence[tuple[int, int]]], Iterable[Status]]
 _RETRIES = 2
+# How long before the end of a long answer to wake up: time to decode what has come, and for a late wake-up.
+_WAKE_BEFORE = 0.0005
+# A Linux terminal holds 4096 bytes for a reader that sleeps; stay well below.
+_SYSTEM_BUFFER = 2000
 
 
 @dataclass(slots=True)
@@ -95,62 +100,62 @@ class DynamixelBus:
             if not more:
                 break
             data += more
-        status = self._expected(data, device, expected)
+        status = exact_answer(self.protocol, data, device, expected)
         if status is None:
             return self._listen(b"", device, size, data, wire_end)
         self.patience.observe(self.clock.now() - answer_time)
         return status
 
-    def ask_group(self, request: bytes, reads: Sequence[tuple[int, int]], prefix: bytes = b"") -> dict[int, Status]:
-        """Send a sync or bulk read; return the answers that came, by device. `reads`: (device, size) in order.
+    def ask_group(self, request: bytes, reads: Sequence[tuple[int, int]], prefix: bytes = b"") -> Iterator[Status]:
+        """Send a sync or bulk read; yield the answers as they come. `reads`: (device, size) in order.
 
-        Devices that stay silent or answer damaged are missing from the result; `counters` tells how many.
+        Devices that stay silent or answer damaged are missing in the result; `counters` tells how many. What the
+        caller does with an answer happens while the next ones are still on the wire.
         """
         wire_end = self._dispatch(prefix + request)
         overhead = packet.OVERHEAD[self.protocol]
-        byte_time = self.link.byte_time
-        longest = max(size for _, size in reads) + overhead
-        remaining = sum(size + overhead for _, size in reads)
-        decoder = self._decoder(max(size for _, size in reads), prefix + request)
-        remaining += len(prefix + request) if self.echo else 0
-        deadline = wire_end + longest * byte_time + self.patience.allowance
-        wanted = {device for device, _ in reads}
-        found: dict[int, Status] = {}
-        while len(found) < len(wanted):
-            data = self.link.read(max(remaining, overhead), deadline)
-            if not data:
-                break
-            remaining -= len(data)
-            for status in decoder.feed(data):
-                if status.device in wanted:
-                    found.setdefault(status.device, status)
+        total = sum(size + overhead for _, size in reads) + (len(prefix + request) if self.echo else 0)
+        longest = (max(size for _, size in reads) + overhead) * self.link.byte_time
+        answer_time = wire_end + total * self.link.byte_time
+        self._nap(total, answer_time)
+        group = _Group(self, reads, prefix + request)
+        deadline = max(wire_end, self.clock.now()) + longest + self.patience.allowance
+        while group.missing and (data := self.link.read(max(total, overhead), deadline)):
+            total -= len(data)
+            yield from group.feed(data)
             # The next answer follows at once; a hole longer than this means that somebody is missing.
-            deadline = self.clock.now() + longest * byte_time + self.patience.allowance
-        if len(found) < len(wanted):
-            found.update({s.device: s for s in decoder.flush() if s.device in wanted})
-            self._count_failures(len(wanted) - len(found), decoder.noise)
-        else:
-            total = sum(size + overhead for _, size in reads)
-            self.patience.observe(self.clock.now() - wire_end - total * byte_time)
-        return found
+            deadline = self.clock.now() + longest + self.patience.allowance
+        if not group.missing:
+            self.patience.observe(self.clock.now() - answer_time)
+            return
+        yield from group.flush()
+        if group.missing:
+            self._count_failures(len(group.missing), group.noise)
 
-    def ask_joint(self, request: bytes, reads: Sequence[tuple[int, int]], prefix: bytes = b"") -> dict[int, Status]:
-        """Send a FAST SYNC or FAST BULK READ; return the parts of the joint answer that are whole, by device."""
+    def _nap(self, total: int, answer_time: float) -> None:
+        """Sleep while a long answer comes in, instead of waking up for each piece of it.
+
+        Nothing is lost by it: what is missing shows at the end, and the system holds what arrives.
+        """
+        wake = answer_time - _WAKE_BEFORE
+        if total < _SYSTEM_BUFFER and wake > self.clock.now():
+            self.clock.sleep_until(wake)
+
+    def ask_joint(self, request: bytes, reads: Sequence[tuple[int, int]], prefix: bytes = b"") -> list[Status]:
+        """Send a FAST SYNC or FAST BULK READ; return the parts of the joint answer that are whole."""
         wire_end = self._dispatch(prefix + request)
         size = 8 + sum(size + 4 for _, size in reads) + (len(prefix + request) if self.echo else 0)
         answer_time = wire_end + size * self.link.byte_time
+        self._nap(size, answer_time)
         data = b""
         deadline = answer_time + self.patience.allowance
-        while len(data) < size:
-            more = self.link.read(size - len(data), deadline)
-            if not more:
-                break
+        while len(data) < size and (more := self.link.read(size - len(data), deadline)):
             data += more
             # A missing device cuts the answer short: wait no longer than the rest takes.
             deadline = self.clock.now() + (size - len(data)) * self.link.byte_time + self.patience.allowance
         if self.echo and data.startswith(prefix + request):
             data = data[len(prefix + request) :]
-        found = {status.device: status for status in packet.split_fast(data, [size for _, size in reads])}
+        found = packet.split_fast(data, [size for _, size in reads])
         missing = len(reads) - len(found)
         if missing:
             self._count_failures(missing, len(data) - sum(size + 4 for _, size in reads[: len(found)]) - 8)
@@ -196,8 +201,8 @@ class DynamixelBus:
     def sync_read(self, address: int, size: int, devices: Sequence[int], fast: bool = False) -> dict[int, Status]:
         """Read the same registers of several protocol 2.0 devices; the silent are missing in the result."""
         request = packet.sync_read_packet(address, size, devices, fast)
-        ask = self.ask_joint if fast else self.ask_group
-        return ask(request, [(device, size) for device in devices])
+        ask: _AskGroup = self.ask_joint if fast else self.ask_group
+        return {status.device: status for status in ask(request, [(device, size) for device in devices])}
 
     def bulk_read(self, reads: Sequence[tuple[int, int, int]], fast: bool = False) -> dict[int, Status]:
         """Read (device, address, size) of several devices; the silent are missing in the result.
@@ -205,8 +210,8 @@ class DynamixelBus:
         The AX series does not support it: the maker's SDK developers say so (DynamixelSDK issues 40 and 46).
         """
         request = packet.bulk_read_packet(self.protocol, reads, fast)
-        ask = self.ask_joint if fast else self.ask_group
-        return ask(request, [(device, size) for device, _, size in reads])
+        ask: _AskGroup = self.ask_joint if fast else self.ask_group
+        return {status.device: status for status in ask(request, [(device, size) for device, _, size in reads])}
 
     def insist(self, request: bytes, device: int, size: int, retries: int, until: float | None = None) -> Status:
         """As `ask`, repeated up to `retries` times, but never starting again after time `until`."""
@@ -244,24 +249,9 @@ class DynamixelBus:
         self._wire_free_at = end = start + len(data) * self.link.byte_time
         return end
 
-    def _expected(self, data: bytes, device: int, expected: int) -> Status | None:
-        """The quick look: is `data` exactly the plain answer we wait for?"""
-        if len(data) != expected:
-            return None
-        if self.protocol == 1:
-            # FF FF ID LEN ERR .. CHK: all bytes behind the header sum up to FF.
-            if data[:4] != bytes((0xFF, 0xFF, device, expected - 4)) or sum(data) - 0x1FE & 0xFF != 0xFF:
-                return None
-            return None if data[4] & 0x80 else Status(device, data[4], data[5:-1], 1)
-        if data[:5] != packet.HEADER_2 + bytes((device,)) or data[7] != 0x55 or data[5] | data[6] << 8 != expected - 7:
-            return None
-        if b"\xff\xff\xfd" in data[8:-2] or crc16(data[:-2]) != data[-2] | data[-1] << 8:
-            return None
-        return Status(device, data[8], data[9:-2], 2)
-
     def _listen(self, echo: bytes, device: int, size: int, data: bytes, wire_end: float) -> Status:
         """The patient look: decode whatever comes until `device` has answered or the time is over."""
-        decoder = self._decoder(size, echo)
+        decoder = self.decoder(size, echo)
         byte_time = self.link.byte_time
         answer_time = wire_end + (size + packet.OVERHEAD[self.protocol]) * byte_time
         deadline = answer_time + self.patience.allowance
@@ -285,7 +275,8 @@ class DynamixelBus:
             raise BadFrame(f"the answer of device {device} on {self.link.url.text} came damaged")
         raise BusTimeout(f"device {device} on {self.link.url.text} does not answer; is it powered and plugged in?")
 
-    def _decoder(self, max_params: int, sent: bytes) -> packet.Decoder:
+    def decoder(self, max_params: int, sent: bytes) -> packet.Decoder:
+        """Return a decoder for the answers to `sent`, whose echo it drops if there is one."""
         decoder = packet.decoder(self.protocol)
         decoder.max_params = max(max_params, 1)
         if self.echo and isinstance(decoder, packet.Decoder1):
@@ -316,3 +307,76 @@ class DynamixelBus:
         deadline = self._wire_free_at + self.patience.allowance
         while size > 0 and (data := self.link.read(size, deadline)):
             size -= len(data)
+
+
+def exact_answer(protocol: int, data: bytes, device: int, expected: int) -> Status | None:
+    """The quick look: is `data` exactly the plain answer of `device`, `expected` bytes long? None if in doubt."""
+    if len(data) != expected:
+        return None
+    if protocol == 1:
+        # FF FF ID LEN ERR .. CHK: the sum of all behind the header ends in FF, so the sum of all ends in FD.
+        if data[0] & data[1] != 0xFF or data[2] != device or data[3] != expected - 4 or sum(data) & 0xFF != 0xFD:
+            return None
+        return None if data[4] & 0x80 else Status(device, data[4], data[5:-1], 1)
+    if data[:4] != packet.HEADER_2 or data[4] != device or data[7] != 0x55 or data[5] | data[6] << 8 != expected - 7:
+        return None
+    if b"\xff\xff\xfd" in data[8:-2] or crc16(data[:-2]) != data[-2] | data[-1] << 8:
+        return None
+    return Status(device, data[8], data[9:-2], 2)
+
+
+class _Group:
+    """Takes the answers of a group read apart.
+
+    Attributes:
+        missing: who has not answered yet.
+        noise: bytes that belong to no answer.
+    """
+
+    def __init__(self, bus: DynamixelBus, reads: Sequence[tuple[int, int]], sent: bytes) -> None:
+        self.missing = {device for device, _ in reads}
+        self._protocol = bus.protocol
+        self._overhead = packet.OVERHEAD[bus.protocol]
+        self._next = iter(reads)
+        self._awaited = next(self._next, None)
+        self._data = b""
+        self._decoder = bus.decoder(max(size for _, size in reads), sent)
+        # With an echo in front nothing is exactly where it is expected.
+        self._exact = not bus.echo
+
+    @property
+    def noise(self) -> int:
+        return self._decoder.noise
+
+    def feed(self, data: bytes) -> Iterator[Status]:
+        """Take bytes, yield the answers that they complete."""
+        self._data += data
+        while self._exact and self._awaited is not None:
+            device, size = self._awaited
+            length = size + self._overhead
+            if len(self._data) < length:
+                return
+            status = exact_answer(self._protocol, self._data[:length], device, length)
+            if status is None:
+                # Damage, stuffing, or somebody is missing: the decoder sorts out the rest.
+                self._exact = False
+                break
+            self._data = self._data[length:]
+            self._awaited = next(self._next, None)
+            self.missing.discard(device)
+            yield status
+        if not self._exact:
+            rest, self._data = self._data, b""
+            yield from self._wanted(self._decoder.feed(rest))
+
+    def flush(self) -> Iterator[Status]:
+        """No more bytes come: yield what can still be made out."""
+        yield from self._wanted(self._decoder.feed(self._data))
+        self._data = b""
+        yield from self._wanted(self._decoder.flush())
+
+    def _wanted(self, statuses: Sequence[Status]) -> Iterator[Status]:
+        for status in statuses:
+            if status.device in self.missing:
+                self.missing.discard(status.device)
+                yield status

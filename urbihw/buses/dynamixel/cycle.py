@@ -16,7 +16,7 @@ A device that is lost costs nothing but its pings: a healthy cycle with 5 of 18 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from urbihw.buses.dynamixel import packet, plan
@@ -111,7 +111,7 @@ class Cycle:
     # Writing.
 
     def _take_writes(self) -> bytes:
-        changed = {number: (m.table, m.pending) for number, m in self.members.items() if m.pending}
+        changed = {number: (m.runs(), m.pending) for number, m in self.members.items() if m.pending}
         if not changed:
             return b""
         packets = plan.sync_writes(self.bus.protocol, changed)
@@ -185,20 +185,19 @@ class Cycle:
         fast = self.fast and all(_can_fast(member.device) for member, _ in pairs)
         request = packet.sync_read_packet(address, size, ids, fast)
         damaged = bus.counters.damaged
-        ask = bus.ask_joint if fast else bus.ask_group
-        found = ask(request, [(number, size) for number in ids], self._take_prefix())
+        ask: Callable[..., Iterable[Status]] = bus.ask_joint if fast else bus.ask_group
+        waiting = dict(zip(ids, pairs, strict=True))
+        for status in ask(request, [(number, size) for number in ids], self._take_prefix()):
+            member, question = waiting.pop(status.device)
+            self._take(member, question.block, status, tick)
         first_missing = True
-        for member, question in pairs:
-            status = found.get(member.device.id)
-            if status is not None:
-                self._take(member, question.block, status, tick)
-            elif first_missing and bus.counters.damaged == damaged:
+        for member, question in waiting.values():
+            if first_missing and bus.counters.damaged == damaged:
                 # This one kept the line silent; those behind it may only have waited for it.
-                first_missing = False
                 self._missed(member, "does not answer", tick)
             else:
-                first_missing = False
                 self._read_alone(member, (question,), tick, retry=False)
+            first_missing = False
 
     # What answers mean.
 
@@ -207,22 +206,19 @@ class Cycle:
         change = member.health.answered()
         if change is not None:
             tick.changes.append((number, change))
-        if status.error:
-            if status.refusal or len(status.params) != block.size:
-                self.bus.counters.refused += 1
-                return
-        elif len(status.params) != block.size:
-            self.bus.counters.damaged += 1
+        error = status.error
+        if (error and status.refusal) or len(status.params) != block.size:
+            self.bus.counters.refused += 1
             return
         values = block.unpack(status.params)
-        state = state_of(status.error, status.protocol)
-        if state != member.state:
-            member.state = values[STATE_ITEM] = state
-        known = tick.values.get(number)
-        if known is None:
-            tick.values[number] = values
+        if error or member.state:
+            state = state_of(error, status.protocol)
+            if state != member.state:
+                member.state = values[STATE_ITEM] = state
+        if number in tick.values:
+            tick.values[number].update(values)
         else:
-            known.update(values)
+            tick.values[number] = values
         tick.times[number] = self.bus.clock.now()
 
     def _missed(self, member: Member, reason: str, tick: Tick) -> None:
@@ -247,7 +243,7 @@ class Cycle:
         try:
             # It may have been without power, or be another one with the same id: ask who it is.
             pong = self.bus.ask(ping, number, size, self._take_prefix())
-            member.device = identify(self.bus, number, pong)
+            member.meet(identify(self.bus, number, pong))
         except (BusTimeout, BadFrame, DeviceRefused):
             member.health.probed(self.bus.clock.now(), False)
             return

@@ -164,7 +164,7 @@ class DynamixelDriver:
         bus = cycle.bus
         member = cycle.member(message.device)
         if message.verb == "ping":
-            member.device = identify(bus, message.device)
+            member.meet(identify(bus, message.device))
             return member.device.model
         if message.verb == "reboot":
             if bus.protocol == 1:

@@ -55,10 +55,14 @@ class Item:
         """Address behind the last byte."""
         return self.address + self.size
 
-    def pack(self, raw: int) -> bytes:
-        """Return `raw` as it goes over the wire. Raises BadValue outside low..high."""
+    def check(self, raw: int) -> None:
+        """Raise BadValue if `raw` lies outside low..high."""
         if not self.low <= raw <= self.high:
             raise BadValue(f"{self.name} takes {self.low}..{self.high}, not {raw}")
+
+    def pack(self, raw: int) -> bytes:
+        """Return `raw` as it goes over the wire. Raises BadValue outside low..high."""
+        self.check(raw)
         return raw.to_bytes(self.size, "little", signed=self.signed)
 
     def unpack(self, data: bytes) -> int:

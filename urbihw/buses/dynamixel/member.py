@@ -9,7 +9,7 @@ from urbihw.buses.dynamixel import packet
 from urbihw.buses.dynamixel.device import Device
 from urbihw.buses.dynamixel.health import Health
 from urbihw.buses.dynamixel.item import Motion, Table
-from urbihw.buses.dynamixel.plan import Block, read_blocks
+from urbihw.buses.dynamixel.plan import Block, Run, read_blocks, write_runs
 from urbihw.buses.errors import BadValue
 
 
@@ -34,7 +34,7 @@ class Member:
     """A device that takes part in the cycle.
 
     Attributes:
-        device: what it said of itself, renewed when it comes back.
+        device: what it said of itself; `meet` renews it.
         health: ok, suspect, lost, back.
         pending: targets not yet sent, item -> raw.
         written: targets it has, item -> raw; empty when we do not know.
@@ -44,6 +44,7 @@ class Member:
 
     def __init__(self, device: Device) -> None:
         self.device = device
+        self._table = device.table
         self.health = Health()
         self.pending: dict[str, int] = {}
         self.written: dict[str, int] = {}
@@ -51,21 +52,30 @@ class Member:
         self.state = 0
         self._rhythms: list[_Rhythm] = []
         self._questions: dict[tuple[str, ...], tuple[Question, ...]] = {}
+        self._runs: dict[tuple[str, ...], tuple[Run, ...]] = {}
 
     @property
     def table(self) -> Table:
         """Its control table. Raises BadValue for a model we have no table of."""
-        table = self.device.table
-        if table is None:
+        if self._table is None:
             raise BadValue(f"device {self.device.id} is {self.device.name}, which urbihw has no control table of")
-        return table
+        return self._table
+
+    def meet(self, device: Device) -> None:
+        """Take in what the device says of itself now: it may be in another mode, or another device."""
+        self.device = device
+        if device.table is not self._table:
+            self._table = device.table
+            self._questions.clear()
+            self._runs.clear()
+            self._rhythms.clear()
 
     def aim(self, name: str, raw: int) -> None:
         """Take a new target for the next tick. Raises BadValue for an item or a value that cannot be a target."""
         item = self.table.item(name)
         if item.access != "RW" or item.area != "R":
             raise BadValue(f"{name} of {self.table.name} cannot be a target (write it with a Request)")
-        item.pack(raw)
+        item.check(raw)
         if self.written.get(name) == raw:
             self.pending.pop(name, None)
         else:
@@ -122,6 +132,14 @@ class Member:
                     # Late: go on from here, reading twice at once makes nothing fresher.
                     rhythm.due = now + rhythm.period
         return names
+
+    def runs(self) -> tuple[Run, ...]:
+        """Return how to write the pending targets; computed once for each set of items."""
+        names = tuple(self.pending)
+        known = self._runs.get(names)
+        if known is None:
+            known = self._runs[names] = write_runs(self.table, names)
+        return known
 
     def questions(self, names: tuple[str, ...]) -> tuple[Question, ...]:
         """Return how to ask for `names`; computed once."""

@@ -13,6 +13,7 @@ from urbihw.buses.dynamixel.item import Item, Table
 # Reading this many unwanted bytes in passing is cheaper than asking twice: an extra READ is 14 bytes in protocol 1.0,
 # an extra answer of a sync read 11 in protocol 2.0.
 _BRIDGE: Final = {1: 14, 2: 11}
+TORQUE: Final = "torque_enable"
 _FORMATS: Final = {(1, False): "B", (2, False): "H", (4, False): "I", (1, True): "b", (2, True): "h", (4, True): "i"}
 
 
@@ -65,17 +66,49 @@ def _block(run: list[Item]) -> Block:
     return Block(run[0].address, position - run[0].address, tuple(item.name for item in run), struct.Struct(layout))
 
 
-def sync_writes(protocol: int, targets: Mapping[int, tuple[Table, Mapping[str, int]]]) -> list[bytes]:
-    """Return the SYNC_WRITE packets that bring `targets` (device -> table, item -> raw) over, in sending order.
+@dataclass(frozen=True)
+class Run:
+    """Adjacent items of one table that are written together.
 
-    Adjacent items of a device travel together, and all devices that change the same registers share one packet.
-    Torque off goes last: an AX servo switches its torque on by itself when it is given a goal.
-    Raises BadValue for a value out of range.
+    Attributes:
+        address, size: where.
+        names: the items in order of address.
+        layout: puts their values together.
+    """
+
+    address: int
+    size: int
+    names: tuple[str, ...]
+    layout: struct.Struct
+
+
+def write_runs(table: Table, names: Iterable[str]) -> tuple[Run, ...]:
+    """Return the fewest runs that hold all `names`, without holes. Torque enable keeps to itself, see `sync_writes`."""
+    runs: list[list[Item]] = []
+    for item in sorted((table.item(name) for name in names), key=lambda item: item.address):
+        alone = not runs or TORQUE in {item.name, runs[-1][-1].name} or runs[-1][-1].end != item.address
+        if alone:
+            runs.append([item])
+        else:
+            runs[-1].append(item)
+    return tuple(Run(block.address, block.size, block.names, block.layout) for block in map(_block, runs))
+
+
+def sync_writes(protocol: int, targets: Mapping[int, tuple[tuple[Run, ...], Mapping[str, int]]]) -> list[bytes]:
+    """Return the SYNC_WRITE packets that bring `targets` (device -> runs, item -> raw) over, in sending order.
+
+    All devices that change the same registers share one packet. Torque off goes last: an AX servo switches its torque
+    on by itself when it is given a goal. The values must be in range.
     """
     groups: dict[tuple[bool, int, int], dict[int, bytes]] = {}
-    for device, (table, values) in targets.items():
-        for off, address, data in _runs(table, values):
-            groups.setdefault((off, address, len(data)), {})[device] = data
+    for device, (runs, values) in targets.items():
+        for run in runs:
+            key = (run.names[0] == TORQUE and not values[TORQUE], run.address, run.size)
+            data = run.layout.pack(*[values[name] for name in run.names])
+            if key in groups:
+                groups[key][device] = data
+            else:
+                groups[key] = {device: data}
     packets = []
     for (_, address, size), values_of in sorted(groups.items()):
         room = (packet.MAX_PACKET_1 - 8) // (size + 1) if protocol == 1 else len(values_of)
@@ -83,18 +116,3 @@ def sync_writes(protocol: int, targets: Mapping[int, tuple[Table, Mapping[str, i
         for start in range(0, len(rows), room):
             packets.append(packet.sync_write_packet(protocol, address, dict(rows[start : start + room])))
     return packets
-
-
-def _runs(table: Table, values: Mapping[str, int]) -> list[tuple[bool, int, bytes]]:
-    """Adjacent items of one device joined: (is torque off, address, data)."""
-    runs: list[tuple[bool, int, bytes]] = []
-    for item in sorted((table.item(name) for name in values), key=lambda item: item.address):
-        raw = values[item.name]
-        off = item.name == "torque_enable" and not raw
-        data = item.pack(raw)
-        if runs and not off and not runs[-1][0] and runs[-1][1] + len(runs[-1][2]) == item.address:
-            _, address, before = runs.pop()
-            runs.append((False, address, before + data))
-        else:
-            runs.append((off, item.address, data))
-    return runs

@@ -13,8 +13,9 @@ from collections.abc import Iterable, Mapping
 from urbihw.buses.dynamixel import plan
 from urbihw.buses.dynamixel.bus import DynamixelBus
 from urbihw.buses.dynamixel.cycle import Cycle
-from urbihw.buses.dynamixel.item import Motion, Table
+from urbihw.buses.dynamixel.item import Motion
 from urbihw.buses.dynamixel.member import Member
+from urbihw.buses.dynamixel.plan import Run, write_runs
 from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
 
 # A SYNC_WRITE is confirmed by nobody, so it is said twice.
@@ -39,9 +40,11 @@ def safe_stop(cycle: Cycle, torque_off: bool = False) -> None:
 
 
 def _write(bus: DynamixelBus, members: Iterable[Member], values: Mapping[int, Mapping[str, int]]) -> None:
-    targets: dict[int, tuple[Table, Mapping[str, int]]] = {
-        member.device.id: (member.table, values[member.device.id]) for member in members if member.device.id in values
-    }
+    targets: dict[int, tuple[tuple[Run, ...], Mapping[str, int]]] = {}
+    for member in members:
+        wanted = values.get(member.device.id)
+        if wanted:
+            targets[member.device.id] = (write_runs(member.table, wanted), wanted)
     packets = b"".join(plan.sync_writes(bus.protocol, targets))
     if packets:
         for _ in range(_TIMES):
