@@ -11,10 +11,10 @@ from urbihw.kernel.compiler import compile_node
 from urbihw.kernel.lobby.shell import Programs, report_failure
 from urbihw.kernel.runtime.ops import make_ops
 from urbihw.kernel.runtime.world import World
-from urbihw.kernel.sched.clock import Clock
 from urbihw.kernel.sched.scheduler import Scheduler
 from urbihw.kernel.stdlib import install
 from urbihw.kernel.syntax.location import Position
+from urbihw.kernel.uobject.natives import install as install_uobject
 
 
 def build(scheduler: Scheduler) -> Programs:
@@ -30,9 +30,6 @@ def build(scheduler: Scheduler) -> Programs:
     scheduler.failed = report_failure(world)
     programs = Programs(world, ops)
     install(world, programs)
+    install_uobject(world)
     return programs
 
-
-def make_scheduler(clock: Clock, wake_host: Any = None) -> Scheduler:
-    """A scheduler on a clock; ``wake_host`` is called (from any thread) when something was posted."""
-    return Scheduler(clock) if wake_host is None else Scheduler(clock, wake_host)

@@ -8,6 +8,7 @@ from urbihw.kernel.boot import build
 from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.sched.clock import Clock, RealClock, SimClock
 from urbihw.kernel.sched.scheduler import Scheduler
+from urbihw.kernel.uobject import Host
 
 
 class Kernel:
@@ -15,7 +16,7 @@ class Kernel:
 
     ``clock`` decides about time: a ``RealClock`` under the daemon, a ``SimClock`` in tests and for ``--fast``.  Drive
     it by ``run()``, which returns when to call again; hand in bytes with ``feed``; take a lobby's output from
-    ``lobby.output.take()``.  ``post`` is the one call allowed from other threads.
+    ``lobby.output.take()``.  ``host`` is what device code gets.  ``post`` is the one call allowed from other threads.
     """
 
     def __init__(self, clock: Clock | None = None, wake_host: Callable[[], None] = lambda: None) -> None:
@@ -23,6 +24,7 @@ class Kernel:
         self.scheduler = Scheduler(self.clock, wake_host)
         self.programs = build(self.scheduler)
         self.world = self.programs.world
+        self.host = Host(self.world, self.programs)
 
     def open_lobby(
         self, remote: str | None = None, wanted: Callable[[Lobby], None] = lambda lobby: None, limit: int = 8 << 20

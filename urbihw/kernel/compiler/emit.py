@@ -14,7 +14,7 @@ from urbihw.kernel.compiler.linemap import Entry
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.location import NOWHERE
 
-Pos = dict[str, int]
+Pos = dict[str, Any]
 LOAD, STORE = py.Load(), py.Store()
 RETURN = "return"
 """The destination that means: this is the value of the function."""
@@ -114,7 +114,7 @@ def function(text: str, params: list[str], body: list[py.stmt], p: Pos, defaults
         defaults=[name("MISSING", p) for _ in range(defaults)],
     )
     made = py.FunctionDef(text, args, body or [py.Pass(**p)], [], None, **p)
-    made.type_params = []
+    vars(made)["type_params"] = []  # wanted from Python 3.12 on
     return made
 
 

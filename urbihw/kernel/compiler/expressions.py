@@ -205,7 +205,7 @@ class Expressions(Emitter):
         late = [found, target, self.this(node, p), const(node.name, p), const(self.late_site(node), p)]
         if all(is_pure(statement) for statement in before):
             self.emit(*before)
-            return choose(strict, call(attr(found, verb, p), [target, *made], p), call("lazy_site", late, p), p)
+            return choose(strict, call(walrus("_c", attr(found, verb, p), p), [target, *made], p), call("lazy_site", late, p), p)
         kept, result = self.fresh("_t"), self.fresh()
         self.emit(set_(kept, function, p))
         late[0] = name(kept, p)

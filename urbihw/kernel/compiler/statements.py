@@ -31,7 +31,7 @@ from urbihw.kernel.compiler.emit import (
     try_,
     walrus,
 )
-from urbihw.kernel.compiler.expressions import INPLACE, Expressions
+from urbihw.kernel.compiler.expressions import INPLACE, Expressions, Maker
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.printer import print_node
 
@@ -203,7 +203,7 @@ class Statements(Expressions):
         local = self.binding.locals.get(id(place))
         values = [node.value, *(value for _, value in node.modifiers)]
         holder = self.slot_holder(place, place) if local is None else (lambda: const(None, self.mark(node)))
-        made = self.sequence([holder, *((lambda v=v: self.value(v)) for v in values)])  # type: ignore[misc]
+        made = self.sequence([holder, *((lambda v=v: self.value(v)) for v in values)])
         p = self.mark(node, "updateSlot")
         keys: list[py.expr | None] = [const(text, p) for text, _ in node.modifiers]
         attributes = py.Dict(keys, made[2:], **p)
@@ -244,7 +244,7 @@ class Statements(Expressions):
         for formal, local in zip(node.formals or (), self.binding.formals[id(node)], strict=True):
             if formal.default is not None:
                 default = formal.default
-                inside = self.block(lambda d=default, x=local: self.emit(  # type: ignore[misc]
+                inside = self.block(lambda d=default, x=local: self.emit(
                     set_(x.python, self.value(d), self.mark(d))))
                 self.emit(if_(is_(name(local.python, p), name("MISSING", p), p), inside, [], p))
             if local.boxed:
@@ -286,7 +286,7 @@ class Statements(Expressions):
         local = self.binding.locals.get(id(node))
         this = self.binding.this[id(node.body)]
         target = node.target
-        makers = [lambda proto=proto: self.value(proto) for proto in node.protos]  # type: ignore[misc]
+        makers: list[Maker] = [lambda proto=proto: self.value(proto) for proto in node.protos]  # type: ignore[misc]
         if target is not None:
             makers.append(lambda: self.value(target))
         made = self.sequence(makers)

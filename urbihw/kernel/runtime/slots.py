@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
-from urbihw.kernel.runtime.code import Executable, Getter
+from urbihw.kernel.runtime.code import RUNNABLE, Executable, Getter
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.slot import peek_meta
 from urbihw.kernel.runtime.values import Container
@@ -26,6 +26,7 @@ class SlotOps:
     def __init__(self, world: World) -> None:
         self.world = world
         recorder = world.recorder
+        runnable = RUNNABLE
 
         def get_slot(target: Any, name: str) -> Any:
             """The value of a slot, not called; raises ``lookup failed``."""
@@ -47,24 +48,47 @@ class SlotOps:
         def method(target: Any, name: str) -> Any:
             """What ``target.name`` means, as something with ``strict`` and ``c0`` to ``cn``."""
             try:
-                value = get_slot(target, name)
-            except errors.Raised:
-                return self.fallback(target, name)
-            if isinstance(value, Executable):
+                value = target.slots[name]
+                if recorder.active is not None:
+                    self.record(target, name, value)
+            except (KeyError, AttributeError):
+                value = found(target, name)
+            if value.__class__ in runnable or isinstance(value, Executable):
                 return value
             return Getter(world, value)
 
         def send0(target: Any, name: str) -> Any:
             """``target.name`` without arguments: the value, or what calling it gives."""
             try:
-                value = get_slot(target, name)
-            except errors.Raised:
-                value = self.fallback(target, name)
+                value = target.slots[name]
+                if recorder.active is not None:
+                    self.record(target, name, value)
+            except (KeyError, AttributeError):
+                value = found(target, name)
             if isinstance(value, Executable):
                 if value.strict:
                     return value.c0(target)
                 return value.call_lazy(world.call_message(value, target, (), name))
             return value
+
+        def found(target: Any, name: str) -> Any:
+            """The value of a slot that is not the target's own: inherited, or the ``fallback``."""
+            obj = target
+            if target.__class__ is float:
+                obj = world.peek_obj(target)
+                if name in obj.slots and recorder.active is None:
+                    return obj.slots[name]
+            protos = obj.protos
+            if len(protos) == 1 and recorder.active is None and protos[0].__class__ is not float:
+                cache = protos[0].cache
+                if cache is not None:
+                    holder = cache.get(name)
+                    if holder is not None:
+                        return holder.slots[name]
+            try:
+                return get_slot(target, name)
+            except errors.Raised:
+                return self.fallback(target, name)
 
         def send(target: Any, name: str, *args: Any) -> Any:
             """``target.name(args)`` with evaluated arguments, from native code."""

@@ -148,7 +148,7 @@ class WatchedBox(Box):
     __slots__ = ()
 
     @property
-    def v(self) -> Any:  # type: ignore[override]
+    def v(self) -> Any:
         """The value."""
         return _raw.__get__(self, WatchedBox)
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from urbihw.kernel import errors
+from urbihw.kernel.runtime import convert
 from urbihw.kernel.runtime.backtrace import Stack, stack_of
 from urbihw.kernel.runtime.code import Executable, make_primitive
 from urbihw.kernel.runtime.event import Event
@@ -60,6 +61,9 @@ class World:
         self.call_message_proto = self.proto()
         self.exception_proto = self.proto()
         self.lobby_proto = self.proto()
+        self.uvar_proto = self.proto()
+        self.uobject_proto = self.proto()
+        self._soon: list[Callable[[], None]] = []
         self.event_proto = Event(self, [self.object])
         self.tag_proto = TagObject(self, [self.object], Tag(scheduler, "tag"))
         self.run_late: Callable[..., Any] = _no_compiler
@@ -362,26 +366,29 @@ class World:
     # ---------------------------------------------------------------- conversions
 
     def from_python(self, value: Any) -> Any:
-        """A Python value as an urbiscript one; None is void."""
-        if isinstance(value, Obj) or value.__class__ is float:
-            return value
-        if value is None:
-            return self.void
-        if isinstance(value, bool):
-            return self.boolean(value)
-        if isinstance(value, int | float):
-            return float(value)
-        if isinstance(value, str):
-            return self.string(value)
-        if isinstance(value, bytes | bytearray):
-            return self.string(value.decode("latin-1"))
-        if isinstance(value, list):
-            return self.new_list([self.from_python(member) for member in value])
-        if isinstance(value, tuple):
-            return self.new_tuple([self.from_python(member) for member in value])
-        if isinstance(value, dict):
-            return self.dictionary({str(key): self.from_python(member) for key, member in value.items()})
-        raise TypeError(f"no urbiscript value for a Python {type(value).__name__}")
+        """A Python value as an urbiscript one (see ``convert``)."""
+        return convert.from_python(self, value)
+
+    def soon(self, action: Callable[[], None]) -> None:
+        """Run something that may wake conditions or emit events: at once inside a job, else in a job of its own.
+
+        What is asked for outside any job is gathered, so that a burst of samples costs one job.
+        """
+        if self.scheduler.current is not None:
+            action()
+            return
+        if not self._soon:
+            self.scheduler.spawn(self._do_soon, "notify")
+        self._soon.append(action)
+
+    def _do_soon(self) -> None:
+        while self._soon:
+            actions, self._soon = self._soon, []
+            for action in actions:
+                try:
+                    action()
+                except Exception as error:
+                    log.error("error in a notification: %s", "; ".join(self.describe(error)))
 
     def spawn(self, body: Callable[[], Any], name: str = "", parent: Job | None = None) -> Job:
         """A new job that ends alone; its errors are reported to the lobby of its context."""
