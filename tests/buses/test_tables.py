@@ -134,10 +134,10 @@ def test_blocks() -> None:
 def test_long_sync_writes_are_split_to_what_an_ax_can_hold() -> None:
     values = {"goal_position": 512, "moving_speed": 100}
     runs = plan.write_runs(tables.AX12, values)
-    packets = plan.sync_writes(1, dict.fromkeys(range(40), (runs, values)))
+    packets = plan.sync_writes(1, [(runs, [(number, values) for number in range(40)])])
     assert [len(packet) for packet in packets] == [8 + 27 * 5, 8 + 13 * 5]
     led = plan.write_runs(tables.XL430, ["led"])
-    assert len(plan.sync_writes(2, {number: (led, {"led": 1}) for number in range(100)})) == 1
+    assert len(plan.sync_writes(2, [(led, [(number, {"led": 1}) for number in range(100)])])) == 1
 
 
 def test_neighbours_are_written_together_but_torque_keeps_to_itself() -> None:

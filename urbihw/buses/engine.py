@@ -44,6 +44,8 @@ FAMILIES: Final = {"dynamixel": "urbihw.buses.dynamixel.driver:DynamixelDriver"}
 _FIRST_BACK_OFF = 0.2
 _LAST_BACK_OFF = 2.0
 _STATISTICS_PERIOD = 1.0
+# With less than this until the next tick, posting waits until the wire is busy again.
+_TIME_TO_POST = 0.0005
 
 
 class Driver(Protocol):
@@ -51,13 +53,13 @@ class Driver(Protocol):
 
     `attach` is handed an open link and finds the devices; `detach` is told that it is gone. In between come `tick`,
     `targets`, `watch`, `request` and `safe_stop`; all but `detach` may raise LinkGone. `errors` counts failures since
-    `attach`. Watches must outlive the link, targets must not.
+    `attach`. Watches must outlive the link, targets must not. `tick` should call `meanwhile` when the wire is busy.
     """
 
     def configure(self, settings: Configure) -> None: ...
     def attach(self, link: Link) -> list[FromWorker]: ...
     def detach(self) -> None: ...
-    def tick(self, now: float) -> list[FromWorker]: ...
+    def tick(self, now: float, meanwhile: Callable[[], None]) -> list[FromWorker]: ...
     def targets(self, message: Targets) -> list[FromWorker]: ...
     def watch(self, message: Watch, now: float) -> list[FromWorker]: ...
     def request(self, message: Request) -> list[FromWorker]: ...
@@ -100,6 +102,7 @@ class Engine:
         self._stopped_for_silence = False
         self._stop_owed = ""
         self._requests: list[Request] = []
+        self._unposted: list[FromWorker] = []
         self._ticker = Ticker(1 / settings.rate, now)
         self._tally = _Tally(now)
         driver.configure(settings)
@@ -112,6 +115,7 @@ class Engine:
                 pass
         except Exception as error:  # The robot must be stopped whatever happens, and the parent told.
             reason = f"our bug in the bus worker: {type(error).__name__}: {error}"
+        self._post_unposted()
         self._safe_stop("the worker ends")
         if self._link is not None:
             self._link.close()
@@ -128,13 +132,27 @@ class Engine:
         self._watch_master(now)
         if self._link is None:
             self._try_link(now)
-        self._guarded(lambda: self._post_all(self._driver.tick(self._clock.now())))
+        self._guarded(self._tick)
         self._serve_requests()
         self._tally.ticks += 1
-        self._report(self._clock.now())
-        self._tally.late += self._ticker.advance(self._clock.now())
+        now = self._clock.now()
+        self._report(now)
+        self._tally.late += self._ticker.advance(now)
+        if self._ticker.due > now + _TIME_TO_POST:
+            self._post_unposted()
         self._clock.sleep_until(self._ticker.due)
         return True
+
+    def _tick(self) -> None:
+        news = self._driver.tick(self._clock.now(), self._post_unposted)
+        self._post_unposted()
+        self._unposted = news
+
+    def _post_unposted(self) -> None:
+        """Post what the last tick brought: right after it, or, when the next one is due, while its wire is busy."""
+        unposted, self._unposted = self._unposted, []
+        for message in unposted:
+            self._mailbox.post(message)
 
     # The master.
 
@@ -228,6 +246,8 @@ class Engine:
     # Telling.
 
     def _post_all(self, messages: list[FromWorker]) -> None:
+        """Post messages, behind those of the last tick."""
+        self._post_unposted()
         for message in messages:
             self._mailbox.post(message)
 

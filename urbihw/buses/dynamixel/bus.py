@@ -27,6 +27,7 @@ from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
 from urbihw.buses.link import Link
 
 ProtocolChoice = Literal[1, 2, "auto"]
+Meanwhile = Callable[[], None]
 _AskGroup = Callable[[bytes, Sequence[tuple[int, int]]], Iterable[Status]]
 _RETRIES = 2
 # How long before the end of a long answer to wake up: time to decode what has come, and for a late wake-up.
@@ -80,13 +81,18 @@ class DynamixelBus:
         if self.echo:
             self._swallow_echo(len(data))
 
-    def ask(self, request: bytes, device: int, size: int, prefix: bytes = b"") -> Status:
+    def ask(
+        self, request: bytes, device: int, size: int, prefix: bytes = b"", meanwhile: Meanwhile | None = None
+    ) -> Status:
         """Send `request` and return the answer of `device` with `size` bytes of data.
 
-        `prefix` is unanswered packets to send in the same write, right before it.
+        `prefix` is unanswered packets to send in the same write, right before it; `meanwhile` is called once they
+        are on their way, for work that would otherwise keep the wire idle.
         Raises BusTimeout, BadFrame, LinkGone. A refusal is returned, not raised: see `Status.refusal`.
         """
         wire_end = self._dispatch(prefix + request)
+        if meanwhile is not None:
+            meanwhile()
         expected = size + packet.OVERHEAD[self.protocol]
         if self.echo:
             # A one-wire adapter: our own bytes come first.
@@ -106,13 +112,21 @@ class DynamixelBus:
         self.patience.observe(self.clock.now() - answer_time)
         return status
 
-    def ask_group(self, request: bytes, reads: Sequence[tuple[int, int]], prefix: bytes = b"") -> Iterator[Status]:
+    def ask_group(
+        self,
+        request: bytes,
+        reads: Sequence[tuple[int, int]],
+        prefix: bytes = b"",
+        meanwhile: Meanwhile | None = None,
+    ) -> Iterator[Status]:
         """Send a sync or bulk read; yield the answers as they come. `reads`: (device, size) in order.
 
         Devices that stay silent or answer damaged are missing in the result; `counters` tells how many. What the
-        caller does with an answer happens while the next ones are still on the wire.
+        caller does with an answer happens while the next ones are still on the wire. `prefix`, `meanwhile`: as `ask`.
         """
         wire_end = self._dispatch(prefix + request)
+        if meanwhile is not None:
+            meanwhile()
         overhead = packet.OVERHEAD[self.protocol]
         total = sum(size + overhead for _, size in reads) + (len(prefix + request) if self.echo else 0)
         longest = (max(size for _, size in reads) + overhead) * self.link.byte_time
@@ -141,9 +155,17 @@ class DynamixelBus:
         if total < _SYSTEM_BUFFER and wake > self.clock.now():
             self.clock.sleep_until(wake)
 
-    def ask_joint(self, request: bytes, reads: Sequence[tuple[int, int]], prefix: bytes = b"") -> list[Status]:
-        """Send a FAST SYNC or FAST BULK READ; return the parts of the joint answer that are whole."""
+    def ask_joint(
+        self,
+        request: bytes,
+        reads: Sequence[tuple[int, int]],
+        prefix: bytes = b"",
+        meanwhile: Meanwhile | None = None,
+    ) -> list[Status]:
+        """Send a FAST SYNC or FAST BULK READ; return the parts of the joint answer that are whole. As `ask_group`."""
         wire_end = self._dispatch(prefix + request)
+        if meanwhile is not None:
+            meanwhile()
         size = 8 + sum(size + 4 for _, size in reads) + (len(prefix + request) if self.echo else 0)
         answer_time = wire_end + size * self.link.byte_time
         self._nap(size, answer_time)

@@ -6,7 +6,7 @@ not, so that nothing moves by itself when it returns.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
 
 from urbihw.buses.dynamixel.bus import DynamixelBus
@@ -66,14 +66,14 @@ class DynamixelDriver:
             self._moved = {number for number, member in self._cycle.members.items() if member.moved}
             self._cycle = None
 
-    def tick(self, now: float) -> list[FromWorker]:
-        """One tick of the cycle. Raises LinkGone."""
+    def tick(self, now: float, meanwhile: Callable[[], None]) -> list[FromWorker]:
+        """One tick of the cycle; `meanwhile` is called while the wire is busy. Raises LinkGone."""
         cycle = self._cycle
         if cycle is None:
             return []
         if not cycle.members:
             return self._look_again(cycle, now)
-        return _report(cycle.tick(now))
+        return _report(cycle.tick(now, meanwhile))
 
     def targets(self, message: Targets) -> list[FromWorker]:
         """Take targets for the next tick."""

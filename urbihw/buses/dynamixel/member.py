@@ -9,7 +9,7 @@ from urbihw.buses.dynamixel import packet
 from urbihw.buses.dynamixel.device import Device
 from urbihw.buses.dynamixel.health import Health
 from urbihw.buses.dynamixel.item import Motion, Table
-from urbihw.buses.dynamixel.plan import Block, Run, read_blocks, write_runs
+from urbihw.buses.dynamixel.plan import Block, read_blocks
 from urbihw.buses.errors import BadValue
 
 
@@ -52,7 +52,6 @@ class Member:
         self.state = 0
         self._rhythms: list[_Rhythm] = []
         self._questions: dict[tuple[str, ...], tuple[Question, ...]] = {}
-        self._runs: dict[tuple[str, ...], tuple[Run, ...]] = {}
 
     @property
     def table(self) -> Table:
@@ -67,7 +66,6 @@ class Member:
         if device.table is not self._table:
             self._table = device.table
             self._questions.clear()
-            self._runs.clear()
             self._rhythms.clear()
 
     def aim(self, name: str, raw: int) -> None:
@@ -83,8 +81,8 @@ class Member:
 
     def sent(self) -> None:
         """Note that the pending targets are on the wire."""
-        for name in self.pending:
-            self.moved = self.moved or self._moves(name)
+        if not self.moved:
+            self.moved = any(map(self._moves, self.pending))
         self.written.update(self.pending)
         self.pending.clear()
 
@@ -132,14 +130,6 @@ class Member:
                     # Late: go on from here, reading twice at once makes nothing fresher.
                     rhythm.due = now + rhythm.period
         return names
-
-    def runs(self) -> tuple[Run, ...]:
-        """Return how to write the pending targets; computed once for each set of items."""
-        names = tuple(self.pending)
-        known = self._runs.get(names)
-        if known is None:
-            known = self._runs[names] = write_runs(self.table, names)
-        return known
 
     def questions(self, names: tuple[str, ...]) -> tuple[Question, ...]:
         """Return how to ask for `names`; computed once."""

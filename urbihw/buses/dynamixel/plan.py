@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -82,6 +82,10 @@ class Run:
     layout: struct.Struct
 
 
+# Runs, and the devices that change exactly their items: (device, item -> raw).
+WriteGroup = tuple[tuple[Run, ...], Sequence[tuple[int, Mapping[str, int]]]]
+
+
 def write_runs(table: Table, names: Iterable[str]) -> tuple[Run, ...]:
     """Return the fewest runs that hold all `names`, without holes. Torque enable keeps to itself, see `sync_writes`."""
     runs: list[list[Item]] = []
@@ -94,25 +98,30 @@ def write_runs(table: Table, names: Iterable[str]) -> tuple[Run, ...]:
     return tuple(Run(block.address, block.size, block.names, block.layout) for block in map(_block, runs))
 
 
-def sync_writes(protocol: int, targets: Mapping[int, tuple[tuple[Run, ...], Mapping[str, int]]]) -> list[bytes]:
-    """Return the SYNC_WRITE packets that bring `targets` (device -> runs, item -> raw) over, in sending order.
+def sync_writes(protocol: int, groups: Iterable[WriteGroup]) -> list[bytes]:
+    """Return the SYNC_WRITE packets for groups of devices that change the same items, in sending order.
 
     All devices that change the same registers share one packet. Torque off goes last: an AX servo switches its torque
     on by itself when it is given a goal. The values must be in range.
     """
-    groups: dict[tuple[bool, int, int], dict[int, bytes]] = {}
-    for device, (runs, values) in targets.items():
+    rows: dict[tuple[bool, int, int], dict[int, bytes]] = {}
+    for runs, devices in groups:
         for run in runs:
-            key = (run.names[0] == TORQUE and not values[TORQUE], run.address, run.size)
-            data = run.layout.pack(*[values[name] for name in run.names])
-            if key in groups:
-                groups[key][device] = data
+            pack, names, place = run.layout.pack, run.names, (run.address, run.size)
+            if names[0] == TORQUE:
+                for device, values in devices:
+                    rows.setdefault((not values[TORQUE], *place), {})[device] = pack(values[TORQUE])
             else:
-                groups[key] = {device: data}
+                row = rows.setdefault((False, *place), {})
+                for device, values in devices:
+                    row[device] = pack(*[values[name] for name in names])
     packets = []
-    for (_, address, size), values_of in sorted(groups.items()):
-        room = (packet.MAX_PACKET_1 - 8) // (size + 1) if protocol == 1 else len(values_of)
-        rows = list(values_of.items())
-        for start in range(0, len(rows), room):
-            packets.append(packet.sync_write_packet(protocol, address, dict(rows[start : start + room])))
+    for (_, address, size), row in sorted(rows.items()):
+        room = (packet.MAX_PACKET_1 - 8) // (size + 1) if protocol == 1 else len(row)
+        if len(row) <= room:
+            packets.append(packet.sync_write_packet(protocol, address, row))
+            continue
+        items = list(row.items())
+        for start in range(0, len(items), room):
+            packets.append(packet.sync_write_packet(protocol, address, dict(items[start : start + room])))
     return packets

@@ -15,7 +15,6 @@ from urbihw.buses.dynamixel.bus import DynamixelBus
 from urbihw.buses.dynamixel.cycle import Cycle
 from urbihw.buses.dynamixel.item import Motion
 from urbihw.buses.dynamixel.member import Member
-from urbihw.buses.dynamixel.plan import Run, write_runs
 from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
 
 # A SYNC_WRITE is confirmed by nobody, so it is said twice.
@@ -40,12 +39,12 @@ def safe_stop(cycle: Cycle, torque_off: bool = False) -> None:
 
 
 def _write(bus: DynamixelBus, members: Iterable[Member], values: Mapping[int, Mapping[str, int]]) -> None:
-    targets: dict[int, tuple[tuple[Run, ...], Mapping[str, int]]] = {}
+    groups: list[plan.WriteGroup] = []
     for member in members:
         wanted = values.get(member.device.id)
         if wanted:
-            targets[member.device.id] = (write_runs(member.table, wanted), wanted)
-    packets = b"".join(plan.sync_writes(bus.protocol, targets))
+            groups.append((plan.write_runs(member.table, wanted), [(member.device.id, wanted)]))
+    packets = b"".join(plan.sync_writes(bus.protocol, groups))
     if packets:
         for _ in range(_TIMES):
             bus.send(packets)
