@@ -20,7 +20,10 @@ from typing import Any
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.world import World
 
-MODULES = ("object",)
+MODULES = (
+    "object",
+    "string",
+)
 
 
 def prototype(world: World, name: str) -> Obj:

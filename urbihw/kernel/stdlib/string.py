@@ -1,0 +1,335 @@
+"""String: sequences of bytes, shown as latin-1 characters; mutable only by ``[]=``.
+
+Source: manual, specs/string.  The operators compare and index bytes; nothing here knows about UTF-8.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.values import String
+from urbihw.kernel.runtime.world import World
+from urbihw.kernel.stdlib.members import count, strings_of
+
+TABLE = Table("String")
+PROTOS = {"String": ("Comparable", "Orderable", "RangeIterable")}
+
+NUMBER = re.compile(r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|inf|nan)\Z")
+ESCAPES = {"\b": "\\b", "\f": "\\f", "\n": "\\n", "\r": "\\r", "\t": "\\t", "\v": "\\v", '"': '\\"', "\\": "\\\\"}
+FIRST_FRESH = 5
+"""The number of the first ``fresh``: the manual's session begins there, its library had used up the ones before."""
+
+
+def escaped(text: str) -> str:
+    """A text as a string literal, quotes included; bytes that are no printable ASCII as ``\\xNN``."""
+    parts = [ESCAPES.get(c) or (c if " " <= c <= "~" else f"\\x{ord(c):02x}") for c in text]
+    return '"' + "".join(parts) + '"'
+
+
+# ---------------------------------------------------------------- conversions
+
+
+@TABLE.primitive("asString")
+def as_string(world: World, this: String) -> Any:
+    """This string itself."""
+    return this
+
+
+@TABLE.primitive("asPrintable")
+def as_printable(world: World, this: str) -> str:
+    """This string as a literal, with quotes and escapes."""
+    return escaped(this)
+
+
+@TABLE.primitive("asBool")
+def as_bool(world: World, this: str) -> bool:
+    """Whether this string is not empty."""
+    return this != ""
+
+
+@TABLE.primitive("asFloat")
+def as_float(world: World, this: str) -> float:
+    """The number that this string is; an error if anything but a number stands in it."""
+    if NUMBER.match(this) is None:
+        raise errors.primitive(f"unable to convert to float: {escaped(this)}")
+    return float(this)
+
+
+@TABLE.primitive("toAscii")
+def to_ascii(world: World, this: str) -> float:
+    """The code (0 to 255) of the first character; an error if there is none."""
+    if not this:
+        raise errors.primitive("unexpected empty string")
+    return float(ord(this[0]))
+
+
+@TABLE.primitive("fromAscii")
+def from_ascii(world: World, this: str, code: int) -> str:
+    """The one-character string of a code, 0 to 255."""
+    if not 0 <= code <= 255:
+        raise errors.bad_number("BadInteger", f"expected integer in range [0, 255], got {code}")
+    return chr(code)
+
+
+@TABLE.primitive("toLower")
+def to_lower(world: World, this: str) -> str:
+    """A copy with the ASCII letters in lower case."""
+    return this.encode("latin-1").lower().decode("latin-1")
+
+
+@TABLE.primitive("toUpper")
+def to_upper(world: World, this: str) -> str:
+    """A copy with the ASCII letters in upper case."""
+    return this.encode("latin-1").upper().decode("latin-1")
+
+
+# ---------------------------------------------------------------- classes of characters
+
+CLASSES_OF_CHARACTERS = {
+    "isAlnum": r"[0-9A-Za-z]*\Z",
+    "isAlpha": r"[A-Za-z]*\Z",
+    "isCntrl": r"[\x00-\x1f\x7f]*\Z",
+    "isDigit": r"[0-9]*\Z",
+    "isGraph": r"[!-~]*\Z",
+    "isLower": r"[a-z]*\Z",
+    "isPrint": r"[ -~]*\Z",
+    "isPunct": r"[!-/:-@\[-`{-~]*\Z",
+    "isSpace": r"[ \t-\r]*\Z",
+    "isUpper": r"[A-Z]*\Z",
+    "isXdigit": r"[0-9A-Fa-f]*\Z",
+}
+"""Manual, specs/string, the table of character handling functions; true of the empty string."""
+
+
+def _add_class(slot: str, pattern: str) -> None:
+    compiled = re.compile(pattern)
+
+    def all_are(world: World, this: str) -> bool:
+        return compiled.match(this) is not None
+
+    all_are.__doc__ = f"Whether all characters of this string are of the C class {slot.lower()}."
+    TABLE.primitive(slot)(all_are)
+
+
+for _slot, _pattern in CLASSES_OF_CHARACTERS.items():
+    _add_class(_slot, _pattern)
+
+
+# ---------------------------------------------------------------- parts
+
+
+@TABLE.raw("size", "length", least=0)
+def size(world: World) -> Any:
+    """The number of bytes."""
+
+    def run(this: Any) -> float:
+        return float(len(_text(world, this)))
+
+    return run
+
+
+@TABLE.primitive("split")
+def split(
+    world: World, this: str, sep: Any = None, lim: float = -1.0, keep_sep: bool = False, keep_empty: bool | None = None
+) -> Any:
+    """The parts between separators (a String, or a List of them, white space if left out), after at most ``lim`` splits
+    (any number if negative), with the separators if ``keepSep``, with the empty parts if ``keepEmpty``."""
+    separators = [" ", "\t", "\n", "\r"] if sep is None else strings_of(world, sep, 1)
+    if keep_empty is None:
+        keep_empty = sep is not None
+    return world.new_list([world.string(part) for part in _split(this, separators, lim, keep_sep, bool(keep_empty))])
+
+
+def _split(text: str, separators: list[str], lim: float, keep_sep: bool, keep_empty: bool) -> list[str]:
+    if "" in separators:
+        return list(text)
+    pattern = re.compile("(" + "|".join(map(re.escape, separators)) + ")")
+    parts = pattern.split(text, maxsplit=0 if lim < 0 else int(lim)) if separators and lim != 0 else [text]
+    wanted = []
+    for index, part in enumerate(parts):
+        if keep_sep if index % 2 else part or keep_empty:
+            wanted.append(part)
+    return wanted
+
+
+@TABLE.primitive("join")
+def join(world: World, this: str, members: Any, prefix: str = "", suffix: str = "") -> str:
+    """The members' ``asString``, with this string between them, a prefix before and a suffix behind."""
+    return prefix + this.join([world.text(member) for member in world.iterate(members)]) + suffix
+
+
+@TABLE.primitive("replace")
+def replace(world: World, this: str, old: str, new: str) -> str:
+    """A copy with every occurrence of ``old`` replaced by ``new``."""
+    return this.replace(old, new) if old else this
+
+
+@TABLE.raw("[]", least=1, most=2)
+def get_item(world: World) -> Any:
+    """The characters from an index up to, not including, another (the next one if left out)."""
+
+    def run(this: Any, begin: Any, end: Any = None) -> String:
+        text = _text(world, this)
+        start, stop = _range(world, text, begin, end)
+        return world.string(text[start:stop])
+
+    return run
+
+
+@TABLE.primitive("[]=")
+def set_item(world: World, this: String, begin: Any, end: Any, other: Any = None) -> Any:
+    """Replace the characters from an index up to, not including, another (the next one if left out) by ``other``;
+    gives ``other``."""
+    position = 2 if other is None else 3
+    if other is None:
+        end, other = None, end
+    if not isinstance(other, String):
+        raise world.type_error(position, other, "String")
+    start, stop = _range(world, this.s, begin, end)
+    this.s = this.s[:start] + other.s + this.s[stop:]
+    this.touch()
+    return other
+
+
+def _range(world: World, text: str, begin: Any, end: Any) -> tuple[int, int]:
+    start = count(world, begin)
+    if start >= len(text):
+        raise errors.primitive(f"invalid index: {start}")
+    if end is None:
+        return start, start + 1
+    stop = count(world, end)
+    if stop > len(text):
+        raise errors.primitive(f"invalid index: {stop}")
+    if stop < start:
+        raise errors.primitive(f"range starting after its end does not make sense: {start}, {stop}")
+    return start, stop
+
+
+# ---------------------------------------------------------------- operators
+
+
+def _text(world: World, value: Any) -> str:
+    if not isinstance(value, String):
+        raise world.type_error(None, value, "String")
+    return value.s
+
+
+@TABLE.raw("+", least=1)
+def plus(world: World) -> Any:
+    """This string followed by the other's ``asString``."""
+    string, text = world.string, world.text
+
+    def run(this: Any, other: Any) -> String:
+        return string(_text(world, this) + text(other))
+
+    return run
+
+
+@TABLE.raw("*", least=1)
+def times(world: World) -> Any:
+    """This string repeated a number of times, a non-negative integer."""
+
+    def run(this: Any, number: Any) -> String:
+        return world.string(_text(world, this) * count(world, number))
+
+    return run
+
+
+@TABLE.raw("==", least=1)
+def equals(world: World) -> Any:
+    """Whether the other is a string of the same bytes."""
+    true, false = world.true, world.false
+
+    def run(this: Any, other: Any) -> Any:
+        return true if isinstance(other, String) and _text(world, this) == other.s else false
+
+    return run
+
+
+@TABLE.raw("!=", least=1)
+def differs(world: World) -> Any:
+    """Whether the other is no string of the same bytes."""
+    true, false = world.true, world.false
+
+    def run(this: Any, other: Any) -> Any:
+        return false if isinstance(other, String) and _text(world, this) == other.s else true
+
+    return run
+
+
+@TABLE.primitive("<")
+def before(world: World, this: str, other: str) -> bool:
+    """Whether this string comes before the other, byte by byte."""
+    return this < other
+
+
+@TABLE.primitive("<=")
+def not_after(world: World, this: str, other: str) -> bool:
+    """Whether this string does not come after the other."""
+    return this <= other
+
+
+@TABLE.primitive(">")
+def after(world: World, this: str, other: str) -> bool:
+    """Whether this string comes after the other."""
+    return this > other
+
+
+@TABLE.primitive(">=")
+def not_before(world: World, this: str, other: str) -> bool:
+    """Whether this string does not come before the other."""
+    return this >= other
+
+
+# ---------------------------------------------------------------- likeness
+
+
+@TABLE.primitive("distance")
+def distance(world: World, this: str, other: str) -> float:
+    """How many characters to insert, remove, replace or swap with their neighbour to get the other string."""
+    return float(edits(this, other))
+
+
+def edits(a: str, b: str) -> int:
+    """The Damerau-Levenshtein distance (a swap is of neighbours that nothing else touches)."""
+    before_last: list[int] = []
+    last = list(range(len(b) + 1))
+    for i, x in enumerate(a, 1):
+        row = [i]
+        for j, y in enumerate(b, 1):
+            cost = min(last[j] + 1, row[j - 1] + 1, last[j - 1] + (x != y))
+            if i > 1 and j > 1 and x == b[j - 2] and a[i - 2] == y:
+                cost = min(cost, before_last[j - 2] + 1)
+            row.append(cost)
+        before_last, last = last, row
+    return last[-1]
+
+
+@TABLE.primitive("closest")
+def closest(world: World, this: str, among: Any) -> Any:
+    """The one member that is like this string: by at most one edit in three characters, or else but for the case of
+    letters; nil if there is none or more than one."""
+    names = [_text(world, member) for member in world.iterate(among)]
+    reach = max(1, len(this) // 3)
+    near = [name for name in names if edits(this, name) <= reach]
+    if not near:
+        near = [name for name in names if name.lower() == this.lower()]
+    return world.string(near[0]) if len(near) == 1 else world.nil
+
+
+def install(world: World, programs: Any) -> None:
+    """``fresh`` counts, so it is made per world."""
+    numbers = Table("String")
+    used = FIRST_FRESH
+
+    @numbers.primitive("fresh")
+    def fresh(world: World, this: str) -> str:
+        """A string beginning with this one that was never given before."""
+        nonlocal used
+        used += 1
+        return f"{this}_{used - 1}"
+
+    numbers.install(world, world.string_proto)
