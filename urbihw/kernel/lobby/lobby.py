@@ -47,6 +47,7 @@ class Lobby(Obj):
         if remote is not None:
             self.slots["remoteIP"] = world.string(remote)
         self.shell = Shell(self, name)
+        programs.lobbies[self] = None
 
     def feed(self, data: bytes) -> None:
         """Bytes from the client."""
@@ -64,6 +65,7 @@ class Lobby(Obj):
         if not self.connected:
             return
         self.connected = False
+        self.programs.lobbies.pop(self, None)
         self.output.close()
         self.world.scheduler.spawn(self._end, "disconnect")
 

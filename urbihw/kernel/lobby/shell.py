@@ -30,6 +30,7 @@ class Programs:
         self.read = StatementCache()
         self.units = UnitCache()
         self._lobbies = 0
+        self.lobbies: dict[Lobby, None] = {}
         self.arguments: list[str] = []
         self.quiet = True
         self.listen_port = -1
@@ -140,9 +141,13 @@ class Shell:
             passage.exit()
 
     def show(self, value: Any) -> None:
-        """Print the value of a top-level statement; void and nil are silent."""
+        """Print the value of a top-level statement; void and nil are silent.  A lobby may have a ``topLevel`` of its own."""
         world = self._lobby.world
-        if value is not world.void and value is not world.nil:
+        channel = self._lobby.slots.get("topLevel")
+        if channel is not None:
+            if value is not world.void:
+                world.send(channel, "<<", value)
+        elif value is not world.void and value is not world.nil:
             self._lobby.output.line(world.text(world.ops.send0(value, "asToplevelPrintable")))
 
     def _background(self, statement: Statement) -> None:

@@ -23,6 +23,9 @@ from urbihw.kernel.runtime.world import World
 MODULES = (
     "object",
     "string",
+    "list",
+    "channel",
+    "lobby",
 )
 
 

@@ -1,0 +1,214 @@
+"""Lobby: the urbiscript face of a connection.
+
+Source: manual, specs/lobby; server protocol, sections 1 and 5.  The object itself belongs to ``kernel/lobby``; what is
+used of it here is written down as ``Lobby``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.values import List
+from urbihw.kernel.runtime.world import World
+from urbihw.kernel.stdlib.channel import starred
+
+TABLE = Table("Lobby")
+GLOBAL = Table("Global")
+TABLES = [TABLE, GLOBAL]
+
+
+class Output(Protocol):
+    """What is needed of a lobby's output."""
+
+    sent: int
+
+    def line(self, text: str, channel: str = "") -> None:
+        """Send one line."""
+        ...
+
+    def write(self, data: bytes) -> None:
+        """Send bytes."""
+        ...
+
+    def take(self) -> bytes:
+        """What waits to be sent."""
+        ...
+
+
+class Lobby(Protocol):
+    """What is needed of the lobby of a connection."""
+
+    output: Output
+    connected: bool
+    received: int
+    programs: Any
+
+    def feed(self, data: bytes) -> None:
+        """Bytes as if from the client."""
+        ...
+
+    def quit(self) -> None:
+        """Close the connection."""
+        ...
+
+
+def current(world: World) -> Any:
+    """The lobby of the running job, or nil."""
+    context = world.scheduler.running().context
+    return world.nil if context is None else context
+
+
+def real(this: Any) -> Lobby:
+    """A lobby that has a connection; raises for Lobby itself."""
+    if type(this).__name__ != "Lobby":
+        raise errors.primitive("must be called on Lobby derivative")
+    lobby: Lobby = this
+    return lobby
+
+
+def echo_to(world: World, lobby: Lobby, value: Any, channel: str) -> None:
+    """One line behind three stars."""
+    lobby.output.line(starred(world.text(value)), channel)
+
+
+# ---------------------------------------------------------------- saying
+
+
+@TABLE.primitive("echo")
+def echo(world: World, this: Any, value: Any, channel: str = "") -> None:
+    """Send the text of a value behind three stars, under a label if one is given."""
+    echo_to(world, real(this), value, channel)
+
+
+@TABLE.primitive("echoEach")
+def echo_each(world: World, this: Any, values: Any, channel: str = "") -> None:
+    """``echo`` every member of a list."""
+    for value in world.iterate(values):
+        echo_to(world, real(this), value, channel)
+
+
+@TABLE.primitive("send")
+def send(world: World, this: Any, text: str, channel: str = "") -> None:
+    """Send one line with a time stamp, as it is, under a label if one is given."""
+    real(this).output.line(text, channel)
+
+
+@TABLE.primitive("write")
+def write(world: World, this: Any, text: str) -> None:
+    """Send the bytes of a string and nothing else."""
+    real(this).output.write(text.encode("latin-1", "replace"))
+
+
+@TABLE.primitive("receive")
+def receive(world: World, this: Any, text: str) -> None:
+    """Take a string as if the client had typed it; a lobby whose connection is gone takes nothing."""
+    real(this).feed(text.encode("latin-1", "replace"))
+
+
+@TABLE.primitive("quit")
+def quit_(world: World, this: Any) -> None:
+    """Close the connection; the server goes on."""
+    real(this).quit()
+
+
+# ---------------------------------------------------------------- asking
+
+
+@TABLE.primitive("lobby")
+def lobby(world: World, this: Any) -> Any:
+    """The lobby of the connection whose code is running."""
+    return current(world)
+
+
+@TABLE.primitive("connected")
+def connected(world: World, this: Any) -> bool:
+    """Whether the connection is still there."""
+    return real(this).connected
+
+
+def _alive(this: Any) -> Lobby:
+    lobby = real(this)
+    if not lobby.connected:
+        raise errors.primitive("Lobby is not connected")
+    return lobby
+
+
+@TABLE.primitive("bytesSent")
+def bytes_sent(world: World, this: Any) -> float:
+    """How many bytes were sent to the client."""
+    return float(_alive(this).output.sent)
+
+
+@TABLE.primitive("bytesReceived")
+def bytes_received(world: World, this: Any) -> float:
+    """How many bytes came from the client."""
+    return float(_alive(this).received)
+
+
+@TABLE.primitive("asString", "asPrintable")
+def as_string(world: World, this: Any) -> str:
+    """``Lobby`` itself, or ``Lobby_`` and the identity."""
+    return "Lobby" if this is world.lobby_proto else f"Lobby_{world.uid(this)}"
+
+
+@TABLE.primitive("clone", "new")
+def clone(world: World, this: Any) -> None:
+    """Always an error: see ``create``."""
+    raise errors.primitive("`Lobby' objects cannot be cloned")
+
+
+# ---------------------------------------------------------------- Global
+
+
+@GLOBAL.primitive("echo")
+def global_echo(world: World, this: Any, value: Any, channel: str = "") -> None:
+    """Send the text of a value behind three stars to the connection of the running job, under a label if one is given."""
+    context = world.scheduler.running().context
+    if context is not None:
+        echo_to(world, context, value, channel)
+
+
+def install(world: World, programs: Any) -> None:
+    """What needs to know all lobbies."""
+    table = Table("Lobby")
+    shared = Table("Global")
+
+    @table.primitive("instances")
+    def instances(world: World, this: Any) -> Any:
+        """The list of Lobby itself and the lobbies of all connections."""
+        return _all(world, programs)
+
+    @table.primitive("create")
+    def create(world: World, this: Any) -> Any:
+        """A fresh lobby without connection; what it says goes where the running job's lobby speaks to."""
+        return _created(world, current(world))
+
+    @table.primitive("wall")
+    @shared.primitive("wall")
+    def wall(world: World, this: Any, value: Any, channel: str = "") -> None:
+        """``echo`` to every connection, under a label if one is given."""
+        for lobby in _all(world, programs).l[1:]:
+            echo_to(world, lobby, value, channel)
+
+    table.install(world, world.lobby_proto)
+    shared.install(world, world.global_)
+    world.lobby_proto.slots["onDisconnect"] = world.event_proto.clone()
+
+
+def _all(world: World, programs: Any) -> List:
+    return world.new_list([world.lobby_proto, *programs.lobbies])
+
+
+def _created(world: World, maker: Any) -> Any:
+    """A lobby of the maker's class whose words are handed to the maker's output at the end of the round."""
+    speaker = real(maker)
+    make: Callable[..., Any] = type(maker)
+
+    def forward(made: Lobby) -> None:
+        scheduler = world.scheduler
+        scheduler.call_at(scheduler.clock.now(), lambda: speaker.output.write(made.output.take()))
+
+    return make(world, speaker.programs, forward)
