@@ -14,6 +14,7 @@ reported.  Nothing of the statement runs (server protocol, section 2).
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 from urbihw.kernel.syntax.check import CHECKED, check
@@ -45,7 +46,6 @@ class Parser(Statements):
         super().__init__()
         tables = load_tables() if tables is None else tables
         self._rows = tables.rows
-        self._start = tables.start
         self._rules: list[tuple[str, int, tuple[int, ...], Any]] = [
             (rule.origin, rule.size, rule.kept, None if rule.action is None else getattr(self, rule.action))
             for rule in tables.rules
@@ -53,16 +53,14 @@ class Parser(Statements):
         # The many rules that only pass a symbol on, from one level of precedence to the next.
         self._alone = [rule.origin if rule.size == 1 and rule.action is None else None for rule in tables.rules]
         self._final = frozenset(number for number, row in enumerate(tables.rows) if _ACCEPT in row)
-        # Where an operator might come, an error names no tokens expected; a block is not only an operand.
-        closed = {row["}"] for row in tables.rows if row.get("}", -1) >= 0}
-        self._operand = frozenset(number for number, row in enumerate(tables.rows) if "+" in row) - closed
+        self._closed = frozenset(row["}"] for row in tables.rows if row.get("}", -1) >= 0)
         self._begin()
 
     def _begin(self) -> None:
-        self._states: list[int] = [self._start]
+        self._states: list[int] = [0]
         self._values: list[Any] = []
         self._spans: list[Span] = []
-        self._shifted = self._start
+        self._shifted = 0
         self._quiet = 0
         self._doubtful = False
         self._resume: dict[str, int] | None = None
@@ -144,12 +142,28 @@ class Parser(Statements):
         if not self._quiet:
             self.problem(f"unexpected {shown(token.kind)}{self._tail(token.kind)}", token.span)
         self._quiet = _QUIET
+        self._settle()
         while "ERROR" not in self._rows[self._states[-1]]:
             self._states.pop()
             self._values.pop()
             self._spans.pop()
         self._shift_error(token.span)
         return self.push(token)
+
+    def _settle(self) -> None:
+        """Reduce what can be without looking at the token, as yacc has done when it finds an error.
+
+        Else a block that is closed already would still count as open, and be the place to go on from.
+        """
+        known = len(self.problems)
+        while True:
+            row = self._rows[self._states[-1]]
+            reductions = Counter(act for symbol, act in row.items() if act < 0 and symbol[0] != "@")
+            if not reductions:
+                break
+            self._reduce(reductions.most_common(1)[0][0])
+        # One error is enough: what these rules find wrong in what comes before it is not told.
+        del self.problems[known:]
 
     def _shift_error(self, span: Span) -> None:
         state = self._rows[self._states[-1]]["ERROR"]
@@ -168,7 +182,8 @@ class Parser(Statements):
         """What would have been right instead, if that is short."""
         if kind in _CLOSERS and not self.idle and self.accepts("END"):
             return ', expecting end of command or "," or ;'
-        if self._shifted in self._operand:
+        if self._states[-1] != self._shifted and self._shifted not in self._closed:
+            # Rules were reduced for this token: an operator might have come, so there was no short list.
             return ""
         row = self._rows[self._states[-1]]
         # `assert` is a name for the grammar, not for the user.

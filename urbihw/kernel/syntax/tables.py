@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 # To be raised when the form of the saved tables changes.
-FORMAT = 1
+FORMAT = 2
 
 GRAMMAR = Path(__file__).with_name("urbiscript.lark")
 
@@ -39,7 +39,7 @@ class Rule:
 
 @dataclass(frozen=True)
 class Tables:
-    """``rows[state][symbol]`` is the next state if 0 or more, else ``~n`` to reduce by ``rules[n]``.
+    """``rows[state][symbol]`` is the next state if 0 or more, else ``~n`` to reduce by ``rules[n]``; 0 is the first.
 
     A symbol is a token kind, ``$END`` for the end of what the grammar covers, or the name of a rule after an ``@``
     (there is a rule ``case`` and a keyword ``case``).
@@ -47,7 +47,6 @@ class Tables:
 
     rows: tuple[dict[str, int], ...]
     rules: tuple[Rule, ...]
-    start: int
 
 
 @lru_cache(maxsize=1)
@@ -71,14 +70,14 @@ def _read(path: Path) -> Tables | None:
     try:
         data = json.loads(path.read_text("utf-8"))
         rules = tuple(Rule(origin, size, action, tuple(kept)) for origin, size, action, kept in data["rules"])
-        return Tables(tuple(data["rows"]), rules, data["start"])
+        return Tables(tuple(data["rows"]), rules)
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
 
 def _write(path: Path, tables: Tables) -> None:
     rules = [[rule.origin, rule.size, rule.action, rule.kept] for rule in tables.rules]
-    text = json.dumps({"rows": tables.rows, "rules": rules, "start": tables.start}, separators=(",", ":"))
+    text = json.dumps({"rows": tables.rows, "rules": rules}, separators=(",", ":"))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         # Another server may be writing the same file: it appears whole or not at all.
@@ -109,24 +108,25 @@ def build_tables(grammar: str) -> Tables:
     table = lark.parse_interactive().parser_state.parse_conf.parse_table
     # lark names the literals of a grammar its own way; here a keyword or sign is its own name.
     texts = {terminal.name: terminal.pattern.value for terminal in lark.terminals}
-    numbers = {state: number for number, state in enumerate(table.states)}
-    rules: list[Rule] = []
-    rule_numbers: dict[Any, int] = {}
+    start = table.start_states["start"]
+    # lark numbers its states differently each time: number them in the order in which they can be reached.
+    numbers = {start: 0}
+    rules: dict[Any, int] = {}
     rows: list[dict[str, int]] = []
-    for actions in table.states.values():
+    for state in (reached := [start]):
         row: dict[str, int] = {}
-        for name, (action, argument) in actions.items():
+        for name, (action, argument) in sorted(table.states[state].items()):
             # Token kinds are upper case in lark, names of rules lower case.
             symbol = texts.get(name, str(name)) if name.isupper() or name in texts else f"@{name}"
-            if action is Shift:
-                row[symbol] = numbers[argument]
+            if action is not Shift:
+                row[symbol] = ~rules.setdefault(argument, len(rules))
                 continue
-            if argument not in rule_numbers:
-                rule_numbers[argument] = len(rules)
-                rules.append(_rule(argument))
-            row[symbol] = ~rule_numbers[argument]
+            if argument not in numbers:
+                numbers[argument] = len(numbers)
+                reached.append(argument)
+            row[symbol] = numbers[argument]
         rows.append(row)
-    return Tables(tuple(rows), tuple(rules), numbers[table.start_states["start"]])
+    return Tables(tuple(rows), tuple(_rule(rule) for rule in rules))
 
 
 def _rule(rule: Any) -> Rule:
