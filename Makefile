@@ -1,0 +1,57 @@
+# Everything is set up in .venv from python3 and its venv module; nothing outside this folder is touched.
+#
+#   make run     serve a Bioloid in software on port 54000 (ARGS="--port 54001" to change that)
+#   make test    lint, strict types and all tests
+#   make bench   measure, beside plain Python and the other drivers
+#   make clean   forget the environment and all caches
+#
+# PYTHON is the Python to build the environment from.  VENV_FLAGS=--system-site-packages lets it see Debian's own
+# python3-greenlet, for 32 bit ARM without piwheels (docs/dependencies.md).
+
+PYTHON ?= python3
+VENV_FLAGS ?=
+ARGS ?=
+BIN = .venv/bin
+PIP = $(BIN)/python -m pip --disable-pip-version-check install --quiet
+
+# Pieces of `make test`, each to be run alone while working.
+.PHONY: run test lint types check bench clean
+
+run: .venv/installed
+	$(BIN)/urbihw serve --platform bioloid --fake $(ARGS)
+
+test: lint types check
+
+lint: .venv/installed-dev
+	$(BIN)/ruff check .
+
+types: .venv/installed-dev
+	$(BIN)/mypy
+
+check: .venv/installed-dev
+	$(BIN)/python -m pytest $(ARGS)
+
+bench: .venv/installed-dev
+	$(BIN)/python -m bench.kernel_bench
+	$(BIN)/python -m bench.dynamixel_cycle
+
+clean:
+	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache build dist *.egg-info
+	find urbihw fakes tests bench -name __pycache__ -prune -exec rm -rf {} +
+
+.venv/made:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo 'urbihw needs Python 3.11 or later; name one: make PYTHON=python3.12 ...' >&2; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null \
+	  || { echo 'the venv module of Python is missing: sudo apt install python3-venv' >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV_FLAGS) .venv
+	@touch $@
+
+# The project is installed in place: an edited file needs no new installation, an edited pyproject.toml does.
+.venv/installed: .venv/made pyproject.toml
+	$(PIP) -e .
+	@touch $@
+
+.venv/installed-dev: .venv/installed
+	$(PIP) -e '.[dev]'
+	@touch $@
