@@ -22,10 +22,33 @@ from urbihw.kernel.runtime.world import World
 
 MODULES = (
     "object",
+    "properties",
+    "describe",
+    "comparable",
+    "orderable",
+    "container",
+    "range_iterable",
+    "singleton",
+    "boolean",
+    "nil",
+    "void",
+    "float",
+    "float_limits",
+    "float_loops",
+    "math",
+    "executable",
+    "call_message",
+    "lazy",
+    "position",
+    "location",
+    "exception",
+    "job",
     "string",
     "list",
     "channel",
     "lobby",
+    "tuple",
+    "dictionary",
 )
 
 

@@ -1,0 +1,198 @@
+"""Dictionary: values by strings.  Whatever goes through one does so in the order of the keys.
+
+Source: manual, specs/dictionary.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.values import Dictionary, List
+from urbihw.kernel.runtime.world import World
+from urbihw.kernel.stdlib.members import equal, same_members
+from urbihw.kernel.stdlib.string import escaped
+from urbihw.kernel.stdlib.tuple import pair
+
+TABLE = Table("Dictionary")
+PROTOS = {
+    "Dictionary": ("Comparable", "Container", "RangeIterable", "Object"),
+    "Dictionary.KeyError": ("Exception",),
+}
+
+
+def _dict(world: World, value: Any) -> dict[str, Any]:
+    if not isinstance(value, Dictionary):
+        raise world.type_error(None, value, "Dictionary")
+    return value.d
+
+
+def missing(world: World, key: Any) -> errors.UrbiError:
+    """``missing key: K``, an object with the slot ``key``."""
+    error = Obj(world, [world.dictionary_proto.slots["KeyError"]])
+    error.slots["key"] = key
+    error.slots["message"] = world.string(f"missing key: {world.text(key)}")
+    return errors.UrbiError(error)
+
+
+@TABLE.primitive("init")
+def init(world: World, this: Dictionary, *args: Any) -> Any:
+    """Map each odd argument, a String, to the one behind it; gives this dictionary."""
+    if len(args) % 2:
+        raise errors.primitive(f"expected an even number of arguments, given {len(args)}")
+    for key, value in zip(args[::2], args[1::2], strict=True):
+        this.d[world.key(key)] = value
+    this.touch()
+    return this
+
+
+# ---------------------------------------------------------------- one key
+
+
+@TABLE.raw("[]", "get", least=1)
+def get(world: World) -> Any:
+    """The value of a key; raises Dictionary.KeyError if there is none."""
+
+    def run(this: Any, key: Any) -> Any:
+        value = _dict(world, this).get(world.key(key))
+        if value is None:
+            raise missing(world, key)
+        return value
+
+    return run
+
+
+@TABLE.primitive("getWithDefault")
+def get_with_default(world: World, this: Dictionary, key: Any, default: Any) -> Any:
+    """The value of a key, or the default if there is none."""
+    return this.d.get(world.key(key), default)
+
+
+@TABLE.raw("[]=", least=2)
+def set_item(world: World) -> Any:
+    """Map a key to a value; gives the value."""
+
+    def run(this: Any, key: Any, value: Any) -> Any:
+        _dict(world, this)[world.key(key)] = value
+        this.touch()
+        return value
+
+    return run
+
+
+@TABLE.primitive("set")
+def set_(world: World, this: Dictionary, key: Any, value: Any) -> Any:
+    """Map a key to a value; gives this dictionary."""
+    this.d[world.key(key)] = value
+    this.touch()
+    return this
+
+
+@TABLE.primitive("erase")
+def erase(world: World, this: Dictionary, key: Any) -> Any:
+    """Forget a key; gives this dictionary.  Raises Dictionary.KeyError if there is none."""
+    if world.key(key) not in this.d:
+        raise missing(world, key)
+    del this.d[world.key(key)]
+    this.touch()
+    return this
+
+
+@TABLE.primitive("has")
+def has(world: World, this: Dictionary, key: Any) -> bool:
+    """Whether a key has a value."""
+    return world.key(key) in this.d
+
+
+@TABLE.primitive("hasNot")
+def has_not(world: World, this: Dictionary, key: Any) -> bool:
+    """Whether a key has no value."""
+    return world.key(key) not in this.d
+
+
+# ---------------------------------------------------------------- the whole
+
+
+@TABLE.raw("size", least=0)
+def size(world: World) -> Any:
+    """The number of keys."""
+
+    def run(this: Any) -> float:
+        return float(len(_dict(world, this)))
+
+    return run
+
+
+@TABLE.primitive("empty")
+def empty(world: World, this: Dictionary) -> bool:
+    """Whether there is no key."""
+    return not this.d
+
+
+@TABLE.primitive("asBool")
+def as_bool(world: World, this: Dictionary) -> bool:
+    """Whether there is a key."""
+    return bool(this.d)
+
+
+@TABLE.primitive("clear")
+def clear(world: World, this: Dictionary) -> Any:
+    """Forget all keys; gives this dictionary."""
+    this.d.clear()
+    this.touch()
+    return this
+
+
+@TABLE.primitive("keys")
+def keys(world: World, this: Dictionary) -> Any:
+    """The keys, in order."""
+    return world.new_list([world.string(key) for key in sorted(this.d)])
+
+
+@TABLE.primitive("asList")
+def as_list(world: World, this: Dictionary) -> Any:
+    """The Pairs of a key and its value, in the order of the keys."""
+    return _pairs(world, this)
+
+
+def _pairs(world: World, this: Dictionary) -> List:
+    return world.new_list([pair(world, world.string(key), this.d[key]) for key in sorted(this.d)])
+
+
+@TABLE.primitive("asString", "asPrintable")
+def as_string(world: World, this: Dictionary) -> str:
+    """Keys and values as they are written in a program."""
+    content = ", ".join([f"{escaped(key)} => {world.printable(this.d[key])}" for key in sorted(this.d)])
+    return f"[{content or ' => '}]"
+
+
+@TABLE.primitive("==")
+def equals(world: World, this: Dictionary, other: Any) -> bool:
+    """Whether the other has the same keys, with equal values (or is the list that ``asList`` gives)."""
+    return _equal(world, this, other)
+
+
+@TABLE.primitive("!=")
+def differs(world: World, this: Dictionary, other: Any) -> bool:
+    """``!(this == other)``."""
+    return not _equal(world, this, other)
+
+
+def _equal(world: World, this: Dictionary, other: Any) -> bool:
+    if isinstance(other, List):
+        return same_members(world, _pairs(world, this).l, other.l)
+    if not isinstance(other, Dictionary) or this.d.keys() != other.d.keys():
+        return False
+    return all(equal(world, this.d[key], other.d[key]) for key in sorted(this.d))
+
+
+@TABLE.primitive("matchAgainst")
+def match_against(world: World, this: Dictionary, handler: Any, pattern: Any) -> bool:
+    """Whether a pattern (a Dictionary of some of the keys) matches, its values asked of the handler's
+    ``matchPattern``."""
+    if not isinstance(pattern, Dictionary) or not pattern.d.keys() <= this.d.keys():
+        return False
+    wanted = sorted(pattern.d.items())
+    return all(bool(world.send(handler, "matchPattern", inner, this.d[key])) for key, inner in wanted)
