@@ -8,5 +8,6 @@ code needs at run time it takes from ``runtime/ops.py`` by name.
 """
 
 from urbihw.kernel.compiler.unit import Unit, compile_node
+from urbihw.kernel.syntax.printer import print_node
 
-__all__ = ["Unit", "compile_node"]
+__all__ = ["Unit", "compile_node", "print_node"]

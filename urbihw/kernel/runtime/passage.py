@@ -44,6 +44,7 @@ class TagObject(Obj):
     def __init__(self, world: World, protos: list[Obj], tag: Tag) -> None:
         super().__init__(world, protos)
         self.tag = tag
+        tag.face = self
         self.enter_event: Event | None = None
         self.leave_event: Event | None = None
 

@@ -123,7 +123,7 @@ class World:
         else:
             made = Obj(self, list(protos) or [self.object])
         made.slots["type"] = self.string(name)
-        made.slots["as" + name] = make_primitive(self, "as" + name, lambda this: this, 0, 0, False)
+        made.slots["as" + name] = self.object.slots["acceptVoid"]
         return made
 
     def key(self, value: Any) -> str:

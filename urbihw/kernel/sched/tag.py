@@ -50,7 +50,7 @@ class Hook(Protocol):
 
 
 class Tag:
-    """A tag of the scheduler; the urbiscript object of the same name holds one."""
+    """A tag of the scheduler; the urbiscript object of the same name holds one and is its ``face``."""
 
     def __init__(self, scheduler: Scheduler, name: str, parent: Tag | None = None) -> None:
         self.scheduler = scheduler
@@ -59,6 +59,7 @@ class Tag:
         self.frozen = False
         self.blocked = False
         self.block_value: Any = None
+        self.face: Any = None
         self.live: dict[TagEntry, None] = {}
         self._children: list[weakref.ref[Tag]] = []
         self.hooks: dict[Hook, None] = {}

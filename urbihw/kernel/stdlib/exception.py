@@ -1,0 +1,188 @@
+"""Exception, its kinds, and Traceable.
+
+Errors of the kernel are built by ``World`` from ``errors.Raised``; the constructors here are those of the manual, for
+programs that make exceptions themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.world import World
+from urbihw.kernel.stdlib.float import integer
+
+ROOT = Table("Exception")
+TABLES = [ROOT]
+PROTOS = {"Exception": ("Object", "Traceable")}
+
+
+def _kind(name: str, parent: str = "") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """The constructor of a kind of Exception, which derives from Exception or from another kind."""
+    table = Table(f"Exception.{name}")
+    TABLES.append(table)
+    PROTOS[table.proto] = (f"Exception.{parent}" if parent else "Exception",)
+    return table.primitive("init")
+
+
+@ROOT.primitive("init")
+def init(world: World, this: Obj, message: Any) -> None:
+    """An exception with this message."""
+    this.slots["message"] = message
+
+
+@ROOT.primitive("asString")
+def as_string(world: World, this: Any) -> str:
+    """``Exception.Kind `routine: message'``."""
+    name = world.type_name(this)
+    if this is world.exception_proto or "message" not in world.as_obj(this).slots:
+        return _full_name(world, this, name)
+    loc = world.as_obj(this).slots.get("loc")
+    place = "" if loc is None else f"{world.text(loc)}: "
+    return f"{_full_name(world, this, name)} `{place}{world.exception_text(this)}'"
+
+
+def _full_name(world: World, this: Any, name: str) -> str:
+    known = world.exception_proto.slots.get(name)
+    return f"Exception.{name}" if known is not None and world.is_a(this, known) else name
+
+
+def _fill(world: World, this: Obj, message: str, **slots: Any) -> None:
+    this.slots["message"] = world.string(message)
+    this.slots.update({name: value for name, value in slots.items() if value is not None})
+
+
+def _article(name: str) -> str:
+    return f"an {name}" if name[:1] in "AEIOU" else f"a {name}"
+
+
+@_kind("Type")
+def init_type(world: World, this: Obj, effective: Any, expected: Any) -> None:
+    """A value was found where one like ``expected`` was wanted."""
+    wanted = _article(world.type_name(expected))
+    _fill(world, this, f"unexpected {world.printable(effective)}, expected {wanted}", effective=effective,
+          expected=expected)
+
+
+@_kind("ArgumentType", "Type")
+def init_argument_type(world: World, this: Obj, routine: Any, index: float, effective: Any, expected: Any) -> None:
+    """A routine got a value as argument number ``index`` where one like ``expected`` was wanted."""
+    wanted = _article(world.type_name(expected))
+    text = f"unexpected {world.printable(effective)} for argument {world.text(index)}, expected {wanted}"
+    _fill(world, this, text, routine=routine, index=index, effective=effective, expected=expected)
+
+
+@_kind("Arity")
+def init_arity(world: World, this: Obj, routine: Any, effective: Any, least: Any, most: Any = None) -> None:
+    """A routine got ``effective`` arguments, and not between ``least`` and ``most``."""
+    bounds = [integer(world, bound, index, "new") for index, bound in ((3, least), (4, most)) if bound is not None]
+    text = errors.arity(integer(world, effective, 2, "new"), *bounds).message
+    _fill(world, this, text, routine=routine, effective=effective, min=least, max=most)
+
+
+@_kind("BadNumber")
+def init_bad_number(world: World, this: Obj, routine: Any, form: Any, effective: Any) -> None:
+    """A routine got a number it cannot use; ``form`` is a format for the message with the number in it."""
+    text = world.text(world.send(form, "%", effective))
+    _fill(world, this, text, routine=routine, effective=effective)
+
+
+@_kind("BadInteger", "BadNumber")
+def init_bad_integer(world: World, this: Obj, routine: Any, form: Any, effective: Any) -> None:
+    """A routine got an integer it cannot use; ``form`` is a format for the message with the number in it."""
+    init_bad_number(world, this, routine, form, effective)
+
+
+@_kind("NegativeNumber", "BadNumber")
+def init_negative(world: World, this: Obj, routine: Any, effective: Any) -> None:
+    """A routine got a negative number."""
+    text = f"expected non-negative number, got {world.printable(effective)}"
+    _fill(world, this, text, routine=routine, effective=effective)
+
+
+@_kind("NonPositiveNumber", "BadNumber")
+def init_non_positive(world: World, this: Obj, routine: Any, effective: Any) -> None:
+    """A routine got a number that is not positive."""
+    text = f"expected positive number, got {world.printable(effective)}"
+    _fill(world, this, text, routine=routine, effective=effective)
+
+
+@_kind("Constness")
+def init_constness(world: World, this: Obj, message: Any = None) -> None:
+    """A constant slot was assigned."""
+    _fill(world, this, errors.constness().message if message is None else world.text(message))
+
+
+@_kind("FileNotFound")
+def init_file_not_found(world: World, this: Obj, name: Any) -> None:
+    """There is no file of this name."""
+    _fill(world, this, f"file not found: {world.text(name)}", name=name)
+
+
+@_kind("ImplicitTagComponent")
+def init_implicit_tag(world: World, this: Obj, message: Any = None) -> None:
+    """A tag that is not declared was looked for in something that is no tag."""
+    _fill(world, this, "invalid component in implicit tag" if message is None else world.text(message))
+
+
+@_kind("KeyError")
+def init_key_error(world: World, this: Obj, name: Any) -> None:
+    """A dictionary has no such key."""
+    _fill(world, this, f"missing key: {world.text(name)}", name=name)
+
+
+@_kind("Lookup")
+def init_lookup(world: World, this: Obj, name: Any, *rest: Any) -> None:
+    """A slot was not found.  The manual's own example shows the first argument in the message."""
+    _fill(world, this, f"lookup failed: {world.text(name)}", name=name)
+
+
+@_kind("MatchFailure")
+def init_match_failure(world: World, this: Obj) -> None:
+    """A pattern did not match."""
+    _fill(world, this, errors.match_failure().message)
+
+
+@_kind("Primitive")
+def init_primitive(world: World, this: Obj, routine: Any, message: Any) -> None:
+    """A built-in routine met an error."""
+    _fill(world, this, world.text(message), routine=routine)
+
+
+@_kind("Redefinition")
+def init_redefinition(world: World, this: Obj, name: Any) -> None:
+    """A slot was to be created that exists."""
+    _fill(world, this, f"slot redefinition: {world.text(name)}", name=name)
+
+
+@_kind("Scheduling")
+def init_scheduling(world: World, this: Obj, message: Any) -> None:
+    """The scheduler cannot go on like this."""
+    _fill(world, this, world.text(message))
+
+
+@_kind("Syntax")
+def init_syntax(world: World, this: Obj, loc: Any, message: Any, source: Any) -> None:
+    """A syntax error at ``loc`` of a program text."""
+    _fill(world, this, world.text(message), loc=loc, input=source)
+
+
+@_kind("UnexpectedVoid")
+def init_unexpected_void(world: World, this: Obj) -> None:
+    """A value was needed where there was none."""
+    _fill(world, this, errors.unexpected_void().message)
+
+
+def install(world: World, programs: Any) -> None:
+    """Slots that every exception answers to, and the switch of Traceable."""
+    root = world.exception_proto.slots
+    root.update({"message": world.string(""), "routine": world.void, "location": world.nil})
+    root["backtrace"] = world.new_list([])
+    traceable: Any = world.global_.slots["Traceable"]
+    traceable.slots["hideSystemFiles"] = world.true
+    traceable.slots["backtrace"] = root["backtrace"]
+    lookup: Any = root["Lookup"]
+    lookup.slots["fixSpelling"] = world.true

@@ -1,0 +1,324 @@
+"""Float: numbers.  Operators and comparisons are mostly inlined by the compiler; what is here serves explicit calls,
+operators Python reads differently, and numbers that are objects (``FloatObject``)."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable
+from typing import Any
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.values import FloatObject
+from urbihw.kernel.runtime.world import World
+
+TABLE = Table("Float")
+PROTOS = {"Float": ("Comparable", "Orderable", "RangeIterable")}
+SINGLE_MAX = 3.4028234663852886e38
+"""Printing knows single precision only: beyond this a number shows as ``inf``."""
+
+
+def float_text(value: float) -> str:
+    """How a number is shown: in full if it is integral and fits 64 bits, else with six significant digits."""
+    if value.is_integer() and abs(value) < 2.0**63:
+        return str(int(value))
+    if abs(value) > SINGLE_MAX:
+        return "inf" if value > 0 else "-inf"
+    return f"{value:g}"
+
+
+def number(world: World, value: Any, index: int | None, routine: str) -> float:
+    """The number a value stands for; raises the type error of ``routine``."""
+    return value if value.__class__ is float else world.as_float(value, index, routine)
+
+
+def integer(world: World, value: Any, index: int | None, routine: str) -> int:
+    """An integral number; raises BadInteger for others."""
+    found = number(world, value, index, routine)
+    if not found.is_integer():
+        raise errors.Raised("BadInteger", f"expected integer, got {float_text(found)}", routine)
+    return int(found)
+
+
+def whole(world: World, value: float) -> int:
+    """A count of turns; raises BadInteger, named after the running routine, for negative or broken numbers."""
+    if not value.is_integer() or value < 0:
+        raise errors.bad_number("BadInteger", f"expected non-negative integer, got {float_text(value)}")
+    return int(value)
+
+
+# ---------------------------------------------------------------- operators
+
+
+def _power(a: float, b: float) -> float:
+    try:
+        return math.pow(a, b)
+    except OverflowError:
+        return -math.inf if a < 0 and b % 2 == 1 else math.inf
+    except ValueError:
+        return math.inf if a == 0 else math.nan
+
+
+def _modulo(a: float, b: float) -> float:
+    if b == 0:
+        raise errors.primitive("modulo by 0", "%")
+    return math.fmod(a, b) if math.isfinite(a) else math.nan
+
+
+def _divide(a: float, b: float) -> float:
+    if b == 0:
+        raise errors.primitive("division by 0", "/")
+    return a / b
+
+
+def _binary(name: str, compute: Callable[[float, float], Any], doc: str) -> None:
+    def make(world: World) -> Any:
+        def run(this: Any, that: Any) -> Any:
+            if this.__class__ is not float:
+                this = world.as_float(this, None, name)
+            if that.__class__ is not float:
+                that = world.as_float(that, 1, name)
+            return compute(this, that)
+
+        return run
+
+    make.__doc__ = doc
+    TABLE.raw(name, least=1)(make)
+
+
+def _comparison(name: str, compute: Callable[[float, float], bool], doc: str) -> None:
+    def make(world: World) -> Any:
+        true, false = world.true, world.false
+
+        def run(this: Any, that: Any) -> Any:
+            return true if compute(number(world, this, None, name), number(world, that, 1, name)) else false
+
+        return run
+
+    make.__doc__ = doc
+    TABLE.raw(name, least=1)(make)
+
+
+def _bits(name: str, compute: Callable[[int, int], int], doc: str) -> None:
+    def make(world: World) -> Any:
+        return lambda this, that: float(compute(integer(world, this, None, name), integer(world, that, 1, name)))
+
+    make.__doc__ = doc
+    TABLE.raw(name, least=1)(make)
+
+
+def _signed(name: str, unary: Callable[[float], float], binary: Callable[[float, float], float], doc: str) -> None:
+    def make(world: World) -> Any:
+        def run(this: Any, *args: Any) -> Any:
+            if not args:
+                return unary(number(world, this, None, name))
+            return binary(number(world, this, None, name), number(world, args[0], 1, name))
+
+        return run
+
+    make.__doc__ = doc
+    TABLE.raw(name, least=0, most=1)(make)
+
+
+_signed("+", operator.pos, operator.add, "The sum; without argument, this number.")
+_signed("-", operator.neg, operator.sub, "The difference; without argument, the opposite.")
+_binary("*", operator.mul, "The product.")
+_binary("/", _divide, "The quotient; raises ``division by 0``.")
+_binary("%", _modulo, "The rest of the division, of the sign of this number; raises ``modulo by 0``.")
+_binary("**", _power, "This number to the power of the argument.")
+_comparison("<", operator.lt, "Whether this is less than the argument.")
+_comparison("<=", operator.le, "Whether this is the argument at most.")
+_comparison(">", operator.gt, "Whether this is greater than the argument.")
+_comparison(">=", operator.ge, "Whether this is the argument at least.")
+_comparison("!=", operator.ne, "Whether the numbers differ.")
+_bits("bitand", operator.and_, "The bits set in both.")
+_bits("bitor", operator.or_, "The bits set in one at least.")
+_bits("^", operator.xor, "The bits set in one only.")
+
+
+@TABLE.raw("==", least=1)
+def equal(world: World) -> Any:
+    """Whether both are the same number; a number equals nothing else."""
+
+    def run(this: Any, that: Any) -> Any:
+        if isinstance(that, float | FloatObject):
+            return world.boolean(number(world, this, None, "==") == number(world, that, 1, "=="))
+        return world.false
+
+    return run
+
+
+@TABLE.primitive("~=")
+def near(world: World, this: float, that: Any) -> bool:
+    """Whether both are the same number but for a millionth."""
+    other = number(world, that, 1, "~=")
+    return this == other or abs(this - other) <= 1e-5
+
+
+def _shift(name: str, sign: int, doc: str) -> None:
+    def make(world: World) -> Any:
+        def run(this: Any, that: Any) -> float:
+            bits, count = integer(world, this, None, name), sign * integer(world, that, 1, name)
+            if count < 0:
+                return float(bits >> min(-count, 64))
+            return float(_signed_64(bits << min(count, 64)))
+
+        return run
+
+    make.__doc__ = doc
+    TABLE.raw(name, least=1)(make)
+
+
+def _signed_64(bits: int) -> int:
+    bits &= 2**64 - 1
+    return bits - 2**64 if bits >= 2**63 else bits
+
+
+_shift("<<", 1, "The bits of this integer moved up, in 64 bits.")
+_shift(">>", -1, "The bits of this integer moved down.")
+
+
+@TABLE.primitive("compl")
+def complement(world: World, this: int) -> float:
+    """The complement to one of this integer's lower 32 bits."""
+    return float(~this & 0xFFFFFFFF)
+
+
+@TABLE.primitive("++")
+def successor(world: World, this: float) -> float:
+    """This number and one more."""
+    return this + 1.0
+
+
+@TABLE.primitive("--")
+def predecessor(world: World, this: float) -> float:
+    """This number and one less."""
+    return this - 1.0
+
+
+# ---------------------------------------------------------------- functions of one number
+
+
+def _function(name: str, compute: Callable[[float], float], doc: str) -> None:
+    def run(world: World, this: float) -> float:
+        return compute(this)
+
+    run.__doc__ = doc
+    TABLE.primitive(name)(run)
+
+
+def _or_nan(compute: Callable[[float], float]) -> Callable[[float], float]:
+    """A function of ``math`` that answers nan where Python raises a domain error."""
+
+    def run(value: float) -> float:
+        try:
+            return compute(value)
+        except ValueError:
+            return math.nan
+        except OverflowError:
+            return math.inf
+
+    return run
+
+
+def _log(value: float) -> float:
+    return -math.inf if value == 0 else math.log(value)
+
+
+def _finite(compute: Callable[[float], int]) -> Callable[[float], float]:
+    """A rounding function that leaves inf and nan alone."""
+    return lambda value: float(compute(value)) if math.isfinite(value) else value
+
+
+def _sign(value: float) -> float:
+    return 1.0 if value > 0 else 0.0 if value == 0 else -1.0
+
+
+def _round(value: float) -> int:
+    size = math.floor(abs(value))
+    size += abs(value) - size >= 0.5
+    return size if value >= 0 else -size
+
+
+_function("abs", abs, "The absolute value.")
+_function("sin", _or_nan(math.sin), "The sine of an angle in radians.")
+_function("cos", _or_nan(math.cos), "The cosine of an angle in radians.")
+_function("tan", _or_nan(math.tan), "The tangent of an angle in radians.")
+_function("asin", _or_nan(math.asin), "The arc sine, in radians.")
+_function("acos", _or_nan(math.acos), "The arc cosine, in radians.")
+_function("atan", math.atan, "The arc tangent, in radians.")
+_function("exp", _or_nan(math.exp), "e to the power of this number.")
+_function("log", _or_nan(_log), "The natural logarithm; that of 0 is -inf.")
+_function("sqrt", _or_nan(math.sqrt), "The square root.")
+_function("sqr", lambda value: value * value, "The square.")
+_function("ceil", _finite(math.ceil), "The next integer, up.")
+_function("floor", _finite(math.floor), "The next integer, down.")
+_function("trunc", _finite(math.trunc), "The next integer towards 0.")
+_function("round", _finite(_round), "The nearest integer, half-way cases away from 0.")
+_function("sign", _sign, "1, 0 or -1.")
+
+
+@TABLE.primitive("atan2")
+def atan2(world: World, this: float, x: float) -> float:
+    """The angle of the point (x, this), in radians."""
+    return math.atan2(this, x)
+
+
+@TABLE.primitive("isNan")
+def is_nan(world: World, this: float) -> bool:
+    """Whether this is not a number."""
+    return math.isnan(this)
+
+
+@TABLE.primitive("isInf")
+def is_inf(world: World, this: float) -> bool:
+    """Whether this is infinite."""
+    return math.isinf(this)
+
+
+# ---------------------------------------------------------------- making and converting
+
+
+@TABLE.primitive("clone")
+def clone(world: World, this: Any) -> Any:
+    """A fresh number of the same value."""
+    if this is world.float_proto:
+        return 0.0 + 0.0
+    return this + 0.0 if this.__class__ is float else this.clone()
+
+
+@TABLE.primitive("asFloat")
+def as_float(world: World, this: float) -> float:
+    """This number."""
+    return this
+
+
+@TABLE.primitive("asString", "asPrintable", "asToplevelPrintable")
+def as_string(world: World, this: float) -> str:
+    """In full if it is integral and fits 64 bits, else with six significant digits."""
+    return float_text(this)
+
+
+@TABLE.primitive("hex")
+def hexadecimal(world: World, this: float) -> str:
+    """The hexadecimal digits of this integer."""
+    return f"{integer(world, this, None, 'format') & 0xFFFFFFFFFFFFFFFF:x}"
+
+
+@TABLE.primitive("inf")
+def inf(world: World, this: Any) -> float:
+    """Infinity."""
+    return math.inf + 0.0
+
+
+@TABLE.primitive("nan")
+def nan(world: World, this: Any) -> float:
+    """What is not a number, and equals nothing, itself included."""
+    return math.nan + 0.0
+
+
+@TABLE.primitive("pi")
+def pi(world: World, this: Any) -> float:
+    """The number of that name."""
+    return math.pi + 0.0

@@ -1,0 +1,205 @@
+"""Job and Control: flows of execution as values, and what starts them."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from urbihw.kernel.runtime.backtrace import LINE_MAP, Stack
+from urbihw.kernel.runtime.event import wait_for
+from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.passage import TagObject
+from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.values import CallMessage
+from urbihw.kernel.runtime.world import World
+from urbihw.kernel.sched.job import Job
+from urbihw.kernel.stdlib import prototype
+from urbihw.kernel.stdlib.location import make_frames
+from urbihw.kernel.stdlib.support import native, say
+
+TABLE = Table("Job")
+CONTROL = Table("Control")
+TABLES = (TABLE, CONTROL)
+PROTOS = {"Job": ("Object", "Traceable"), "Control": ("Object",)}
+
+
+class JobObject(Obj):
+    """An urbiscript Job; ``job`` is None for the prototype."""
+
+    __slots__ = ("job",)
+
+    def __init__(self, world: World, protos: list[Obj], job: Job | None = None) -> None:
+        super().__init__(world, protos)
+        self.job = job
+
+    def known(self) -> Job:
+        """The job; raises the type error for the prototype."""
+        if self.job is None:
+            raise self.world.type_error(None, self, "Job")
+        return self.job
+
+
+CLASSES = {"Job": JobObject}
+
+
+def job_value(world: World, job: Job) -> JobObject:
+    """The Job object of a job, always the same."""
+    if job.face is None:
+        proto: Any = world.global_.slots["Job"]
+        job.face = JobObject(world, [proto], job)
+    face = job.face
+    assert isinstance(face, JobObject)
+    return face
+
+
+# ---------------------------------------------------------------- Job
+
+
+@TABLE.primitive("asJob")
+def as_job(world: World, this: Any) -> Any:
+    """This."""
+    return this
+
+
+@TABLE.primitive("clone", "new")
+def clone(world: World, this: Any) -> Any:
+    """This: a job cannot be cloned."""
+    return this
+
+
+@TABLE.primitive("asString")
+def as_string(world: World, this: JobObject) -> str:
+    """``Job<name>``."""
+    return "Job" if this.job is None else f"Job<{this.job.name}>"
+
+
+@TABLE.primitive("name")
+def name(world: World, this: JobObject) -> str:
+    """The name of the job."""
+    return this.known().name
+
+
+@TABLE.primitive("status")
+def status(world: World, this: JobObject) -> str:
+    """``starting``, ``running``, ``sleeping``, ``waiting`` or ``terminated``; `` (frozen)`` when a tag holds it."""
+    return this.known().status()
+
+
+@TABLE.primitive("tags")
+def tags(world: World, this: JobObject) -> Any:
+    """The tags under which the job runs, outermost first."""
+    faces = [entry.tag.face for entry in this.known().entries]
+    return world.new_list([face for face in faces if isinstance(face, TagObject)])
+
+
+@TABLE.primitive("backtrace")
+def backtrace(world: World, this: JobObject) -> Any:
+    """The calls the job is in, as a List of StackFrames, innermost first."""
+    return make_frames(world, job_stack(this.known()))
+
+
+def job_stack(job: Job) -> Stack:
+    """The call stack of a job that waits; empty if it has not begun or is over."""
+    frame = None if job.done else job.coro.gr_frame
+    calls: list[Any] = []
+    while frame is not None:
+        line_map = frame.f_globals.get(LINE_MAP)
+        if line_map is not None and not line_map.system:
+            calls += [step for step in line_map.frames(frame.f_lineno) if step.name is not None]
+        frame = frame.f_back
+    return Stack(None, None, tuple(calls))
+
+
+@TABLE.primitive("dumpState")
+def dump_state(world: World, this: JobObject) -> None:
+    """Say name, state, tags and calls of the job."""
+    job = this.known()
+    lines = [f"Job: {job.name}", f"  State: {job.status()}", "  Tags:"]
+    lines += [f"    {world.text(tag)}" for tag in tags(world, this).l]
+    lines.append("  Backtrace:")
+    lines += [f"    {step.location}: {step.name}" for step in job_stack(job).calls]
+    for line in lines:
+        say(world, f"*** {line}")
+
+
+@TABLE.primitive("setSideEffectFree")
+def set_side_effect_free(world: World, this: JobObject, value: Any) -> None:
+    """Accepted and ignored: this scheduler looks at conditions only when what they read is written."""
+
+
+@TABLE.primitive("terminate")
+def terminate(world: World, this: JobObject) -> None:
+    """End the job; its finally clauses run."""
+    world.scheduler.kill(this.known())
+
+
+@TABLE.primitive("timeShift")
+def time_shift(world: World, this: JobObject) -> float:
+    """How long the job was frozen, in seconds."""
+    job = this.known()
+    return job.shift + (world.scheduler.clock.now() - job.frozen_at if job.frozen and not job.done else 0.0)
+
+
+@TABLE.primitive("waitForChanges")
+def wait_for_changes(world: World, this: Any) -> None:
+    """Let the other jobs run."""
+    world.scheduler.yield_()
+
+
+@TABLE.primitive("waitForTermination")
+def wait_for_termination(world: World, this: JobObject) -> None:
+    """Wait until the job is over."""
+    wait_for(world, this.known())
+
+
+# ---------------------------------------------------------------- Control
+
+
+def starter(world: World) -> Callable[[Callable[[], Any], bool], JobObject]:
+    """What makes a job that ends alone, with the tags of its maker or (``clear``) without them."""
+    numbers = itertools.count(1)
+
+    def start(body: Callable[[], Any], clear: bool) -> JobObject:
+        maker = world.scheduler.running()
+        entries: Iterable[Any] = () if clear else maker.entries
+        made = world.scheduler.spawn(body, f"shell_{next(numbers)}", context=maker.context, entries=entries)
+        return job_value(world, made)
+
+    return start
+
+
+@CONTROL.lazy("finally", least=2, most=2)
+def finally_(world: World, message: CallMessage) -> Any:
+    """Call the first function, and then, however it ended, the second one."""
+    action, reaction = message.eval_at(0), message.eval_at(1)
+    try:
+        return world.invoke(action, message.target)
+    finally:
+        world.invoke(reaction, message.target)
+
+
+def install(world: World, programs: Any) -> None:
+    """``detach``, ``disown`` and ``spawn`` share the numbers that name their jobs."""
+    start = starter(world)
+    jobs = Table("Control")
+
+    @jobs.lazy("detach", least=1, most=1)
+    def detach(world: World, message: CallMessage) -> Any:
+        """Evaluate an expression in a job of its own, under the same tags; the Job."""
+        return start(message.args[0].force, False)
+
+    @jobs.lazy("disown", least=1, most=1)
+    def disown(world: World, message: CallMessage) -> Any:
+        """Evaluate an expression in a job of its own, without tags; the Job."""
+        return start(message.args[0].force, True)
+
+    control = prototype(world, "Control")
+    jobs.install(world, control)
+    for name in ("detach", "disown"):
+        world.global_.slots[name] = control.slots[name]
+
+    def spawn(this: Any, function: Any, clear: Any) -> Any:
+        return start(lambda: world.invoke(function, this), bool(clear))
+
+    prototype(world, "System").slots["spawn"] = native(world, "spawn", spawn, 2)

@@ -1,0 +1,65 @@
+"""Lazy: a value not yet computed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from urbihw.kernel.compiler import print_node
+from urbihw.kernel.runtime.code import Code
+from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.values import Lazy
+from urbihw.kernel.runtime.world import World
+from urbihw.kernel.stdlib.executable import body_text
+
+TABLE = Table("Lazy")
+PROTOS = {"Lazy": ("Comparable",)}
+
+
+@TABLE.primitive("new")
+def new(world: World, this: Any, function: Any) -> Any:
+    """A value that a function without arguments computes when it is asked for."""
+    made = Lazy(world, lambda: world.void, None, function)
+    made.thunk = lambda: world.invoke(function, made, (), "eval")
+    made.protos = [this]
+    return made
+
+
+@TABLE.primitive("eval")
+def eval_(world: World, this: Lazy) -> Any:
+    """Compute the value, each time anew."""
+    world.recorder.boxes(this.thunk)
+    this.cached = this.thunk()
+    return this.cached
+
+
+@TABLE.primitive("value")
+def value(world: World, this: Lazy) -> Any:
+    """The value, computed at most once."""
+    return eval_(world, this) if this.cached is None else this.cached
+
+
+@TABLE.primitive("==")
+def equal(world: World, this: Any, that: Any) -> bool:
+    """Whether both have the same source, and the same value or none yet."""
+    if this is that or not (isinstance(this, Lazy) and isinstance(that, Lazy)):
+        return this is that
+    if (this.cached is None) != (that.cached is None):
+        return False
+    if _source(world, this) != _source(world, that):
+        return False
+    return this.cached is None or bool(world.ops.equal(this.cached, that.cached))
+
+
+@TABLE.primitive("asString")
+def as_string(world: World, this: Any) -> str:
+    """The source of what is to be computed."""
+    return _source(world, this) if isinstance(this, Lazy) else "Lazy"
+
+
+def _source(world: World, lazy: Lazy) -> str:
+    if isinstance(lazy.code, Code):
+        return body_text(lazy.code)
+    if lazy.node is not None:
+        inner = getattr(lazy.node, "body", None) if type(lazy.node).__name__ == "Scope" else lazy.node
+        return "" if inner is None else print_node(inner)
+    return world.printable(lazy.force())

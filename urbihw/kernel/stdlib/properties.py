@@ -1,0 +1,75 @@
+"""Object: the properties of slots, ``slot->name``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from urbihw.kernel.runtime.event import Event
+from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.slot import meta_of, peek_meta
+from urbihw.kernel.runtime.world import World
+from urbihw.kernel.stdlib.support import slot_holder
+
+TABLE = Table("Object")
+
+
+@TABLE.primitive("getProperty")
+def get_property(world: World, this: Any, slot: str, name: str) -> Any:
+    """A property of a slot, void if it has none of this name; raises ``lookup failed`` for the slot.
+
+    ``constant`` tells whether the slot can be assigned, ``changed`` is the event emitted on every write.
+    """
+    holder = slot_holder(world, this, slot)
+    if name == "changed":
+        meta = meta_of(holder, slot)
+        if meta.changed is None:
+            meta.changed = Event(world, [world.event_proto])
+        return meta.changed
+    found = _all(world, holder, slot)
+    return found.get(name, world.void)
+
+
+@TABLE.primitive("setProperty")
+def set_property(world: World, this: Any, slot: str, name: str, value: Any) -> Any:
+    """Set a property of a slot; raises ``lookup failed`` for the slot."""
+    meta = meta_of(slot_holder(world, this, slot), slot)
+    if name == "constant":
+        meta.constant = bool(value)
+    elif name == "changed":
+        meta.changed = value
+    else:
+        if meta.properties is None:
+            meta.properties = {}
+        meta.properties[name] = value
+    return value
+
+
+@TABLE.primitive("hasProperty")
+def has_property(world: World, this: Any, slot: str, name: str) -> bool:
+    """Whether a slot has a property; raises ``lookup failed`` for the slot."""
+    return name in _all(world, slot_holder(world, this, slot), slot)
+
+
+@TABLE.primitive("removeProperty")
+def remove_property(world: World, this: Any, slot: str, name: str) -> None:
+    """Remove a property of a slot, if it has it; raises ``lookup failed`` for the slot."""
+    meta = peek_meta(slot_holder(world, this, slot), slot)
+    if meta is not None and meta.properties is not None:
+        meta.properties.pop(name, None)
+
+
+@TABLE.primitive("properties")
+def properties(world: World, this: Any, slot: str) -> Any:
+    """All properties of a slot, as a Dictionary; raises ``lookup failed`` for the slot."""
+    return world.dictionary(_all(world, slot_holder(world, this, slot), slot))
+
+
+def own_properties(world: World, holder: Any, slot: str) -> dict[str, Any]:
+    """The properties that somebody set, without ``constant``."""
+    meta = peek_meta(holder, slot)
+    return dict(meta.properties) if meta is not None and meta.properties is not None else {}
+
+
+def _all(world: World, holder: Any, slot: str) -> dict[str, Any]:
+    meta = peek_meta(holder, slot)
+    return own_properties(world, holder, slot) | {"constant": world.boolean(meta is not None and meta.constant)}

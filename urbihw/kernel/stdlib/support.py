@@ -1,0 +1,69 @@
+"""What several modules of the library need: speaking to the lobby of a job, slots that are fields, functions made here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.code import Primitive, make_primitive
+from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.slot import meta_of
+from urbihw.kernel.runtime.world import World
+
+Getter = Callable[[Any], Any]
+Setter = Callable[[Any, Any], Any]
+
+
+def say(world: World, text: str, channel: str = "") -> None:
+    """Send one line to the lobby the running job speaks to; nothing if it speaks to none."""
+    context = world.scheduler.running().context
+    if context is not None:
+        context.output.line(text, channel)
+
+
+class Field:
+    """An accessor that writes to a Python attribute behind a slot."""
+
+    __slots__ = ("_read", "_write")
+
+    def __init__(self, read: Getter, write: Setter) -> None:
+        self._read = read
+        self._write = write
+
+    def read(self, target: Any) -> Any:
+        """The value of the field of ``target``."""
+        return self._read(target)
+
+    def write(self, target: Any, value: Any) -> Any:
+        """Somebody assigned the slot of ``target``."""
+        self._write(target, value)
+        return value
+
+
+def field(world: World, proto: Obj, name: str, read: Getter, write: Setter) -> None:
+    """Make a slot of ``proto`` that reads and writes a native field of whatever derives from it.
+
+    ``read(target)`` and ``write(target, value)`` handle urbiscript values.
+    """
+    proto.slots[name] = make_primitive(world, name, read, 0, 0, False)
+    meta_of(proto, name).accessor = Field(read, write)
+
+
+def constant(proto: Obj, name: str, value: Any) -> None:
+    """Make a constant slot."""
+    proto.slots[name] = value
+    meta_of(proto, name).constant = True
+
+
+def native(world: World, name: str, function: Callable[..., Any], least: int, most: int | None = None) -> Primitive:
+    """A Primitive made on the spot; ``function(this, *args)`` takes and gives urbiscript values."""
+    return make_primitive(world, name, function, least, least if most is None else most, False)
+
+
+def slot_holder(world: World, target: Any, name: str) -> Obj:
+    """The object that holds the slot ``name`` of ``target``; raises ``lookup failed``."""
+    holder = world.peek_obj(target).find(name)
+    if holder is None:
+        raise errors.lookup_failed(name)
+    return holder
