@@ -27,7 +27,7 @@ def build(scheduler: Scheduler) -> Programs:
         return unit.function(ops, Position(1, 1), late_locals=local)(this)
 
     world.run_late = run_late
-    scheduler.failed = report_failure(world)
+    scheduler.failed = report_failure
     programs = Programs(world, ops)
     install(world, programs)
     install_uobject(world)

@@ -1,13 +1,14 @@
 """Which names are local variables, where they live, and who captures them.
 
-A *frame* will be one Python function: the statement itself, each function literal, and each piece of code that runs as
-a job of its own or later (the parts of ``&``, what stands before ``,``, conditions and bodies of ``at``, lazy
-arguments).  A frame contains nested *scopes*; a scope maps names to ``Local``s.  The scopes of a top-level statement
-and of a ``do`` or ``class`` body make slots instead of locals.  ``this`` and ``call`` are locals too, under those names.
+A *frame* will be one Python function: the statement itself, each function literal, and each piece of code that runs
+as a job of its own or later (the parts of ``&``, what stands before ``,``, conditions and bodies of ``at``, lazy
+arguments).  A frame contains nested *scopes*; a scope maps names to ``Local``s.  The scopes of a top-level
+statement and of a ``do`` or ``class`` body make slots instead of locals.  ``this`` and ``call`` are locals too, under
+those names.
 
-A local that an inner frame reads is *captured*; one that is captured and assigned again is kept in a ``Box``, so that
-all frames (and watched conditions) see the change.  A local declared inside a loop is a fresh one in each turn: an inner
-function that captures it is made by a factory taking it as a parameter.
+A local that an inner frame reads is *captured*; one that is captured and assigned again is kept in a ``Box``, so
+that all frames (and watched conditions) see the change.  A local declared inside a loop is a fresh one in each turn:
+an inner function that captures it is made by a factory taking it as a parameter.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ class Frame:
 
 
 class Scope:
-    """Names to locals; ``slots`` says that a plain ``var`` makes a slot of this, ``block`` that it may own a scope tag."""
+    """Names to locals; with ``slots`` a plain ``var`` makes a slot of this, a ``block`` may own a scope tag."""
 
     __slots__ = ("block", "frame", "names", "outer", "slots")
 

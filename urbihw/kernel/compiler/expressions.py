@@ -63,7 +63,8 @@ class Expressions(Emitter):
         if self.never_void(node):
             return made
         p = self.mark(node)
-        return choose(is_(walrus("_v", made, p), name("VOID", p), p, negated=True), name("_v", p), call("no_void", [], p), p)
+        is_value = is_(walrus("_v", made, p), name("VOID", p), p, negated=True)
+        return choose(is_value, name("_v", p), call("no_void", [], p), p)
 
     def never_void(self, node: ast.Node) -> bool:
         """Whether the value of a node is certainly not void."""
@@ -195,7 +196,7 @@ class Expressions(Emitter):
         return self.apply(node, call("callee", [function], p), this, p)
 
     def apply(self, node: ast.Call, function: py.expr, target: py.expr, p: Pos) -> py.expr:
-        """Call ``function`` (an executable) strictly, or, if it turns out to be lazy, with its arguments unevaluated."""
+        """Call ``function`` strictly, or, if it turns out to be lazy, with its arguments unevaluated."""
         args = node.args or ()
         verb = f"c{len(args)}" if len(args) <= 3 else "cn"
         made: list[py.expr] = []
@@ -205,7 +206,8 @@ class Expressions(Emitter):
         late = [found, target, self.this(node, p), const(node.name, p), const(self.late_site(node), p)]
         if all(is_pure(statement) for statement in before):
             self.emit(*before)
-            return choose(strict, call(walrus("_c", attr(found, verb, p), p), [target, *made], p), call("lazy_site", late, p), p)
+            now = call(walrus("_c", attr(found, verb, p), p), [target, *made], p)
+            return choose(strict, now, call("lazy_site", late, p), p)
         kept, result = self.fresh("_t"), self.fresh()
         self.emit(set_(kept, function, p))
         late[0] = name(kept, p)

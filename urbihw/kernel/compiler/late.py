@@ -36,7 +36,7 @@ class LateSites:
         return self._sites[site][0].args or ()
 
     def thunks(self, site: int, frame: FrameType, this: Any, run: Callable[..., Any]) -> list[Callable[[], Any]]:
-        """The arguments of a call as functions; ``run(node, this, locals)`` evaluates a node where ``locals`` are seen."""
+        """The arguments of a call as functions; ``run(node, this, locals)`` evaluates a node that sees ``locals``."""
         node, names = self._sites[site]
         local = FrameLocals(frame, names)
         return [lambda arg=arg: run(arg, this, local) for arg in node.args or ()]  # type: ignore[misc]

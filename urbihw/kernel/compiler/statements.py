@@ -112,7 +112,8 @@ class Statements(Expressions):
         """``o.x->p = value``."""
         made = self.sequence([self.slot_holder(place.slot, place), lambda: self.value(node.value)])
         p = self.mark(node, "setProperty")
-        self.finish(dest, call("set_property", [made[0], const(place.slot.name, p), const(place.name, p), made[1]], p), p)
+        args = [made[0], const(place.slot.name, p), const(place.name, p), made[1]]
+        self.finish(dest, call("set_property", args, p), p)
 
     def assign_pattern(self, node: ast.Assign, dest: str | None) -> None:
         """``[var a, 2] = value``: the bindings are declared here."""
@@ -405,9 +406,8 @@ class Statements(Expressions):
         rest = self.block(after)
         if not rest or not _continues(body):
             return inside + rest
-        once = py.For(
-            py.Name("_once", STORE, **p), name("ONCE", p), inside or [py.Pass(**p)], [*rest, py.Continue(**p)], None, **p
-        )
+        inside = inside or [py.Pass(**p)]
+        once = py.For(py.Name("_once", STORE, **p), name("ONCE", p), inside, [*rest, py.Continue(**p)], None, **p)
         return [once, py.Break(**p)]
 
     def s_While(self, node: ast.While, dest: str | None) -> None:

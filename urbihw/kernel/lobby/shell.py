@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import deque
 from collections.abc import Callable
 from functools import partial
@@ -11,13 +12,16 @@ from urbihw.kernel import errors
 from urbihw.kernel.compiler import compile_node
 from urbihw.kernel.compiler.cache import UnitCache
 from urbihw.kernel.sched.group import Group
-from urbihw.kernel.sched.signals import JobKilled, StopTag
+from urbihw.kernel.sched.job import Job
+from urbihw.kernel.sched.signals import StopTag
 from urbihw.kernel.sched.waiting import WaitQueue
 from urbihw.kernel.syntax.reader import Item, Reader, Statement, StatementCache, SyntaxProblem, parse_program
 
 if TYPE_CHECKING:
     from urbihw.kernel.lobby.lobby import Lobby
     from urbihw.kernel.runtime.world import World
+
+log = logging.getLogger("urbihw.kernel")
 
 
 class Programs:
@@ -169,14 +173,9 @@ class Shell:
         self._scheduler.start_now(job)
 
 
-def report_failure(world: World) -> Callable[[Any, BaseException], None]:
+def report_failure(job: Job, error: Exception) -> None:
     """What the scheduler does with an error that ends a job: tell the lobby the job speaks to."""
-    from urbihw.kernel.lobby.lobby import Lobby
-
-    def failed(job: Any, error: BaseException) -> None:
-        if isinstance(error, Exception) and isinstance(job.context, Lobby):
-            job.context.report(error)
-        elif not isinstance(error, JobKilled | StopTag | Exception):
-            return
-
-    return failed
+    if job.context is not None:
+        job.context.report(error)
+    else:
+        log.error("job %s failed: %s", job.name, error)

@@ -202,14 +202,15 @@ class Conditions:
         """``waituntil (event?(...))``; the bound values."""
         return Waiter(self.world, accept).wait(self._event(event))
 
-    def emit(self, event: Any, payload: list[Any], duration: Any = None) -> None:
-        """``event!(payload) ~ duration``."""
+    def emit(self, event: Any, payload: list[Any], duration: Any = None) -> Any:
+        """``event!(payload) ~ duration``; void."""
         if event.__class__ is Event and "emit" not in event.slots:
             event.emit(payload, 0.0 if duration is None else duration)
         elif duration is None:
             self.world.send(event, "emit", *payload)
         else:
             self._event(event).emit(payload, duration)
+        return self.world.void
 
     def _event(self, event: Any) -> Event:
         if not isinstance(event, Event):

@@ -19,6 +19,9 @@ from urbihw.kernel.runtime.watch import notify
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
+OPERATORS = frozenset(("+", "-", "*", "/", "<", "<=", ">", ">=", "==", "!=", "++", "--", "!"))
+"""The operators that compiled code does not send to numbers unless somebody redefines one of them in Float."""
+
 
 class SlotOps:
     """The slot verbs of one world."""
@@ -185,8 +188,11 @@ class SlotOps:
         if name not in obj.slots and obj.cache is not None:
             self.world.flush()
         obj.slots[name] = value
-        if isinstance(value, Executable) and not value.strict:
-            self.world.lazy_names.add(name)
+        if isinstance(value, Executable):
+            if not value.strict:
+                self.world.lazy_names.add(name)
+            if name in OPERATORS and obj is self.world.float_proto:
+                self.world.generic_floats = True
         if obj.meta is not None:
             self.announce(obj, name)
 

@@ -50,7 +50,7 @@ class Scheduler:
         self.cycle = 0
         self.jobs: dict[Job, None] = {}
         self.tracer = Tracer()
-        self.failed: Callable[[Job, BaseException], None] = lambda job, error: None
+        self.failed: Callable[[Job, Exception], None] = lambda job, error: None
         self._round_hooks: list[Callable[[], None]] = []
         self._posted: deque[Callable[[], None]] = deque()
         self._wake_host = wake_host
@@ -264,7 +264,7 @@ class Scheduler:
         error = job.error
         if job.group is not None:
             job.group.child_ended(job, error)
-        elif error is not None:
+        elif isinstance(error, Exception):
             self.failed(job, error)
         if job.on_end is not None:
             for action in job.on_end:

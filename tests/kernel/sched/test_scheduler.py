@@ -1,0 +1,275 @@
+"""The scheduler alone, with plain Python jobs: order, time, stopping, freezing, groups."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from urbihw.kernel.sched.clock import SimClock
+from urbihw.kernel.sched.group import Group
+from urbihw.kernel.sched.job import Job
+from urbihw.kernel.sched.scheduler import Scheduler
+from urbihw.kernel.sched.signals import StopTag
+from urbihw.kernel.sched.tag import Tag
+from urbihw.kernel.sched.waiting import WaitQueue
+
+
+class World:
+    """A scheduler and a log of what its jobs said."""
+
+    def __init__(self) -> None:
+        self.clock = SimClock()
+        self.scheduler = Scheduler(self.clock)
+        self.said: list[Any] = []
+        self.scheduler.failed = lambda job, error: self.said.append(f"{job.name} failed: {error!r}")
+
+    def talker(self, name: str, count: int) -> Job:
+        """A job that says name1, name2 ... and yields after each."""
+
+        def body() -> None:
+            for i in range(1, count + 1):
+                self.said.append(f"{name}{i}")
+                self.scheduler.yield_()
+
+        return self.scheduler.spawn(body, name)
+
+    def run(self) -> list[Any]:
+        """Run until nothing is left to do; what was said."""
+        self.scheduler.run_simulated()
+        return self.said
+
+
+@pytest.fixture
+def world() -> World:
+    return World()
+
+
+def test_jobs_take_turns_first_in_first_out(world: World) -> None:
+    world.talker("a", 3)
+    world.talker("b", 2)
+    assert world.run() == ["a1", "b1", "a2", "b2", "a3"]
+
+
+def test_a_comma_statement_starts_at_once_and_its_maker_queues_behind_it(world: World) -> None:
+    scheduler = world.scheduler
+
+    def main() -> None:
+        for name in "abc":
+            scheduler.start_now(world.talker(name, 3))
+
+    scheduler.spawn(main, "main")
+    assert world.run() == ["a1", "b1", "a2", "c1", "b2", "a3", "c2", "b3", "c3"]
+
+
+def test_sleepers_wake_in_order_of_their_deadlines_at_exact_times(world: World) -> None:
+    def sleeper(seconds: float) -> None:
+        world.scheduler.sleep(seconds)
+        world.said.append((seconds, world.clock.now()))
+
+    for seconds in (0.3, 0.1, 0.2):
+        world.scheduler.spawn(lambda s=seconds: sleeper(s))  # type: ignore[misc]
+    assert world.run() == [(0.1, 0.1), (0.2, 0.2), (0.3, 0.3)]
+
+
+def test_run_returns_the_next_deadline(world: World) -> None:
+    world.scheduler.spawn(lambda: world.scheduler.sleep(1.5))
+    assert world.scheduler.run() == 1.5
+
+
+def test_interrupt_makes_run_return_although_jobs_are_ready(world: World) -> None:
+    def body() -> None:
+        for i in range(1000):
+            if i == 3:
+                world.scheduler.interrupt()
+            world.said.append(i)
+            world.scheduler.yield_()
+
+    world.scheduler.spawn(body)
+    assert world.scheduler.run() == 0.0
+    assert len(world.said) < 10
+
+
+def test_posted_actions_run_between_rounds_outside_any_job(world: World) -> None:
+    world.scheduler.post(lambda: world.said.append(world.scheduler.current))
+    assert world.run() == [None]
+
+
+def test_killing_a_sleeper_runs_its_finally_and_leaves_no_timer(world: World) -> None:
+    def body() -> None:
+        try:
+            world.scheduler.sleep(100)
+        finally:
+            world.said.append("finally")
+
+    job = world.scheduler.spawn(body)
+    world.scheduler.run()
+    world.scheduler.kill(job)
+    assert world.scheduler.run() is None
+    assert world.said == ["finally"]
+    assert job.status() == "terminated"
+
+
+def test_a_killed_job_that_never_started_does_not_run(world: World) -> None:
+    job = world.talker("a", 3)
+    world.scheduler.kill(job)
+    assert world.run() == []
+    assert job.done
+
+
+def test_a_group_waits_for_its_children(world: World) -> None:
+    scheduler = world.scheduler
+
+    def child() -> None:
+        scheduler.sleep(1)
+        world.said.append("child")
+
+    def main() -> None:
+        with Group(scheduler) as group:
+            group.start(child)
+            world.said.append("main goes on")
+        world.said.append(f"joined at {world.clock.now():g}")
+
+    scheduler.spawn(main)
+    assert world.run() == ["main goes on", "child", "joined at 1"]
+
+
+def test_a_failing_child_stops_its_siblings_and_its_owner(world: World) -> None:
+    scheduler = world.scheduler
+
+    def failing() -> None:
+        scheduler.sleep(1)
+        raise ValueError("child")
+
+    def sibling() -> None:
+        try:
+            scheduler.sleep(100)
+        finally:
+            world.said.append(f"sibling stopped at {world.clock.now():g}")
+
+    def main() -> None:
+        try:
+            with Group(scheduler) as group:
+                group.spawn(failing)
+                group.spawn(sibling)
+        except ValueError as error:
+            world.said.append(f"owner got {error}")
+
+    scheduler.spawn(main)
+    assert world.run() == ["sibling stopped at 1", "owner got child"]
+
+
+def test_stopping_a_tag_leaves_the_outermost_entry_with_a_value(world: World) -> None:
+    scheduler = world.scheduler
+    tag = Tag(scheduler, "t")
+
+    def main() -> None:
+        outer = tag.enter()
+        try:
+            inner = tag.enter()
+            try:
+                scheduler.sleep(10)
+            except StopTag as signal:
+                world.said.append(("inner mine", signal.entry is inner))
+                raise
+            finally:
+                tag.leave(inner)
+        except StopTag as signal:
+            world.said.append(("outer mine", signal.entry is outer, signal.value))
+        finally:
+            tag.leave(outer)
+
+    scheduler.spawn(main)
+    scheduler.run()
+    scheduler.spawn(lambda: tag.stop("value"))
+    assert world.run() == [("inner mine", False), ("outer mine", True, "value")]
+
+
+def test_freezing_stops_the_clock_of_a_sleeper(world: World) -> None:
+    scheduler = world.scheduler
+    tag = Tag(scheduler, "t")
+
+    def main() -> None:
+        entry = tag.enter()
+        scheduler.sleep(1)
+        world.said.append(world.clock.now())
+        tag.leave(entry)
+
+    def control() -> None:
+        scheduler.sleep(0.4)
+        tag.freeze()
+        world.said.append(job.status())
+        scheduler.sleep(2)
+        tag.unfreeze()
+
+    job = scheduler.spawn(main)
+    scheduler.spawn(control)
+    assert world.run() == ["sleeping (frozen)", 3.0]
+    assert job.shift == pytest.approx(2.0)
+
+
+def test_a_job_frozen_by_two_tags_needs_both_unfrozen(world: World) -> None:
+    scheduler = world.scheduler
+    outer = Tag(scheduler, "outer")
+    inner = Tag(scheduler, "inner", outer)
+
+    def main() -> None:
+        entry = inner.enter()
+        scheduler.yield_()
+        world.said.append(world.clock.now())
+        inner.leave(entry)
+
+    def control() -> None:
+        outer.freeze()
+        inner.freeze()
+        scheduler.sleep(1)
+        outer.unfreeze()
+        scheduler.sleep(1)
+        inner.unfreeze()
+
+    scheduler.spawn(main)
+    scheduler.spawn(control)
+    assert world.run() == [2.0]
+
+
+def test_a_blocked_tag_lets_nobody_in(world: World) -> None:
+    tag = Tag(world.scheduler, "t")
+
+    def main() -> None:
+        tag.block("skipped")
+        try:
+            tag.enter()
+        except StopTag as signal:
+            world.said.append(signal.value)
+        tag.unblock()
+        tag.leave(tag.enter())
+        world.said.append("entered")
+
+    world.scheduler.spawn(main)
+    assert world.run() == ["skipped", "entered"]
+
+
+def test_a_waiter_that_is_stopped_leaves_the_queue(world: World) -> None:
+    scheduler = world.scheduler
+    queue = WaitQueue(scheduler)
+    first = scheduler.spawn(queue.wait, "first")
+
+    def second() -> None:
+        queue.wait()
+        world.said.append("second woken")
+
+    scheduler.spawn(second, "second")
+    scheduler.run()
+    scheduler.kill(first)
+    scheduler.run()
+    assert len(queue) == 1
+    assert queue.wake_one()
+    assert world.run() == ["second woken"]
+
+
+def test_ten_thousand_jobs_come_and_go(world: World) -> None:
+    for _ in range(10_000):
+        world.scheduler.spawn(lambda: world.scheduler.sleep(1))
+    world.scheduler.run_simulated()
+    assert not world.scheduler.jobs
+    assert len(world.scheduler.timers) == 0
