@@ -1,0 +1,217 @@
+"""Who may import whom: the table of the design, enforced on every file, with no exception list.
+
+Changing a rule means changing ``MAY_IMPORT`` here, on purpose.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+ROBOT = "urbihw.platforms.*"
+"""Stands for the package of one robot; each is an area of its own."""
+
+MAY_IMPORT: dict[str, tuple[str, ...]] = {
+    # The kernel.  Its packages also see kernel.errors, and nothing of their own package is ever forbidden.
+    "urbihw.kernel.errors": (),
+    "urbihw.kernel.syntax": ("urbihw.kernel.errors",),
+    "urbihw.kernel.sched": ("urbihw.kernel.errors",),
+    "urbihw.kernel.compiler": ("urbihw.kernel.errors", "urbihw.kernel.syntax"),
+    "urbihw.kernel.runtime": ("urbihw.kernel.errors", "urbihw.kernel.sched"),
+    "urbihw.kernel.uobject": ("urbihw.kernel.errors", "urbihw.kernel.runtime", "urbihw.kernel.sched"),
+    "urbihw.kernel.stdlib": (
+        "urbihw.kernel.errors",
+        "urbihw.kernel.compiler",
+        "urbihw.kernel.runtime",
+        "urbihw.kernel.sched",
+    ),
+    "urbihw.kernel.lobby": (
+        "urbihw.kernel.errors",
+        "urbihw.kernel.compiler",
+        "urbihw.kernel.syntax",
+        "urbihw.kernel.runtime",
+        "urbihw.kernel.sched",
+    ),
+    "urbihw.kernel.server": ("urbihw.kernel.errors", "urbihw.kernel.lobby", "urbihw.kernel.sched"),
+    "urbihw.kernel.boot": ("urbihw.kernel",),
+    "urbihw.kernel.facade": (
+        "urbihw.kernel.errors",
+        "urbihw.kernel.boot",
+        "urbihw.kernel.lobby",
+        "urbihw.kernel.sched",
+    ),
+    "urbihw.kernel": ("urbihw.kernel.facade",),
+    # Wires and robots.
+    "urbihw.buses": (),
+    "urbihw.platforms": (),
+    ROBOT: ("urbihw.kernel.uobject", "urbihw.buses"),
+    # The ways in.  "urbihw.kernel" alone is its door, Kernel; "urbihw.platforms" alone is the loader.
+    "urbihw.daemon": (
+        "urbihw.kernel",
+        "urbihw.kernel.facade",
+        "urbihw.kernel.server",
+        "urbihw.kernel.lobby",
+        "urbihw.platforms",
+        "urbihw.buses",
+    ),
+    "urbihw.cli": (
+        "urbihw.kernel",
+        "urbihw.kernel.facade",
+        "urbihw.kernel.server",
+        "urbihw.kernel.lobby",
+        "urbihw.platforms",
+        "urbihw.buses",
+        "urbihw.daemon",
+    ),
+    "urbihw.web": (
+        "urbihw.kernel",
+        "urbihw.kernel.facade",
+        "urbihw.kernel.server",
+        "urbihw.kernel.lobby",
+        "urbihw.platforms",
+        "urbihw.buses",
+        "urbihw.daemon",
+    ),
+    "urbihw": (),
+    # Robots in software: nothing of urbihw, so that driver and fake cannot share a mistake.
+    "fakes": (),
+}
+
+ALL_OF_THE_KERNEL = "urbihw.kernel.boot"
+"""The one module for which "urbihw.kernel" means everything in it."""
+
+LIBRARIES: dict[str, str] = {
+    # Who alone may import a library from outside; the standard library is open to all.
+    "greenlet": "urbihw.kernel.sched",
+    "lark": "urbihw.kernel.syntax",
+    "serial": "urbihw.buses",
+}
+
+BYTES_ONLY = ("packet.py", "protocol.py", "framing.py", "remote.py", "crc.py")
+"""Files that turn bytes into values and back: no I/O and no time."""
+
+NOT_FOR_BYTES = ("socket", "serial", "time", "asyncio", "threading", "select", "os")
+
+
+# ---------------------------------------------------------------- reading
+
+
+def modules(root: Path) -> dict[str, Path]:
+    """Every module of the product by its dotted name."""
+    found = {}
+    for top in ("urbihw", "fakes"):
+        for path in sorted((root / top).rglob("*.py")):
+            parts = path.relative_to(root).with_suffix("").parts
+            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+def imports(path: Path, known: dict[str, Path]) -> Iterator[tuple[int, str]]:
+    """What a file imports, anywhere in it and for whatever reason: (line, dotted name)."""
+    for node in ast.walk(ast.parse(path.read_text("utf-8"), str(path))):
+        if isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            source = "." * node.level + (node.module or "")
+            for alias in node.names:
+                inner = f"{source}.{alias.name}"
+                yield node.lineno, inner if inner in known else source
+
+
+def area(name: str, known: dict[str, Path]) -> str:
+    """The row of the table a module belongs to; for a robot, the robot's own package."""
+    parts = name.split(".")
+    if parts[:2] == ["urbihw", "platforms"] and len(parts) > 2:
+        package = ".".join(parts[:3])
+        if known.get(package, Path()).name == "__init__.py":
+            return package
+    while parts:
+        if ".".join(parts) in MAY_IMPORT:
+            return ".".join(parts)
+        parts.pop()
+    return ""
+
+
+def allowed(of: str, target: str) -> bool:
+    """Whether area ``of`` may import from area ``target``."""
+    if of == target:
+        return True
+    row = of if of in MAY_IMPORT else ROBOT
+    if row == ALL_OF_THE_KERNEL:
+        return target.startswith("urbihw.kernel")
+    return target in MAY_IMPORT[row]
+
+
+def offences(root: Path) -> list[str]:
+    """Every import that breaks a rule, as ``file:line: who imports what``."""
+    known = modules(root)
+    found = []
+    for name, path in known.items():
+        own = area(name, known)
+        for line, target in imports(path, known):
+            where = f"{path.relative_to(root)}:{line}: {name} imports {target}"
+            library = target.partition(".")[0]
+            if target.startswith("."):
+                found.append(f"{where}: imports are absolute")
+            elif library in ("urbihw", "fakes"):
+                if not allowed(own, area(target, known)):
+                    found.append(where)
+            elif library in LIBRARIES and own != LIBRARIES[library]:
+                found.append(f"{where}: only {LIBRARIES[library]} may")
+            elif path.name in BYTES_ONLY and library in NOT_FOR_BYTES:
+                found.append(f"{where}: bytes only, no I/O and no time")
+            elif library in ("tests", "bench", "pytest"):
+                found.append(f"{where}: the product knows no tests")
+    return found
+
+
+# ---------------------------------------------------------------- the tests
+
+
+def test_the_tree_keeps_the_rules() -> None:
+    assert "\n".join(offences(ROOT)) == ""
+
+
+def test_every_package_says_what_it_is_for() -> None:
+    packages = [path for path in modules(ROOT).values() if path.name == "__init__.py"]
+    silent = [str(path.relative_to(ROOT)) for path in packages if not ast.get_docstring(ast.parse(path.read_text()))]
+    assert silent == []
+
+
+def test_every_folder_with_code_is_a_package() -> None:
+    known = modules(ROOT)
+    bare = {str(path.parent.relative_to(ROOT)) for path in known.values() if not (path.parent / "__init__.py").exists()}
+    assert bare == set()
+
+
+BROKEN = [
+    ("urbihw/kernel/sched/a.py", "from urbihw.kernel.runtime.object import Obj", "urbihw.kernel.runtime.object"),
+    ("urbihw/kernel/runtime/a.py", "def f():\n    import urbihw.kernel.compiler.bind", "urbihw.kernel.compiler.bind"),
+    ("urbihw/kernel/facade.py", "from urbihw.kernel.runtime import world", "urbihw.kernel.runtime"),
+    ("urbihw/kernel/server/a.py", "from urbihw.kernel import facade", "urbihw.kernel.facade"),
+    ("urbihw/buses/a.py", "from urbihw.kernel import Kernel", "urbihw.kernel"),
+    ("urbihw/platforms/bioloid/a.py", "from urbihw.platforms.nxt import b", "urbihw.platforms.nxt"),
+    ("urbihw/platforms/bioloid/a.py", "from urbihw.kernel.runtime.object import Obj", "urbihw.kernel.runtime.object"),
+    ("urbihw/daemon/a.py", "from urbihw.platforms.bioloid import devices", "urbihw.platforms.bioloid"),
+    ("urbihw/daemon/a.py", "from urbihw.kernel.runtime import world", "urbihw.kernel.runtime"),
+    ("fakes/a.py", "from urbihw.buses import link", "urbihw.buses"),
+    ("urbihw/cli/a.py", "from .main import main", ".main: imports are absolute"),
+    ("urbihw/buses/a.py", "import greenlet", "greenlet: only urbihw.kernel.sched may"),
+    ("urbihw/buses/packet.py", "import time", "time: bytes only, no I/O and no time"),
+]
+
+
+@pytest.mark.parametrize(("file", "text", "message"), BROKEN, ids=[f"{file}: {text[:40]}" for file, text, _ in BROKEN])
+def test_a_broken_rule_is_found(tmp_path: Path, file: str, text: str, message: str) -> None:
+    for name in ("urbihw/kernel/facade.py", "urbihw/platforms/bioloid/__init__.py", "urbihw/platforms/nxt/__init__.py"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+    (tmp_path / file).write_text(text)
+    (found,) = offences(tmp_path)
+    assert found.startswith(file) and found.endswith(f"imports {message}")
