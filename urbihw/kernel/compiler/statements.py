@@ -31,9 +31,11 @@ from urbihw.kernel.compiler.emit import (
     try_,
     walrus,
 )
-from urbihw.kernel.compiler.expressions import INPLACE, Expressions, Maker
+from urbihw.kernel.compiler.expressions import COMPARISONS, EQUALITY, INPLACE, Expressions, Maker
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.printer import print_node
+
+COMPARED = (*COMPARISONS, *EQUALITY, "===", "!==", "~=", "=~=")
 
 
 class Statements(Expressions):
@@ -616,7 +618,9 @@ class Statements(Expressions):
                                           function, thunks, self.constant(claim.args or (), p)], p), p))
 
     def text(self, node: ast.Node) -> str:
-        """A node as the user would see it printed."""
+        """A claim as the user would see it printed: a comparison is shown as one, not as a message."""
+        if isinstance(node, ast.Call) and node.name in COMPARED and node.target is not None and node.args:
+            return f"{print_node(node.target)} {node.name} {print_node(node.args[0])}"
         return print_node(node)
 
 

@@ -16,6 +16,6 @@ def install(world: World, programs: Any) -> None:
         void.slots["isVoid"] = native(world, "isVoid", lambda this: world.true, 0)
         void.slots["acceptVoid"] = native(world, "acceptVoid", lambda this: accepted, 0)
         void.slots["unacceptVoid"] = native(world, "unacceptVoid", lambda this: world.void, 0)
-    for name in ("asString", "asPrintable", "asToplevelPrintable"):
-        accepted.slots[name] = native(world, name, lambda this: world.string("void"), 0)
+        for name in ("asString", "asPrintable", "asToplevelPrintable"):
+            void.slots[name] = native(world, name, lambda this: world.string("void"), 0)
     accepted.slots["type"] = world.string("void")
