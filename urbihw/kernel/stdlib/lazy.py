@@ -12,7 +12,7 @@ from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.executable import body_text
 
 TABLE = Table("Lazy")
-PROTOS = {"Lazy": ("Comparable",)}
+PROTOS = {"Lazy": ("Comparable",), "PseudoLazy": ("Object",)}
 
 
 @TABLE.primitive("new")

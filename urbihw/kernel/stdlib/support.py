@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -67,3 +68,33 @@ def slot_holder(world: World, target: Any, name: str) -> Obj:
     if holder is None:
         raise errors.lookup_failed(name)
     return holder
+
+
+def in_thread(world: World, work: Callable[[], Any]) -> Any:
+    """Run slow native work in a thread while the running job waits; its value, or the exception it raised."""
+    scheduler = world.scheduler
+    job = scheduler.running()
+    answers: list[tuple[Any, Exception | None]] = []
+    waiting = [True]
+
+    def arrived() -> None:
+        if waiting:
+            scheduler.wake(job)
+
+    def run() -> None:
+        try:
+            answers.append((work(), None))
+        except Exception as error:
+            answers.append((None, error))
+        scheduler.post(arrived)
+
+    threading.Thread(target=run, daemon=True).start()
+    try:
+        while not answers:
+            scheduler.suspend(None)
+    finally:
+        waiting.clear()
+    value, error = answers[0]
+    if error is not None:
+        raise error
+    return value

@@ -1,0 +1,80 @@
+"""System: the environment of the process, commands of the operating system, Platform and PackageInfo."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+import sys
+from typing import Any
+
+from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.world import World
+from urbihw.kernel.stdlib import prototype
+from urbihw.kernel.stdlib.support import constant, in_thread
+
+TABLE = Table("System")
+PROTOS = {"System.Platform": ("Object",), "System.PackageInfo": ("Object",)}
+
+
+@TABLE.primitive("getenv")
+def getenv(world: World, this: Any, name: str) -> Any:
+    """The value of an environment variable, nil if it is not set."""
+    value = os.environ.get(name)
+    return world.nil if value is None else world.string(value)
+
+
+@TABLE.primitive("setenv")
+def setenv(world: World, this: Any, name: str, value: Any) -> str:
+    """Set an environment variable to the text of a value; returns that text."""
+    text = world.text(value)
+    os.environ[name] = text
+    return text
+
+
+@TABLE.primitive("unsetenv")
+def unsetenv(world: World, this: Any, name: str) -> Any:
+    """Remove an environment variable; returns what it was, nil if it was not set."""
+    value = os.environ.pop(name, None)
+    return world.nil if value is None else world.string(value)
+
+
+@TABLE.primitive("system")
+def system(world: World, this: Any, command: str) -> int:
+    """Run a shell command and wait for its end, while other jobs go on.
+
+    Returns the status as the operating system tells it: the exit code times 256, or the signal that ended it.
+    """
+    code = in_thread(world, lambda: subprocess.run(command, shell=True, check=False).returncode)
+    return int(code << 8 if code >= 0 else -code)
+
+
+def _vendor() -> str:
+    if sys.platform == "darwin":
+        return "apple"
+    return "pc" if platform.machine() in ("i386", "i686", "x86_64", "AMD64") else "unknown"
+
+
+def _system_name() -> str:
+    if sys.platform == "darwin":
+        return "darwin" + platform.release()
+    return {"linux": "linux-gnu", "win32": "mingw32"}.get(sys.platform, sys.platform)
+
+
+def install(world: World, programs: Any) -> None:
+    """Describe the machine; and the Urbi SDK, whose language this is."""
+    windows = sys.platform == "win32"
+    cpu, vendor, name = platform.machine() or "unknown", _vendor(), _system_name()
+    machine = {
+        "host": f"{cpu}-{vendor}-{name}",
+        "hostAlias": "",
+        "hostCpu": cpu,
+        "hostOs": name,
+        "hostVendor": vendor,
+        "isWindows": windows,
+        "kind": "WIN32" if windows else "POSIX",
+    }
+    package = {"copyrightHolder": "Gostai S.A.S.", "copyrightYears": "2005-2010"}
+    for path, slots in (("System.Platform", machine), ("System.PackageInfo", package)):
+        for slot, value in slots.items():
+            constant(prototype(world, path), slot, world.from_python(value))

@@ -1,0 +1,51 @@
+"""Global: what everybody sees.  Its prototypes make Math and System visible everywhere, too."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.values import CallMessage, String
+from urbihw.kernel.runtime.world import World
+from urbihw.kernel.stdlib.support import field, native
+
+TABLE = Table("Global")
+PROTOS = {"Global": ("uobjects", "Tag.tags", "Math", "System", "Object")}
+
+
+@TABLE.primitive("methodToFunction")
+def method_to_function(world: World, this: Any, name: str) -> Any:
+    """A function that calls the method ``name`` of its first argument with the others."""
+    return native(world, name, lambda _, target, *args: world.send(target, name, *args), 1, -1)
+
+
+@TABLE.lazy("isdef", least=1, most=1)
+def isdef(world: World, message: CallMessage) -> bool:
+    """Whether a name, or a path of names with dots, means something; nothing is called on the way."""
+    node = message.args[0].node
+    names: list[str] = []
+    while node is not None and type(node).__name__ == "Call":
+        names.append(node.name)
+        node = node.target
+    if node is not None or not names:
+        raise errors.primitive("expected a qualified identifier", "isdef")
+    names.reverse()
+    value = message.sender
+    for name in names:
+        if world.peek_obj(value).find(name) is None:
+            return False
+        value = world.get_slot(value, name)
+    return True
+
+
+def install(world: World, programs: Any) -> None:
+    """``evaluate``: assign a program text, read the value of its last statement."""
+    last = [world.void]
+
+    def write(this: Any, source: Any) -> None:
+        if not isinstance(source, String):
+            raise world.type_error(1, source, "String", "evaluate")
+        last[0] = programs.evaluate(source.s, world.scheduler.running().context or world.global_)
+
+    field(world, world.global_, "evaluate", lambda this: last[0], write)

@@ -1,0 +1,61 @@
+"""Pattern: structural matching as an object.  (Patterns written in a program are compiled and do not come here.)"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.values import Dictionary
+from urbihw.kernel.runtime.world import World
+
+PATTERN = Table("Pattern")
+BINDING = Table("Pattern.Binding")
+TABLES = (PATTERN, BINDING)
+
+
+@PATTERN.primitive("init")
+def init(world: World, this: Obj, pattern: Any) -> None:
+    """A pattern: any value, with Bindings in it where anything may stand."""
+    this.slots["pattern"] = pattern
+    this.slots["bindings"] = world.dictionary({})
+
+
+@PATTERN.primitive("match")
+def match(world: World, this: Obj, value: Any) -> Any:
+    """Whether a value matches; if so, ``bindings`` holds what stands where the Bindings are."""
+    this.slots["bindings"] = world.dictionary({})
+    return match_pattern(world, this, world.get_slot(this, "pattern"), value)
+
+
+@PATTERN.primitive("matchPattern")
+def match_pattern(world: World, this: Obj, pattern: Any, value: Any) -> bool:
+    """Match deeper: by ``pattern.match(this, value)``, else ``value.matchAgainst(this, pattern)``, else ``==``."""
+    if world.peek_obj(pattern).find("match") is not None:
+        return bool(world.send(pattern, "match", this, value))
+    if world.peek_obj(value).find("matchAgainst") is not None:
+        return bool(world.send(value, "matchAgainst", this, pattern))
+    return bool(world.ops.equal(pattern, value))
+
+
+@BINDING.primitive("init")
+def init_binding(world: World, this: Obj, name: Any) -> None:
+    """What matches anything, and remembers it under a name."""
+    this.slots["name"] = name
+
+
+@BINDING.primitive("match")
+def match_binding(world: World, this: Obj, handler: Obj, value: Any) -> bool:
+    """Remember the value in the bindings of the handler."""
+    bindings = world.get_slot(handler, "bindings")
+    if not isinstance(bindings, Dictionary):
+        raise world.type_error(None, bindings, "Dictionary")
+    bindings.d[world.text(world.get_slot(this, "name"))] = value
+    bindings.touch()
+    return True
+
+
+@BINDING.primitive("asString")
+def binding_string(world: World, this: Obj) -> str:
+    """``var name``."""
+    return f"var {world.text(this.slots['name'])}" if "name" in this.slots else "Binding"
