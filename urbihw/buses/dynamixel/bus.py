@@ -27,6 +27,8 @@ from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
 from urbihw.buses.link import Link
 
 ProtocolChoice = Literal[1, 2, "auto"]
+# One question: request, device, bytes of data in its answer.
+Single = tuple[bytes, int, int]
 Meanwhile = Callable[[], None]
 _AskGroup = Callable[[bytes, Sequence[tuple[int, int]]], Iterable[Status]]
 _RETRIES = 2
@@ -93,10 +95,48 @@ class DynamixelBus:
         wire_end = self._dispatch(prefix + request)
         if meanwhile is not None:
             meanwhile()
-        expected = size + packet.OVERHEAD[self.protocol]
+        status, data = self._first_look(device, size, wire_end)
+        return status or self._listen(prefix + request, device, size, data, wire_end)
+
+    def ask_each(
+        self, questions: Sequence[Single], prefix: bytes = b"", meanwhile: Meanwhile | None = None
+    ) -> Iterator[tuple[int, Status | BusTimeout | BadFrame]]:
+        """Ask one device after the other; yield (index, answer or what went wrong) in order.
+
+        When an answer is yielded the next question is already on the wire, so what the caller does with it costs no
+        time. When something went wrong nothing is on the wire and the caller may ask again; further questions to that
+        device are left out. `prefix`, `meanwhile`: as `ask`. Raises LinkGone.
+        """
+        failed: set[int] = set()
+        sent = prefix + questions[0][0]
+        wire_end = self._dispatch(sent)
+        if meanwhile is not None:
+            meanwhile()
+        for index, (_, device, size) in enumerate(questions):
+            if device in failed:
+                continue
+            following = _next_question(questions, index, failed)
+            status, data = self._first_look(device, size, wire_end)
+            if status is None:
+                try:
+                    status = self._listen(sent, device, size, data, wire_end)
+                except (BusTimeout, BadFrame) as error:
+                    failed.add(device)
+                    yield index, error
+                    following = _next_question(questions, index, failed)
+                    if following:
+                        sent, wire_end = following, self._dispatch(following)
+                    continue
+            if following:
+                sent, wire_end = following, self._dispatch(following)
+            yield index, status
+
+    def _first_look(self, device: int, size: int, wire_end: float) -> tuple[Status | None, bytes]:
+        """Wait for the plain answer; return it, or None and the bytes that came instead."""
         if self.echo:
             # A one-wire adapter: our own bytes come first.
-            return self._listen(prefix + request, device, size, b"", wire_end)
+            return None, b""
+        expected = size + packet.OVERHEAD[self.protocol]
         answer_time = wire_end + expected * self.link.byte_time
         deadline = answer_time + self.patience.allowance
         read = self.link.read
@@ -107,10 +147,9 @@ class DynamixelBus:
                 break
             data += more
         status = exact_answer(self.protocol, data, device, expected)
-        if status is None:
-            return self._listen(b"", device, size, data, wire_end)
-        self.patience.observe(self.clock.now() - answer_time)
-        return status
+        if status is not None:
+            self.patience.observe(self.clock.now() - answer_time)
+        return status, data
 
     def ask_group(
         self,
@@ -271,9 +310,9 @@ class DynamixelBus:
         self._wire_free_at = end = start + len(data) * self.link.byte_time
         return end
 
-    def _listen(self, echo: bytes, device: int, size: int, data: bytes, wire_end: float) -> Status:
+    def _listen(self, sent: bytes, device: int, size: int, data: bytes, wire_end: float) -> Status:
         """The patient look: decode whatever comes until `device` has answered or the time is over."""
-        decoder = self.decoder(size, echo)
+        decoder = self.decoder(size, sent)
         byte_time = self.link.byte_time
         answer_time = wire_end + (size + packet.OVERHEAD[self.protocol]) * byte_time
         deadline = answer_time + self.patience.allowance
@@ -283,7 +322,7 @@ class DynamixelBus:
                     self.patience.observe(self.clock.now() - answer_time)
                     return status
                 self._note_late(status.device)
-            data = self.link.read(size + packet.OVERHEAD[self.protocol] + len(echo), deadline)
+            data = self.link.read(size + packet.OVERHEAD[self.protocol] + len(sent), deadline)
             if not data:
                 break
         for status in decoder.flush():
@@ -291,7 +330,7 @@ class DynamixelBus:
                 return status
         self._overdue = (device, answer_time)
         # Our own bytes coming back do not count as a damaged answer.
-        noise = decoder.noise - (len(echo) if self.protocol == 2 else 0)
+        noise = decoder.noise - (len(sent) if self.echo and self.protocol == 2 else 0)
         self._count_failures(1, noise)
         if noise > 0:
             raise BadFrame(f"the answer of device {device} on {self.link.url.text} came damaged")
@@ -329,6 +368,14 @@ class DynamixelBus:
         deadline = self._wire_free_at + self.patience.allowance
         while size > 0 and (data := self.link.read(size, deadline)):
             size -= len(data)
+
+
+def _next_question(questions: Sequence[Single], index: int, failed: set[int]) -> bytes:
+    """The request behind `index` that is to be sent, b"" for none."""
+    for position in range(index + 1, len(questions)):
+        if questions[position][1] not in failed:
+            return questions[position][0]
+    return b""
 
 
 def exact_answer(protocol: int, data: bytes, device: int, expected: int) -> Status | None:

@@ -20,7 +20,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 
 from urbihw.buses.dynamixel import packet, plan
 from urbihw.buses.dynamixel.bus import DynamixelBus
@@ -37,6 +36,7 @@ STATE_ITEM = "state"
 _RETRY_SHARE = 0.6
 _CHECKSUM_1 = 0x10
 _CRC_2 = 3
+_Asked = tuple[Member, tuple[Question, ...]]
 
 
 @dataclass(slots=True)
@@ -71,7 +71,7 @@ class Cycle:
         self.fast = fast
         self._prefix = b""
         self._retry_until = 0.0
-        self._chores: list[Callable[[], None]] = []
+        self._chore: Callable[[], None] | None = None
         self._runs: dict[tuple[str, tuple[str, ...]], tuple[Run, ...]] = {}
         self._group_requests: dict[tuple[int, int, tuple[int, ...], bool], bytes] = {}
 
@@ -99,27 +99,27 @@ class Cycle:
     def tick(self, now: float, meanwhile: Callable[[], None] | None = None) -> Tick:
         """Do the work of the tick at time `now`; `meanwhile` is called once while the wire is busy. Raises LinkGone."""
         tick = Tick()
-        self._chores = [] if meanwhile is None else [meanwhile]
+        self._chore = meanwhile
         self._retry_until = now + self.period * _RETRY_SHARE
         self._prefix = self._take_writes()
-        healthy, suspects = self._take_due(now)
+        healthy, suspects, lost = self._take_due(now)
         if self.bus.protocol == 2:
             self._read_groups(healthy, tick)
-        else:
-            for member, questions in healthy:
-                self._read_alone(member, questions, tick)
+        elif healthy:
+            self._read_each(healthy, tick)
         for member, questions in suspects:
             self._read_alone(member, questions, tick)
-        self._probe(tick)
+        if lost:
+            self._probe(lost, tick)
         if self._prefix:
             self.bus.send(self._take_prefix())
-        self._do_chores()
+        self._do_chore()
         return tick
 
-    def _do_chores(self) -> None:
-        """Do what was put off until the wire is busy."""
-        chores, self._chores = self._chores, []
-        for chore in chores:
+    def _do_chore(self) -> None:
+        """Do, once, what was put off until the wire is busy."""
+        chore, self._chore = self._chore, None
+        if chore is not None:
             chore()
 
     # Writing.
@@ -150,46 +150,52 @@ class Cycle:
 
     # Reading.
 
-    def _take_due(self, now: float) -> tuple[list[tuple[Member, tuple[Question, ...]]], ...]:
-        healthy: list[tuple[Member, tuple[Question, ...]]] = []
-        suspects: list[tuple[Member, tuple[Question, ...]]] = []
+    def _take_due(self, now: float) -> tuple[list[_Asked], list[_Asked], list[Member]]:
+        """Return whom to ask what, healthy devices and suspects apart, and those who are lost."""
+        healthy: list[_Asked] = []
+        suspects: list[_Asked] = []
+        lost: list[Member] = []
         for member in self.members.values():
             state = member.health.state
             if state == "lost":
+                lost.append(member)
                 continue
             names = member.due(now, self.period / 2)
             if names:
                 (suspects if state == "suspect" else healthy).append((member, member.questions(names)))
-        return healthy, suspects
+        return healthy, suspects, lost
 
-    def _read_alone(self, member: Member, questions: Iterable[Question], tick: Tick, retry: bool = True) -> None:
+    def _read_each(self, asked: Iterable[_Asked], tick: Tick) -> None:
+        """Ask healthy devices one after the other; a miss is tried once more while there is time in this tick."""
+        bus = self.bus
+        pairs = [(member, question) for member, questions in asked for question in questions]
+        requests = [(question.request, member.device.id, question.block.size) for member, question in pairs]
+        for index, answer in bus.ask_each(requests, self._take_prefix(), self._do_chore):
+            member, question = pairs[index]
+            if isinstance(answer, Status) and not (answer.error and _request_was_damaged(answer)):
+                self._take(member, question.block, answer, tick)
+            elif isinstance(answer, Status):
+                # The next question is under way already; the tick after this one asks again.
+                bus.counters.refused += 1
+            elif bus.clock.now() < self._retry_until:
+                bus.counters.retried += 1
+                self._read_alone(member, (question,), tick)
+            else:
+                self._missed(member, str(answer), tick)
+
+    def _read_alone(self, member: Member, questions: Iterable[Question], tick: Tick) -> None:
         """Ask one device for its blocks, one after the other, until one answer stays out."""
         for question in questions:
             try:
-                status = self._ask(member, question, retry)
+                status = self.bus.ask(
+                    question.request, member.device.id, question.block.size, self._take_prefix(), self._do_chore
+                )
             except (BusTimeout, BadFrame) as error:
                 self._missed(member, str(error), tick)
                 return
-            tick.times[status.device] = self.bus.clock.now()
-            self._chores.append(partial(self._take, member, question.block, status, tick))
+            self._take(member, question.block, status, tick)
 
-    def _ask(self, member: Member, question: Question, retry: bool) -> Status:
-        bus = self.bus
-        device, size = member.device.id, question.block.size
-        # Suspects get no second try: two time-outs of each silent device would eat the tick of the others.
-        again = retry and member.health.state == "ok"
-        while True:
-            try:
-                status = bus.ask(question.request, device, size, self._take_prefix(), self._do_chores)
-                if not status.error or not again or not _request_was_damaged(status):
-                    return status
-            except (BusTimeout, BadFrame):
-                if not again or bus.clock.now() >= self._retry_until:
-                    raise
-            again = False
-            bus.counters.retried += 1
-
-    def _read_groups(self, asked: Iterable[tuple[Member, tuple[Question, ...]]], tick: Tick) -> None:
+    def _read_groups(self, asked: Iterable[_Asked], tick: Tick) -> None:
         groups: dict[tuple[int, int], list[tuple[Member, Question]]] = {}
         for member, questions in asked:
             for question in questions:
@@ -211,9 +217,8 @@ class Cycle:
         damaged = bus.counters.damaged
         ask: Callable[..., Iterable[Status]] = bus.ask_joint if fast else bus.ask_group
         waiting = dict(zip(ids, pairs, strict=True))
-        for status in ask(request, [(number, size) for number in ids], self._take_prefix(), self._do_chores):
+        for status in ask(request, [(number, size) for number in ids], self._take_prefix(), self._do_chore):
             member, question = waiting.pop(status.device)
-            tick.times[status.device] = bus.clock.now()
             self._take(member, question.block, status, tick)
         first_missing = True
         for member, question in waiting.values():
@@ -221,7 +226,7 @@ class Cycle:
                 # This one kept the line silent; those behind it may only have waited for it.
                 self._missed(member, "does not answer", tick)
             else:
-                self._read_alone(member, (question,), tick, retry=False)
+                self._read_alone(member, (question,), tick)
             first_missing = False
 
     # What answers mean.
@@ -234,7 +239,6 @@ class Cycle:
         error = status.error
         if (error and status.refusal) or len(status.params) != block.size:
             self.bus.counters.refused += 1
-            tick.times.pop(number, None)
             return
         values = block.unpack(status.params)
         if error or member.state:
@@ -245,6 +249,7 @@ class Cycle:
             tick.values[number].update(values)
         else:
             tick.values[number] = values
+        tick.times[number] = self.bus.clock.now()
 
     def _missed(self, member: Member, reason: str, tick: Tick) -> None:
         change = member.health.missed(self.bus.clock.now(), reason)
@@ -255,10 +260,9 @@ class Cycle:
 
     # The lost.
 
-    def _probe(self, tick: Tick) -> None:
+    def _probe(self, lost: Iterable[Member], tick: Tick) -> None:
         """Ping the lost device that waits longest, if its time has come."""
         now = self.bus.clock.now()
-        lost = [member for member in self.members.values() if member.health.state == "lost"]
         member = min(lost, key=lambda member: member.health.next_probe, default=None)
         if member is None or member.health.next_probe > now:
             return

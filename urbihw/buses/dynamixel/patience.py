@@ -8,7 +8,7 @@ time-out would either lose every answer of a slow adapter or make a silent servo
 from __future__ import annotations
 
 _FIRST_GUESS = 0.020  # an FTDI adapter with its 16 ms latency timer must survive the first question
-_FLOOR = 0.0015  # below that, a busy computer makes healthy servos look silent
+_FLOOR = 0.003  # below that, a busy computer makes healthy servos look silent
 _CEILING = 0.050
 
 

@@ -7,8 +7,7 @@ out. Source: e-manual, protocol 1.0 "Status packet" and protocol 2.0 "Error".
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 STATE_BITS_1: Final = {0x01: "input voltage", 0x04: "overheating", 0x20: "overload"}
 REFUSAL_BITS_1: Final = {0x02: "angle limit", 0x08: "range", 0x10: "checksum", 0x40: "unknown instruction"}
@@ -52,9 +51,8 @@ def refusal_words(refusal: int, protocol: int) -> str:
     return ", ".join(word for bit, word in REFUSAL_BITS_1.items() if refusal & bit)
 
 
-@dataclass(frozen=True, slots=True)
-class Status:
-    """One status packet, decoded.
+class Status(NamedTuple):
+    """One status packet, decoded. A named tuple because thousands are made a second.
 
     Attributes:
         device: id of the sender.
