@@ -45,15 +45,12 @@ class Parser(Statements):
     def __init__(self, tables: Tables | None = None) -> None:
         super().__init__()
         tables = load_tables() if tables is None else tables
+        self._tables = tables
         self._rows = tables.rows
         self._rules: list[tuple[str, int, tuple[int, ...], Any]] = [
             (rule.origin, rule.size, rule.kept, None if rule.action is None else getattr(self, rule.action))
             for rule in tables.rules
         ]
-        # The many rules that only pass a symbol on, from one level of precedence to the next.
-        self._alone = [rule.origin if rule.size == 1 and rule.action is None else None for rule in tables.rules]
-        self._final = frozenset(number for number, row in enumerate(tables.rows) if _ACCEPT in row)
-        self._closed = frozenset(row["}"] for row in tables.rows if row.get("}", -1) >= 0)
         self._begin()
 
     def _begin(self) -> None:
@@ -88,7 +85,7 @@ class Parser(Statements):
                     return False
                 self._recover_at_start()
             self._resume = None
-        rows, states, alone = self._rows, self._states, self._alone
+        rows, states, passing = self._rows, self._states, self._tables.passing
         while (act := rows[states[-1]].get(kind)) is not None:
             if act >= 0:
                 states.append(act)
@@ -99,15 +96,14 @@ class Parser(Statements):
                     self._quiet -= 1
                 if kind in CHECKED:
                     self._doubtful = True
-                if act in self._final:
+                if act in self._tables.final:
                     self._accept()
                     return True
                 return False
-            origin = alone[~act]
-            if origin is None:
+            if passing[~act] is None:
                 self._reduce(act)
             else:
-                states[-1] = rows[states[-2]][origin]
+                states[-1] = self._tables.passed(states[-2], states[-1], kind)
         return self._fail(token)
 
     def _reduce(self, act: int) -> None:
@@ -182,7 +178,7 @@ class Parser(Statements):
         """What would have been right instead, if that is short."""
         if kind in _CLOSERS and not self.idle and self.accepts("END"):
             return ', expecting end of command or "," or ;'
-        if self._states[-1] != self._shifted and self._shifted not in self._closed:
+        if self._states[-1] != self._shifted and self._shifted not in self._tables.after_brace:
             # Rules were reduced for this token: an operator might have come, so there was no short list.
             return ""
         row = self._rows[self._states[-1]]

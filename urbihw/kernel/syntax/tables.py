@@ -13,8 +13,8 @@ import json
 import os
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +47,36 @@ class Tables:
 
     rows: tuple[dict[str, int], ...]
     rules: tuple[Rule, ...]
+    _passed: dict[tuple[int, int, str], int] = field(default_factory=dict, compare=False, repr=False)
+
+    @cached_property
+    def passing(self) -> list[str | None]:
+        """By rule: what it makes of a symbol that it only passes on, from one level of precedence to the next."""
+        return [rule.origin if rule.size == 1 and rule.action is None else None for rule in self.rules]
+
+    @cached_property
+    def final(self) -> frozenset[int]:
+        """The states in which a statement is complete."""
+        return frozenset(number for number, row in enumerate(self.rows) if "$END" in row)
+
+    @cached_property
+    def after_brace(self) -> frozenset[int]:
+        """The states behind a closing brace."""
+        return frozenset(row["}"] for row in self.rows if row.get("}", -1) >= 0)
+
+    def passed(self, below: int, state: int, kind: str) -> int:
+        """The state in which a symbol is passed on no further when this token follows; ``below`` is under it.
+
+        An operand goes through some twenty levels, the same way each time: the way is remembered.
+        """
+        key = below, state, kind
+        end = self._passed.get(key)
+        if end is None:
+            end = state
+            while (act := self.rows[end].get(kind, 0)) < 0 and (origin := self.passing[~act]) is not None:
+                end = self.rows[below][origin]
+            self._passed[key] = end
+        return end
 
 
 @lru_cache(maxsize=1)
