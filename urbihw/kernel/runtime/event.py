@@ -9,7 +9,7 @@ stopped, and what happens while one is frozen is lost on it.  Handlers run as jo
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.sched.job import Job
@@ -24,6 +24,18 @@ Accept = Callable[[Payload], Any]
 """Given a payload, the values bound by the pattern (any object but None), or None to refuse."""
 
 
+class Listener(Protocol):
+    """What hears of emissions: a handler, a waiting job, an event that follows another."""
+
+    def offer(self, emission: Emission) -> None:
+        """An emission begins: put oneself among its ``matches`` to hear of its end."""
+        ...
+
+    def ended(self, emission: Emission, match: Any) -> None:
+        """An emission that was accepted is over."""
+        ...
+
+
 class Emission:
     """One occurrence of an event; ``on`` while it lasts."""
 
@@ -33,7 +45,7 @@ class Emission:
         self.event = event
         self.payload = payload
         self.on = True
-        self.matches: list[tuple[Subscription, Any]] = []
+        self.matches: list[tuple[Listener, Any]] = []
         self.jobs: list[Job] = []
 
     def stop(self) -> None:
@@ -44,22 +56,17 @@ class Emission:
         self.event.emissions.pop(self, None)
         for subscription, match in self.matches:
             subscription.ended(self, match)
-        for follower in self.event.followers:
-            follower.end_of(self)
 
 
 class Event(Obj):
     """An urbiscript Event."""
 
-    __slots__ = ("_forwarded", "emissions", "followers", "subscribed", "subscriptions")
+    __slots__ = ("emissions", "subscriptions")
 
     def __init__(self, world: World, protos: list[Obj]) -> None:
         super().__init__(world, protos)
-        self.subscriptions: dict[Subscription, None] = {}
+        self.subscriptions: dict[Listener, None] = {}
         self.emissions: dict[Emission, None] = {}
-        self.followers: dict[Event, None] = {}
-        self._forwarded: dict[Emission, Emission] = {}
-        self.subscribed: Event | None = None
 
     def clone(self) -> Event:
         """A fresh event without subscriptions."""
@@ -71,15 +78,14 @@ class Event(Obj):
         self.emissions[emission] = None
         for subscription in list(self.subscriptions):
             subscription.offer(emission)
-        for follower in list(self.followers):
-            follower._forwarded[emission] = follower.begin(payload)
         return emission
 
-    def end_of(self, emission: Emission) -> None:
-        """An emission that this event followed is over."""
-        mine = self._forwarded.pop(emission, None)
-        if mine is not None:
-            mine.stop()
+    def follow(self, other: Event) -> None:
+        """Emit whatever another event emits, from now on and as long as it lasts."""
+        follower = Follower(self)
+        other.subscriptions[follower] = None
+        for emission in list(other.emissions):
+            follower.offer(emission)
 
     def emit(self, payload: Payload, duration: float = 0.0) -> Emission:
         """Emit for an instant, or hold the running job for a duration in seconds."""
@@ -96,13 +102,36 @@ class Event(Obj):
         for job in self.emit(payload).jobs:
             wait_for(self.world, job)
 
-    def subscribe(self, subscription: Subscription) -> None:
-        """Add a subscription; it is told at once of the emissions that last."""
+    def subscribe(self, subscription: Listener) -> None:
+        """Add a subscription; it is told at once of the emissions that last.  The event in the slot ``onSubscribe``, if
+        there is one, is emitted."""
         self.subscriptions[subscription] = None
-        if self.subscribed is not None:
-            self.subscribed.emit([])
+        watcher = self.slots.get("onSubscribe")
+        if isinstance(watcher, Event):
+            watcher.emit([])
         for emission in list(self.emissions):
             subscription.offer(emission)
+
+
+class Follower:
+    """Emits an event whenever another one is emitted, for as long."""
+
+    __slots__ = ("_event",)
+
+    def __init__(self, event: Event) -> None:
+        self._event = event
+
+    def offer(self, emission: Emission) -> None:
+        """The other event begins."""
+        mine = self._event.begin(emission.payload)
+        emission.matches.append((self, mine))
+        emission.jobs += mine.jobs
+
+    def ended(self, emission: Emission, match: Any) -> None:
+        """The other event is over."""
+        before = len(match.jobs)
+        match.stop()
+        emission.jobs += match.jobs[before:]
 
 
 def wait_for(world: World, job: Job) -> None:
@@ -245,10 +274,10 @@ class Waiter:
 
     def wait(self, event: Event) -> Any:
         """Park until an emission is accepted; the bound values."""
-        event.subscribe(self)  # type: ignore[arg-type]
+        event.subscribe(self)
         try:
             while self.match is None:
                 self.world.scheduler.suspend(None)
         finally:
-            event.subscriptions.pop(self, None)  # type: ignore[call-overload]
+            event.subscriptions.pop(self, None)
         return self.match

@@ -6,7 +6,7 @@ freezes.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from urbihw.kernel.runtime.event import Accept, Event, Subscription
 from urbihw.kernel.runtime.object import Obj
@@ -57,6 +57,15 @@ class TagObject(Obj):
         """A passage through code under this tag."""
         return TagPassage(self)
 
+    def lineage(self) -> list[TagObject]:
+        """This tag and those it derives from, which tag the same code."""
+        found: list[TagObject] = []
+        face: Any = self
+        while isinstance(face, TagObject):
+            found.append(face)
+            face = face.protos[0] if face.protos else None
+        return found
+
 
 class TagPassage:
     """A passage through a tag, with its enter and leave events."""
@@ -77,8 +86,8 @@ class TagPassage:
                 self.entry = signal.entry
             raise
         self._entered = True
-        if self._face.enter_event is not None:
-            self._face.enter_event.emit([])
+        for face in self._face.lineage():
+            _announce(face.enter_event)
 
     def owns(self, signal: StopTag) -> bool:
         """Whether this passage is to be left."""
@@ -88,8 +97,14 @@ class TagPassage:
         """Go out."""
         if self._entered and self.entry is not None:
             self._face.tag.leave(self.entry)
-            if self._face.leave_event is not None:
-                self._face.leave_event.emit([])
+            for face in self._face.lineage():
+                _announce(face.leave_event)
+
+
+def _announce(event: Event | None) -> None:
+    """Emit an event, and let its handlers begin before the running job goes on."""
+    if event is not None and event.emit([]).jobs:
+        event.world.scheduler.yield_()
 
 
 class _Guard:

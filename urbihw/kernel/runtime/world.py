@@ -66,6 +66,7 @@ class World:
         self._soon: list[Callable[[], None]] = []
         self.event_proto = Event(self, [self.object])
         self.tag_proto = TagObject(self, [self.object], Tag(scheduler, "tag"))
+        self.tags = self.proto()
         self.run_late: Callable[..., Any] = _no_compiler
         self.ops = SlotOps(self)
         self.send = self.ops.send
@@ -254,16 +255,16 @@ class World:
         return f"tag_{self.tag_count}"
 
     def tag_by_name(self, holder: Any, implicit: bool, path: Sequence[str]) -> Any:
-        """The tag meant by ``a.b:``; a name not declared makes a tag, in Tag (``a`` alone) or in its parent tag."""
+        """The tag meant by ``a.b:``; a name not declared makes a tag, in Tag.tags (``a`` alone) or in its parent tag."""
         for index, name in enumerate(path):
             obj = self.as_obj(holder)
             if index == 0 and implicit and obj.find(name) is None:
-                obj = self.tag_proto
+                obj = self.tags
             if obj.find(name) is None:
-                if not isinstance(obj, TagObject):
+                parent = self.tag_proto if obj is self.tags else obj
+                if not isinstance(parent, TagObject):
                     raise errors.Raised("ImplicitTagComponent", "invalid component in implicit tag", None)
-                parent = None if obj is self.tag_proto else obj.tag
-                made = TagObject(self, [obj], Tag(self.scheduler, name, parent))
+                made = TagObject(self, [parent], Tag(self.scheduler, name, parent.tag))
                 self.set_slot(obj, name, made)
             holder = self.ops.send0(obj, name)
         return holder

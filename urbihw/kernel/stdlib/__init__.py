@@ -61,6 +61,8 @@ MODULES = (
     "event",
     "mutex",
     "semaphore",
+    "format_info",
+    "regexp",
     "kernel1",
 )
 

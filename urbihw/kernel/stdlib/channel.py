@@ -5,40 +5,20 @@ Source: manual, specs/channel and specs/global (cout, cerr, clog, warn); server 
 
 from __future__ import annotations
 
-from typing import Any, Protocol, cast
+from typing import Any
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import Dictionary, List, String
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.stdlib.support import say
 
 CHANNEL = Table("Channel")
 FILTER = Table("Channel.Filter")
 GLOBAL = Table("Global")
 TABLES = [CHANNEL, FILTER, GLOBAL]
 PROTOS = {"Channel.Filter": ("Channel",)}
-
-
-class Line(Protocol):
-    """What is needed of a lobby's output."""
-
-    def line(self, text: str, channel: str = "") -> None:
-        """Send one line."""
-        ...
-
-
-class Talker(Protocol):
-    """What is needed of the context of a job: it has an output."""
-
-    output: Line
-
-
-def say(world: World, text: str, channel: str = "") -> None:
-    """Send a line to the connection of the running job; a job without connection says nothing."""
-    context = world.scheduler.running().context
-    if context is not None:
-        cast(Talker, context).output.line(text, channel)
 
 
 def starred(text: str) -> str:
@@ -113,9 +93,7 @@ def warn(world: World, this: Any, message: Any) -> None:
 def install(world: World, programs: Any) -> None:
     """The predefined channels."""
     proto = world.global_.slots["Channel"]
-    proto.slots.update(
-        {"name": world.string(""), "quote": world.true, "enabled": world.true}
-    )
+    proto.slots.update({"name": world.string(""), "quote": world.true, "enabled": world.true})
 
     def made(name: str, **slots: Any) -> Obj:
         channel = Obj(world, [proto])

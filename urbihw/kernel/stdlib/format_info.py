@@ -1,0 +1,323 @@
+"""FormatInfo and Formatter: formatting as C's printf does it, and ``format`` of Float and String.
+
+Source: manual, specs/format-info and specs/formatter.  A number of integral value prints without decimals in the
+default and the fixed format, as everywhere in urbiscript; ``=`` opens the middle of the text.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Any
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.values import List, String
+from urbihw.kernel.runtime.world import World
+
+INFO = Table("FormatInfo")
+FORMATTER = Table("Formatter")
+FLOAT = Table("Float")
+STRING = Table("String")
+TABLES = [INFO, FORMATTER, FLOAT, STRING]
+
+OPTIONS = r"(?P<flags>[-=+ 0#']*)(?P<width>\d*)(?:\.(?P<precision>\d+))?"
+PATTERN = re.compile(rf"%(?:\|{OPTIONS}(?P<spec>[sdDxXoeEf]?)\||{OPTIONS.replace('P<', 'P<bare_')}(?P<bare_spec>[sdDxXoeEf]))")
+EXACT = 2.0**63
+"""Integral numbers below it print all their digits."""
+
+
+@dataclass(frozen=True)
+class Format:
+    """One formatting pattern, read.  ``alignment`` and ``uppercase`` are -1, 0 or 1 as the manual says."""
+
+    pattern: str
+    alignment: int
+    alt: bool
+    group: str
+    pad: str
+    precision: int
+    given_precision: bool
+    prefix: str
+    spec: str
+    uppercase: int
+    width: int
+
+
+def read(match: re.Match[str]) -> Format:
+    """The format meant by a match of ``PATTERN``."""
+    found = match.groupdict()
+    kind = "" if found["spec"] is not None else "bare_"
+    flags, spec = found[kind + "flags"], found[kind + "spec"] or "s"
+    precision = found[kind + "precision"]
+    return Format(
+        pattern=match[0],
+        alignment=-1 if "-" in flags else 0 if "=" in flags else 1,
+        alt="#" in flags,
+        group=" " if "'" in flags else "",
+        pad="0" if "0" in flags else " ",
+        precision=6 if precision is None else int(precision),
+        given_precision=precision is not None,
+        prefix="+" if "+" in flags else " " if " " in flags else "",
+        spec=spec.lower(),
+        uppercase=0 if spec == "s" else 1 if spec.isupper() else -1,
+        width=int(found[kind + "width"] or 0),
+    )
+
+
+def cut(text: str) -> list[str | Format]:
+    """A format string in pieces: plain texts and formats; ``%%`` is a plain ``%``."""
+    pieces: list[str | Format] = []
+    plain = ""
+    position = 0
+    while position < len(text):
+        if text[position] != "%":
+            end = text.find("%", position)
+            end = len(text) if end < 0 else end
+            plain += text[position:end]
+            position = end
+        elif text.startswith("%%", position):
+            plain += "%"
+            position += 2
+        else:
+            match = PATTERN.match(text, position)
+            if match is None:
+                raise errors.primitive(f"invalid format: {text[position : position + 8]}")
+            pieces += ([plain] if plain else []) + [read(match)]
+            plain = ""
+            position = match.end()
+    return pieces + ([plain] if plain else [])
+
+
+# ---------------------------------------------------------------- formatting
+
+
+def format_float(form: Format, value: float) -> str:
+    """A number in a format."""
+    if not math.isfinite(value):
+        return _cased(form, _signed(form, f"{value:g}"))
+    if form.spec in "xo":
+        if value != int(value):
+            raise errors.bad_number("BadInteger", f"expected integer, got {value:g}")
+        digits = f"{abs(int(value)):{form.spec}}"
+        base = ("0x" if form.spec == "x" else "0") if form.alt else ""
+        text = ("-" if value < 0 else "") + base + digits
+    elif form.spec == "e":
+        text = f"{value:.{form.precision}e}"
+    elif value == int(value) and abs(value) < EXACT:
+        text = str(int(value))
+    elif form.spec == "f":
+        text = f"{value:.{form.precision}f}"
+    else:
+        text = f"{value:.{form.precision or 1}g}"
+    return _cased(form, _padded(form, _signed(form, _grouped(form, text))))
+
+
+def format_text(form: Format, text: str) -> str:
+    """A text in a format; ``%.3s`` cuts it."""
+    if form.spec == "s" and form.given_precision:
+        text = text[: form.precision]
+    if form.prefix == " " and text[:1] not in ("+", "-"):
+        text = " " + text
+    return _cased(form, _padded(form, text))
+
+
+def _grouped(form: Format, text: str) -> str:
+    if not form.group:
+        return text
+    found = re.match(r"(-?)(\d+)(.*)\Z", text)
+    if found is None:
+        return text
+    return found[1] + f"{int(found[2]):,}".replace(",", form.group) + found[3]
+
+
+def _signed(form: Format, text: str) -> str:
+    return text if text.startswith("-") else form.prefix + text
+
+
+def _padded(form: Format, text: str) -> str:
+    missing = form.width - len(text)
+    if missing <= 0:
+        return text
+    if form.alignment < 0:
+        return text + " " * missing
+    if form.alignment == 0:
+        middle = (len(text) + 1) // 2
+        return text[:middle] + form.pad * missing + text[middle:]
+    if form.pad == "0":
+        head = re.match(r"[-+ ]?(?:0x)?", text)
+        behind = head.end() if head is not None else 0
+        return text[:behind] + "0" * missing + text[behind:]
+    return " " * missing + text
+
+
+def _cased(form: Format, text: str) -> str:
+    return text if form.uppercase == 0 else text.upper() if form.uppercase > 0 else text.lower()
+
+
+def apply(world: World, form: Format, value: Any) -> str:
+    """Any value in a format: a number, or what its ``asString`` says."""
+    if value.__class__ is float:
+        return format_float(form, value)
+    return format_text(form, world.text(value))
+
+
+# ---------------------------------------------------------------- FormatInfo
+
+
+class FormatInfoObject(Obj):
+    """An urbiscript FormatInfo."""
+
+    __slots__ = ("form",)
+
+    def __init__(self, world: World, protos: list[Obj], form: Format | None = None) -> None:
+        super().__init__(world, protos)
+        self.form = form if form is not None else one_format("%s")
+
+    def clone(self) -> FormatInfoObject:
+        """The same format."""
+        return FormatInfoObject(self.world, [self], self.form)
+
+
+def one_format(pattern: str) -> Format:
+    """The format of a pattern that is nothing else."""
+    match = PATTERN.fullmatch(pattern)
+    if match is None:
+        raise errors.primitive(f"invalid format: {pattern}")
+    return read(match)
+
+
+@INFO.primitive("init")
+def init_info(world: World, this: FormatInfoObject, pattern: str) -> None:
+    """Read a pattern: ``%`` options spec, or ``%|`` options [spec] ``|``."""
+    this.form = one_format(pattern)
+
+
+@INFO.primitive("asString", "asPrintable", "pattern")
+def as_string(world: World, this: FormatInfoObject) -> str:
+    """The pattern given to the constructor."""
+    return this.form.pattern
+
+
+def _add_field(slot: str, meaning: str) -> None:
+    def get(world: World, this: FormatInfoObject) -> Any:
+        return world.from_python(getattr(this.form, slot))
+
+    get.__doc__ = meaning
+    INFO.primitive(slot)(get)
+
+
+for _slot, _meaning in {
+    "alignment": "Where the text goes: -1 left, 0 both ends, 1 right.",
+    "alt": "Whether the base of a number is shown.",
+    "group": "What is put between thousands.",
+    "pad": "What fills the width: a blank or a zero.",
+    "precision": "How many digits, or characters of a text, at most.",
+    "prefix": "What stands before a positive number.",
+    "spec": "The conversion character, in lower case.",
+    "uppercase": "-1 for lower case, 0 for as it is, 1 for upper case.",
+    "width": "How many characters at least.",
+}.items():
+    _add_field(_slot, _meaning)
+
+
+@FLOAT.primitive("format")
+def float_format(world: World, this: float, info: FormatInfoObject) -> str:
+    """This number in a format."""
+    return format_float(info.form, this)
+
+
+@STRING.primitive("format")
+def string_format(world: World, this: str, info: FormatInfoObject) -> str:
+    """This string in a format."""
+    return format_text(info.form, this)
+
+
+# ---------------------------------------------------------------- Formatter
+
+
+class FormatterObject(Obj):
+    """An urbiscript Formatter."""
+
+    __slots__ = ("pieces",)
+
+    def __init__(self, world: World, protos: list[Obj], pieces: list[str | Format] | None = None) -> None:
+        super().__init__(world, protos)
+        self.pieces: list[str | Format] = pieces if pieces is not None else []
+
+    def clone(self) -> FormatterObject:
+        """The same format."""
+        return FormatterObject(self.world, [self], self.pieces)
+
+
+CLASSES = {"FormatInfo": FormatInfoObject, "Formatter": FormatterObject}
+
+
+@FORMATTER.primitive("init")
+def init_formatter(world: World, this: FormatterObject, text: str) -> None:
+    """Cut a format string into texts and formats."""
+    this.pieces = cut(text)
+
+
+@FORMATTER.primitive("asList")
+def as_list(world: World, this: FormatterObject) -> Any:
+    """The texts (Strings) and formats (FormatInfos), in order."""
+    return _members(world, this)
+
+
+def _members(world: World, this: FormatterObject) -> List:
+    proto = world.global_.slots["FormatInfo"]
+    return world.new_list(
+        [
+            world.string(piece) if isinstance(piece, str) else FormatInfoObject(world, [proto], piece)
+            for piece in this.pieces
+        ]
+    )
+
+
+@FORMATTER.primitive("asString", "asPrintable")
+def formatter_as_string(world: World, this: FormatterObject) -> str:
+    """``Formatter`` and its parts."""
+    return f"Formatter {world.text(_members(world, this))}"
+
+
+@FORMATTER.primitive("%")
+def formatter_apply(world: World, this: FormatterObject, args: Any) -> str:
+    """The text with each format replaced by a member of a List, or by the one value given."""
+    return fill(world, this.pieces, args)
+
+
+def fill(world: World, pieces: list[str | Format], args: Any) -> str:
+    """The pieces put together, the formats applied to the arguments."""
+    values = list(args.l) if isinstance(args, List) else [args]
+    wanted = sum(1 for piece in pieces if isinstance(piece, Format))
+    if len(values) != wanted:
+        raise errors.primitive(f"too {'few' if len(values) < wanted else 'many'} arguments")
+    following = iter(values)
+    return "".join([p if isinstance(p, str) else apply(world, p, next(following)) for p in pieces])
+
+
+def install(world: World, programs: Any) -> None:
+    """``String.'%'`` remembers the formats it has cut."""
+    table = Table("String")
+    known: dict[str, list[str | Format]] = {}
+
+    @table.raw("%", least=1)
+    def percent(world: World) -> Any:
+        """This string as a format, filled with the members of a List, or with the one value given."""
+
+        def run(this: Any, args: Any) -> String:
+            if not isinstance(this, String):
+                raise world.type_error(None, this, "String")
+            pieces = known.get(this.s)
+            if pieces is None:
+                if len(known) > 500:
+                    known.clear()
+                pieces = known[this.s] = cut(this.s)
+            return world.string(fill(world, pieces, args))
+
+        return run
+
+    table.install(world, world.string_proto)

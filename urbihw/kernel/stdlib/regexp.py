@@ -1,0 +1,91 @@
+"""Regexp: Perl's regular expressions.
+
+Source: manual, specs/regexp.  Python's ``re`` reads the same language but for a few constructs; ``$`` means the end.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.world import World
+from urbihw.kernel.stdlib.string import escaped
+
+TABLE = Table("Regexp")
+PROTOS = {"Regexp": ("Container", "Object")}
+
+
+class RegexpObject(Obj):
+    """An urbiscript Regexp; ``found`` are the groups of the latest match."""
+
+    __slots__ = ("compiled", "found")
+
+    def __init__(self, world: World, protos: list[Obj], compiled: re.Pattern[str] | None = None) -> None:
+        super().__init__(world, protos)
+        self.compiled = compiled if compiled is not None else re.compile("")
+        self.found: list[str] = []
+
+    def clone(self) -> RegexpObject:
+        """The same expression, not matched yet."""
+        return RegexpObject(self.world, [self], self.compiled)
+
+    def search(self, text: str) -> bool:
+        """Look for the expression anywhere in a text."""
+        match = self.compiled.search(text)
+        self.found = [] if match is None else [match[0], *(group or "" for group in match.groups())]
+        return match is not None
+
+
+CLASSES = {"Regexp": RegexpObject}
+
+
+@TABLE.primitive("init")
+def init(world: World, this: RegexpObject, expression: str) -> None:
+    """Compile an expression; an error if there is something wrong with it."""
+    if not expression:
+        raise errors.primitive("invalid regular expression `': Empty expression")
+    try:
+        this.compiled = re.compile(expression, re.ASCII)
+    except re.error as error:
+        raise errors.primitive(f"invalid regular expression `{expression}': {error.msg}") from error
+
+
+@TABLE.primitive("asString")
+def as_string(world: World, this: RegexpObject) -> str:
+    """The expression."""
+    return this.compiled.pattern
+
+
+@TABLE.primitive("asPrintable")
+def as_printable(world: World, this: RegexpObject) -> str:
+    """``Regexp`` and the expression as a literal."""
+    return f"Regexp({escaped(this.compiled.pattern)})"
+
+
+@TABLE.primitive("match", "has")
+def match(world: World, this: RegexpObject, text: str) -> bool:
+    """Whether the expression is found anywhere in a string; ``matches`` tells what was found."""
+    return this.search(text)
+
+
+@TABLE.primitive("hasNot")
+def has_not(world: World, this: RegexpObject, text: str) -> bool:
+    """Whether the expression is nowhere in a string."""
+    return not this.search(text)
+
+
+@TABLE.primitive("matches")
+def matches(world: World, this: RegexpObject) -> Any:
+    """What the latest ``match`` found: the whole, then each group; empty if it found nothing."""
+    return world.new_list([world.string(group) for group in this.found])
+
+
+@TABLE.primitive("[]")
+def get_item(world: World, this: RegexpObject, index: float) -> Any:
+    """``matches[index]``."""
+    if not 0 <= index < len(this.found) or index != int(index):
+        raise errors.primitive(f"out of bound index: {world.text(index)}")
+    return world.string(this.found[int(index)])
