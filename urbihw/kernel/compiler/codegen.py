@@ -8,15 +8,17 @@ from urbihw.kernel.compiler.bind import Binding
 from urbihw.kernel.compiler.concurrency import Concurrency
 from urbihw.kernel.compiler.emit import RETURN, function
 from urbihw.kernel.compiler.late import LateSites
+from urbihw.kernel.compiler.unit import Syntax
 from urbihw.kernel.syntax import ast
 
 
 class Codegen(Concurrency):
-    """Write one statement; afterwards ``entries``, ``constants`` and ``late`` belong to the unit."""
+    """Write one statement; afterwards ``entries``, ``constants`` and ``syntax`` belong to the unit."""
 
     def __init__(self, binding: Binding, generic: bool) -> None:
         super().__init__(binding, generic)
         self.late = LateSites()
+        self.syntax = Syntax([], self.late)
 
     def late_site(self, node: ast.Call) -> int:
         """Remember a call whose function may turn out to be lazy."""

@@ -155,6 +155,7 @@ class Emitter:
         self.generic = generic
         self.entries: list[Entry] = [Entry(NOWHERE, None, 0)]
         self.constants: list[Any] = []
+        self.syntax: Any = None
         self.outer_entry = 0
         self.counter = 0
         self.w = Writer(binding.top, None)
@@ -176,6 +177,10 @@ class Emitter:
         """``_K[i]``: a constant that Python has no literal for."""
         self.constants.append(value)
         return py.Subscript(name("_K", p), const(len(self.constants) - 1, p), LOAD, **p)
+
+    def nodes(self, value: tuple[ast.Node, ...], p: Pos) -> py.expr:
+        """``_N[i]``: the syntax of lazy arguments."""
+        return py.Subscript(name("_N", p), const(self.syntax.add(value), p), LOAD, **p)
 
     def emit(self, *statements: py.stmt) -> None:
         """Write statements."""

@@ -233,7 +233,7 @@ class Expressions(Emitter):
     def thunks(self, args: tuple[ast.Node, ...], p: Pos) -> list[py.expr]:
         """Unevaluated arguments: a list of functions, and a list of their syntax."""
         functions = [self.thunk(arg) for arg in args]
-        return [list_(functions, p), self.constant(args, p)]
+        return [list_(functions, p), self.nodes(args, p)]
 
     def thunk(self, node: ast.Node) -> py.expr:
         """A node as a Python function without parameters (see ``Statements``)."""
@@ -362,7 +362,10 @@ class Expressions(Emitter):
         variadic = bool(formals) and formals[-1].variadic
         least = sum(1 for formal in formals if formal.default is None and not formal.variadic)
         most = -1 if variadic or node.formals is None else len(formals)
-        return FunctionInfo(least, most, node.formals is None, uses_call, node.closure, len(formals), node)
+        index = self.syntax.add(node)
+        return FunctionInfo(
+            least, most, node.formals is None, uses_call, node.closure, len(formals), self.syntax, index
+        )
 
 
 def position(node: Any) -> Pos:

@@ -30,13 +30,13 @@ class Step(NamedTuple):
 class LineMap:
     """The table of one unit, placed where the statement stood: ``base`` is the position of its first character."""
 
-    __slots__ = ("base", "entries", "late", "system")
+    __slots__ = ("base", "entries", "syntax", "system")
 
-    def __init__(self, entries: list[Entry], base: Position, system: bool, late: object) -> None:
+    def __init__(self, entries: list[Entry], base: Position, system: bool, syntax: object) -> None:
         self.entries = entries
         self.base = base
         self.system = system
-        self.late = late
+        self.syntax = syntax
 
     def frames(self, index: int) -> list[Step]:
         """The urbiscript call frames of one instruction, innermost first."""

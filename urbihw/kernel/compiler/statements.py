@@ -615,7 +615,7 @@ class Statements(Expressions):
         thunks = list_([self.thunk(argument) for argument in claim.args or ()], p)
         p = self.mark(claim, claim.name)
         self.emit(do(call("assert_call", [text, target, const(claim.target is not None, p), const(claim.name, p),
-                                          function, thunks, self.constant(claim.args or (), p)], p), p))
+                                          function, thunks, self.nodes(claim.args or (), p)], p), p))
 
     def text(self, node: ast.Node) -> str:
         """A claim as the user would see it printed: a comparison is shown as one, not as a message."""

@@ -3,14 +3,54 @@
 from __future__ import annotations
 
 import ast as pyast
+import pickle
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from types import CodeType, FunctionType
 from typing import Any
 
+from urbihw.kernel.compiler.late import LateSites
 from urbihw.kernel.compiler.linemap import Entry, LineMap
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.location import Position
+
+
+class Syntax:
+    """What is needed of a unit's source only when somebody looks: the syntax of its functions and lazy arguments, and
+    its calls that may turn out to be lazy.  A unit from the disk unpacks it then.
+    """
+
+    __slots__ = ("_content", "_packed")
+
+    def __init__(self, nodes: list[Any] | None = None, late: LateSites | None = None, packed: bytes | None = None):
+        self._content = None if nodes is None else (nodes, late)
+        self._packed = packed
+
+    def __getitem__(self, index: int) -> Any:
+        """The syntax remembered under a number."""
+        return self._load()[0][index]
+
+    @property
+    def late(self) -> Any:
+        """The ``LateSites`` of the unit."""
+        return self._load()[1]
+
+    def add(self, node: Any) -> int:
+        """Remember some syntax; its number."""
+        nodes = self._load()[0]
+        nodes.append(node)
+        return len(nodes) - 1
+
+    def pack(self) -> bytes:
+        """For the disk."""
+        return pickle.dumps(self._load(), pickle.HIGHEST_PROTOCOL)
+
+    def _load(self) -> tuple[list[Any], Any]:
+        if self._content is None:
+            assert self._packed is not None
+            self._content = pickle.loads(self._packed)
+            self._packed = None
+        return self._content
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,7 +58,7 @@ class FunctionInfo:
     """What is known of a function literal without running it.
 
     ``least``/``most`` are the numbers of arguments (most -1: any), ``lazy`` has no formals, ``uses_call`` needs the
-    call message, ``node`` is its syntax for printing and comparing.
+    call message, ``syntax`` and ``index`` say where its source is.
     """
 
     least: int
@@ -27,7 +67,15 @@ class FunctionInfo:
     uses_call: bool
     closure: bool
     formals: int
-    node: ast.Function
+    syntax: Syntax
+    index: int
+
+    @property
+    def node(self) -> ast.Function:
+        """The literal's syntax, for printing and comparing."""
+        node = self.syntax[self.index]
+        assert isinstance(node, ast.Function)
+        return node
 
 
 @dataclass(slots=True)
@@ -36,16 +84,22 @@ class Unit:
 
     code: CodeType
     entries: list[Entry]
-    constants: list[Any]
-    late: Any = None
+    constants: list[FunctionInfo]
+    syntax: Syntax
     tree: pyast.Module | None = field(default=None, repr=False)
 
     def function(
         self, ops: dict[str, Any], base: Position, system: bool = False, late_locals: Any = None
     ) -> Callable[[Any], Any]:
         """The statement as a Python function of ``this``; ``ops`` are the verbs generated code calls by name."""
-        line_map = LineMap(self.entries, base, system, self.late)
-        names = {"__builtins__": ops, "__urbi__": line_map, "_K": self.constants, "_L": late_locals}
+        line_map = LineMap(self.entries, base, system, self.syntax)
+        names = {
+            "__builtins__": ops,
+            "__urbi__": line_map,
+            "_K": self.constants,
+            "_N": self.syntax,
+            "_L": late_locals,
+        }
         return FunctionType(self.code, names)
 
 
@@ -70,4 +124,4 @@ def compile_node(
     module = generator.statement(node)
     code = compile(module, "<urbiscript>", "exec", dont_inherit=True)
     inner = next(const for const in code.co_consts if isinstance(const, CodeType))
-    return Unit(inner, generator.entries, generator.constants, generator.late, module if keep_tree else None)
+    return Unit(inner, generator.entries, generator.constants, generator.syntax, module if keep_tree else None)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
-from urbihw.kernel.compiler import compile_node
+from urbihw.kernel.compiler import compile_node, library
 from urbihw.kernel.compiler.cache import UnitCache
 from urbihw.kernel.sched.group import Group
 from urbihw.kernel.sched.job import Job
@@ -51,29 +51,56 @@ class Programs:
         unit = self.units.get(statement.text, statement.node, world.lazy_names, world.generic_floats)
         return unit.function(self.ops, statement.base)
 
-    def evaluate(self, text: str, this: Any, file: str | None = None, system: bool = False) -> Any:
-        """Run a program (``eval``, ``load``, the library): the value of its last statement.
+    def evaluate(self, text: str, this: Any, file: str | None = None) -> Any:
+        """Run a program (``eval``, ``load``): the value of its last statement.
 
         A syntax error anywhere means that nothing runs; it is raised as Exception.Syntax.  Must be called in a job.
         """
+        return self._run(self._compiled(text, file), this, system=False)
+
+    def load_library(self, text: str, file: str) -> None:
+        """Run a part of the library with Global as ``this``; compiled code is kept on the disk.
+
+        Its frames are not shown in call stacks.
+        """
+        key = library.key_of(file + "\n" + text, self.world.lazy_names)
+        kept = library.load(key)
+        if kept is not None:
+            self._run(kept, self.world.global_, system=True)
+            return
+        made: list[library.Compiled] = []
+
+        def remember() -> Iterator[library.Compiled]:
+            for part in self._compiled(text, file):
+                made.append(part)
+                yield part
+
+        self._run(remember(), self.world.global_, system=True)
+        library.store(key, made)
+
+    def _compiled(self, text: str, file: str | None) -> Iterator[library.Compiled]:
         items = parse_program(text, file)
         for item in items:
             if isinstance(item, SyntaxProblem) and not item.warning:
                 raise errors.Raised("Syntax", item.message, None, loc=str(item.location), input=text)
         world = self.world
-        value = world.void
-        with Group(world.scheduler) as background:
-            for item in items:
-                if not isinstance(item, Statement):
-                    continue
+        for item in items:
+            if isinstance(item, Statement):
                 unit = compile_node(item.node, world.lazy_names, generic=world.generic_floats)
-                function = unit.function(self.ops, item.base, system)
-                if item.separator == ",":
+                yield library.Compiled(unit, item.base, item.separator)
+
+    def _run(self, program: Iterable[library.Compiled], this: Any, system: bool) -> Any:
+        scheduler = self.world.scheduler
+        value = self.world.void
+        with Group(scheduler) as background:
+            for unit, base, separator in program:
+                function = unit.function(self.ops, base, system)
+                if separator == ",":
                     background.start(partial(function, this))
                 else:
                     value = function(this)
-                    if world.scheduler.ready:
-                        world.scheduler.yield_()
+                    if scheduler.ready:
+                        scheduler.yield_()
         return value
 
 

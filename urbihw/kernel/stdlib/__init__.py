@@ -139,7 +139,7 @@ def _run_urbiscript(world: World, programs: Any) -> None:
         for name in MODULES:
             source = files("urbihw.kernel.stdlib").joinpath(name + ".u")
             if source.is_file():
-                programs.evaluate(source.read_text("latin-1"), world.global_, f"{name}.u", system=True)
+                programs.load_library(source.read_text("latin-1"), f"{name}.u")
 
     job = world.scheduler.spawn(run, "boot")
     world.scheduler.run()

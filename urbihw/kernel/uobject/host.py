@@ -20,7 +20,7 @@ U = TypeVar("U", bound=UObject)
 class Programs(Protocol):
     """What runs urbiscript text (see ``lobby.shell.Programs``)."""
 
-    def evaluate(self, text: str, this: Any, file: str | None = None, system: bool = False) -> Any:
+    def evaluate(self, text: str, this: Any, file: str | None = None) -> Any:
         """Run a program in the running job."""
         ...
 
