@@ -14,11 +14,30 @@
 
 ``host.register(Servo)`` makes the urbiscript class ``Servo``; ``Servo.new(3)`` makes an instance of both worlds and
 calls ``init(3)``.  Reading order: ``uvar`` (a variable with an owner), ``uobject`` (the base class), ``host`` (what a
-platform holds of the kernel), ``natives`` (how urbiscript sees it).  May import ``runtime`` and ``sched``.
+platform holds of the kernel), ``robot`` (what the daemon holds of a platform), ``natives`` (how urbiscript sees it).
+May import ``runtime`` and ``sched``.
 """
 
+from urbihw.kernel.uobject.errors import BadConfig, DeviceError, Gone, NotReady
 from urbihw.kernel.uobject.host import Host
+from urbihw.kernel.uobject.robot import Opened, Robot, RobotSettings
 from urbihw.kernel.uobject.uobject import UEvent, UObject, event, function, owned, variable
 from urbihw.kernel.uobject.uvar import UVar
 
-__all__ = ["Host", "UEvent", "UObject", "UVar", "event", "function", "owned", "variable"]
+__all__ = [
+    "BadConfig",
+    "DeviceError",
+    "Gone",
+    "Host",
+    "NotReady",
+    "Opened",
+    "Robot",
+    "RobotSettings",
+    "UEvent",
+    "UObject",
+    "UVar",
+    "event",
+    "function",
+    "owned",
+    "variable",
+]

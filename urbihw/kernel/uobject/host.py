@@ -65,20 +65,27 @@ class Host:
         face = value.face if isinstance(value, UObject) else self.world.from_python(value)
         self.world.ops.put(self.world.global_, name, face)
 
-    def table(self, members: dict[str, UObject]) -> Any:
-        """A Dictionary of devices by name."""
-        return self.world.dictionary({name: member.face for name, member in members.items()})
+    def run(self, text: str, file: str, done: Callable[[str], None] = lambda problem: None) -> None:
+        """Run urbiscript in Global, in a job of its own, as if loaded from ``file``.
 
-    def run(self, text: str, file: str) -> None:
-        """Run urbiscript in Global, in a job of its own; an error is logged in one line with its place."""
+        ``done(problem)`` is called at the end, with "" or one line that says what went wrong and where
+        (``file:line.column: message``).
+        """
 
         def body() -> None:
             try:
                 self._programs.evaluate(text, self.world.global_, file)
             except Exception as error:
-                log.error("%s: %s", file, "; ".join(self.world.describe(error)))
+                done(self.world.describe(error)[0])
+            else:
+                done("")
 
         self.world.scheduler.spawn(body, file)
+
+    def each_round(self, action: Callable[[], None]) -> None:
+        """Call ``action`` (outside any job; it must be quick) at the end of each round of the scheduler: the time to
+        send in one message what all jobs wanted in that round."""
+        self.world.scheduler.add_round_hook(action)
 
     def post(self, action: Callable[[], None]) -> None:
         """From any thread: run ``action`` in the kernel's thread, soon."""

@@ -99,8 +99,8 @@ class UEvent:
         self._face = face
 
     def emit(self, *payload: Any) -> None:
-        """Emit the event with a payload of Python values; handlers run as jobs."""
-        values = [self._world.from_python(value) for value in payload]
+        """Emit the event with a payload of Python values and devices; handlers run as jobs."""
+        values = [self._world.from_python(value.face if isinstance(value, UObject) else value) for value in payload]
 
         def emit() -> None:
             self._face.emit(values)
@@ -244,7 +244,12 @@ def _caller(method: Callable[..., Any], python: str) -> Callable[..., Any]:
     """``fn(world, this, *args)`` for a method, with the signature that ``primitive`` reads its checks from."""
 
     def run(world: Any, this: Any, *args: Any) -> Any:
-        return getattr(this.python, python)(*args)
+        result = getattr(this.python, python)(*args)
+        if isinstance(result, UObject):
+            return result.face
+        if isinstance(result, list):
+            return [member.face if isinstance(member, UObject) else member for member in result]
+        return result
 
     parameters = list(inspect.signature(method).parameters.values())[1:]
     kind = inspect.Parameter.POSITIONAL_OR_KEYWORD

@@ -5,9 +5,10 @@ urbiscript reads and writes the slot as if the value itself stood there.  An *ow
 target and read the sensed value; the owner's ``value`` is the other way round.
 
 Writing runs the ``notify_change`` callbacks at once, in the job that wrote: the owner's when an outsider wrote, the
-others' when the value that outsiders read changed.  A callback that raises is removed and reported, so that one bad
-device cannot break every assignment.  Conditions (``at (motor.val > 0)``) and ``->changed`` follow the value that
-outsiders read.
+others' when the value that outsiders read changed.  An owner refuses a value by raising ValueError: the assignment then
+fails with its words, and the target stays what it was.  Any other callback that raises is removed and reported, so that
+one bad device cannot break every assignment.  Conditions (``at (motor.val > 0)``) and ``->changed`` follow the value
+that outsiders read.
 """
 
 from __future__ import annotations
@@ -34,7 +35,18 @@ Callback = Callable[..., Any]
 class UVar(Executable):
     """One hooked variable; lives in the slot ``name`` of ``holder`` (and of others it was copied to)."""
 
-    __slots__ = ("_access", "_change", "_homes", "_owner_change", "name", "owned", "_sensed", "stamp", "_target")
+    __slots__ = (
+        "_access",
+        "_change",
+        "_homes",
+        "_owner_change",
+        "_sensed",
+        "_target",
+        "dated",
+        "name",
+        "owned",
+        "stamp",
+    )
 
     def __init__(self, world: World, holder: Obj, name: str, *, owned: bool = False, value: Any = None) -> None:
         super().__init__(world, [world.uvar_proto])
@@ -43,6 +55,7 @@ class UVar(Executable):
         self._sensed: Any = world.from_python(value)
         self._target: Any = self._sensed
         self.stamp = world.scheduler.clock.now()
+        self.dated: Callable[[], float] | None = None
         self._homes: list[tuple[Obj, str]] = []
         self._owner_change: list[Callback] = []
         self._change: list[Callback] = []
@@ -72,16 +85,28 @@ class UVar(Executable):
     def write(self, target: Any, value: Any) -> Any:
         """An outsider assigns the slot: the value within ``rangemin`` and ``rangemax`` becomes the target."""
         value = self._clamped(value)
-        self._target = value
+        before, self._target = self._target, value
         if self.owned:
-            self._run(self._owner_change)
+            self._tell_owner(before)
             return value
-        self._sensed = value
+        seen, self._sensed = self._sensed, value
         self.stamp = self.world.scheduler.clock.now()
-        self._run(self._owner_change)
+        try:
+            self._tell_owner(before)
+        except errors.UrbiError:
+            self._sensed = seen
+            raise
         self._run(self._change)
         self._announce()
         return value
+
+    def _tell_owner(self, before: Any) -> None:
+        """Run the owner's callbacks; a value that it refuses (ValueError) is taken back and the writer told."""
+        try:
+            self._run(self._owner_change, refusable=True)
+        except ValueError as refusal:
+            self._target = before
+            raise errors.primitive(str(refusal), self.name) from refusal
 
     def _clamped(self, value: Any) -> Any:
         if value.__class__ is not float:
@@ -136,8 +161,9 @@ class UVar(Executable):
             self.world.soon(self._sensed_changed)
 
     def age(self) -> float:
-        """Seconds since the value was taken."""
-        return self.world.scheduler.clock.now() - self.stamp
+        """Seconds since the value was taken: since ``dated()`` if the owner says so, else since it last changed."""
+        stamp = self.stamp if self.dated is None else self.dated()
+        return self.world.scheduler.clock.now() - stamp
 
     def set_property(self, name: str, value: Any) -> None:
         """Set a property of the slot, such as ``rangemin``."""
@@ -177,11 +203,13 @@ class UVar(Executable):
         for holder, name in self._homes:
             self.world.ops.announce(holder, name)
 
-    def _run(self, callbacks: list[Callback]) -> None:
+    def _run(self, callbacks: list[Callback], *, refusable: bool = False) -> None:
         for callback in list(callbacks):
             try:
                 callback(self)
             except Exception as error:
+                if refusable and isinstance(error, ValueError):
+                    raise
                 callbacks.remove(callback)
                 reason = "; ".join(self.world.describe(error)) if isinstance(error, errors.UrbiError) else repr(error)
                 log.error("callback on %s removed because it failed: %s", self.name, reason)
