@@ -6,7 +6,8 @@ Reading order:
 - ``urbiscript.lark``: the grammar, the whole language on a few screens.
 - ``reader``: bytes of a connection in, statements and syntax errors out.  ``Reader`` and ``parse_program`` are what
   the rest of the kernel calls.
-- ``lexer`` cuts characters into tokens, with the words and signs of ``tokens``.
+- ``source`` holds the characters and knows where they stand; ``lexer`` cuts them into tokens, with the words and
+  signs of ``tokens``.
 - ``parser`` is the machine that runs the grammar, and how it goes on after an error; ``statements`` and
   ``expressions`` make the nodes, one method per rule; ``tables`` has lark compute the machine's tables once.
 - ``check``: what is a syntax error although the grammar accepts it.
