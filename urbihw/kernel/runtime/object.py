@@ -15,6 +15,7 @@ and CPython's own dispatch finds the right thing for numbers and for objects ali
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
@@ -28,6 +29,8 @@ class Obj:
     """Any urbiscript object but a float."""
 
     __slots__ = ("__weakref__", "cache", "meta", "protos", "slots", "world")
+    bounces = False
+    """Whether an assignment to a slot it does not have goes to its members (a Group)."""
 
     def __init__(self, world: World, protos: list[Obj]) -> None:
         self.world = world
@@ -82,6 +85,10 @@ class Obj:
     def fallback_slot(self, name: str) -> Any:
         """What answers for a slot that was not found: raises ``lookup failed``."""
         raise errors.lookup_failed(name)
+
+    def bounce(self, action: Callable[[Any], Any]) -> Any:
+        """Do something with all members; only for what ``bounces``."""
+        raise NotImplementedError
 
     # ---------------------------------------------------------------- structure
 

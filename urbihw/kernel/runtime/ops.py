@@ -265,6 +265,9 @@ def _concurrency(world: World) -> dict[str, Any]:
 
     def move_slot(target: Any, name: str, value: Any, attributes: dict[str, Any]) -> None:
         """``target.name = value time: 1s``."""
+        if target.__class__ is not float and target.bounces and name not in target.slots:
+            target.bounce(lambda member: move_slot(member, name, value, attributes))
+            return
         read = world.ops.send0
         Trajectory(
             world, lambda: read(target, name), lambda v: world.update_slot(target, name, v), value, attributes

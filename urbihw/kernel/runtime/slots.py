@@ -153,6 +153,8 @@ class SlotOps:
                 slots[name] = value
                 return value
             return self._write(obj, obj, name, value)
+        if obj.bounces:
+            return obj.bounce(lambda member: self.update_slot(member, name, value))
         holder = obj.find(name)
         if holder is None:
             return obj.fallback_slot(name)

@@ -63,6 +63,9 @@ MODULES = (
     "semaphore",
     "format_info",
     "regexp",
+    "group",
+    "timeout",
+    "binary",
     "kernel1",
 )
 
