@@ -66,6 +66,9 @@ MODULES = (
     "group",
     "timeout",
     "binary",
+    "path",
+    "file",
+    "stream",
     "kernel1",
 )
 
