@@ -9,7 +9,8 @@ import pytest
 from fakes.bioloid import Bioloid
 from urbihw import buses
 from urbihw.buses.clock import SimClock
-from urbihw.buses.dynamixel.bus import DynamixelBus, ProtocolChoice
+from urbihw.buses.dynamixel.bus import DynamixelBus
+from urbihw.buses.dynamixel.wire import ProtocolChoice
 from urbihw.buses.link import Context, Link
 from urbihw.buses.pipe import PipeEnd
 

@@ -79,6 +79,27 @@ def test_a_late_answer_is_never_taken_for_another_and_teaches_patience(rig: Rig)
     assert bus.read(6, 3, 1) == b"\x06"
 
 
+def test_the_answer_to_a_repeated_question_answers_no_other(rig: Rig) -> None:
+    bus = rig.bus()
+    for _ in range(30):
+        bus.ping(6)
+    rig.kit.faults.start("late", 6, amount=0.004, times=2)
+    assert bus.read(6, 3, 1) == b"\x06"
+    assert bus.counters.retried == 1
+    # Asked at once for other registers of the same size; the second late answer was still under way.
+    assert bus.read(6, 0, 1) == b"\x0c"
+
+
+def test_a_late_answer_of_another_size_is_no_answer(rig: Rig) -> None:
+    bus = rig.bus()
+    for _ in range(30):
+        bus.ping(6)
+    rig.kit.faults.start("late", 6, amount=0.004, times=1)
+    with pytest.raises(BusTimeout):
+        bus.read(6, 3, 1, retries=0)
+    assert len(bus.read(6, 36, 8)) == 8
+
+
 def test_time_outs_get_short_when_answers_are_prompt(rig: Rig) -> None:
     bus = rig.bus()
     for _ in range(30):
@@ -193,6 +214,11 @@ def test_scan_detects_a_conflict_in_protocol_2(x_rig: Rig) -> None:
     found = scan(x_rig.bus("auto"))
     assert found.conflicts == (6,)
     assert len(found.devices) == 17
+
+
+def test_a_device_asked_for_by_name_gets_a_second_look(rig: Rig) -> None:
+    rig.kit.faults.start("silence", 6, times=1)
+    assert [device.id for device in scan(rig.bus(), [5, 6, 50]).devices] == [5, 6]
 
 
 def test_scan_writes_nothing(rig: Rig) -> None:

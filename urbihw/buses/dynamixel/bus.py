@@ -1,230 +1,26 @@
-"""One Dynamixel wire, asked and answered: synchronous, one transaction after the other.
+"""Errands on a Dynamixel wire: ping, read, write, with retries and with refusals raised.
 
-    with buses.open("/dev/ttyUSB0?baud=1000000") as link:
-        bus = DynamixelBus(link, "auto")
-        for device in scan(bus).devices:                    # urbihw.buses.dynamixel.scan
-            print(device.id, device.name, bus.read(device.id, 36, 2))
-
-Theory. The wire is half duplex: one question, its answers, the next question. A time-out is the wire time of the
-answer plus what `Patience` has learnt. After a time-out the answer may still come (a slow adapter); so the bus keeps
-looking out for it, learns from how late it was, and takes it for the answer to a later question only if sender and
-size match: then it is the same registers, a little older, as long as a device that missed is not asked for other
-registers of that size at once. The cycle keeps to that. An answer that is exactly the expected one is recognised
-with a few slices; everything else (noise, echo, somebody else's answer, stuffing) goes through the decoder.
+with buses.open("/dev/ttyUSB0?baud=1000000") as link:
+    bus = DynamixelBus(link, "auto")
+    for device in scan(bus).devices:                    # urbihw.buses.dynamixel.scan
+        print(device.id, device.name, bus.read(device.id, 36, 2))
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from urbihw.buses.dynamixel import packet
-from urbihw.buses.dynamixel.crc import crc16
-from urbihw.buses.dynamixel.patience import Patience
 from urbihw.buses.dynamixel.status import Status, refusal_words
+from urbihw.buses.dynamixel.wire import Wire
 from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
-from urbihw.buses.link import Link
 
-ProtocolChoice = Literal[1, 2, "auto"]
-# One question: request, device, bytes of data in its answer.
-Single = tuple[bytes, int, int]
-Meanwhile = Callable[[], None]
 _AskGroup = Callable[[bytes, Sequence[tuple[int, int]]], Iterable[Status]]
 _RETRIES = 2
-# How long before the end of a long answer to wake up: time to decode what has come, and for a late wake-up.
-_WAKE_BEFORE = 0.0005
-# A Linux terminal holds 4096 bytes for a reader that sleeps; stay well below.
-_SYSTEM_BUFFER = 2000
 
 
-@dataclass(slots=True)
-class Counters:
-    """How the bus has fared since it was made: whole transactions that failed, by reason."""
-
-    timeouts: int = 0
-    damaged: int = 0
-    refused: int = 0
-    retried: int = 0
-
-
-class DynamixelBus:
-    """Questions and answers over an open link.
-
-    Attributes:
-        link: the wire; the bus does not close it.
-        protocol: spoken now; with "auto" 1 until a scan finds who is there.
-        auto: the protocol is to be found out by the scan.
-        echo: the adapter returns our own bytes; a scan finds out.
-        patience: the learnt time-out.
-        counters: failures so far.
-    """
-
-    def __init__(self, link: Link, protocol: ProtocolChoice = 1) -> None:
-        self.link = link
-        self.clock = link.clock
-        self.auto = protocol == "auto"
-        self.protocol: int = 1 if protocol == "auto" else protocol
-        self.echo = False
-        self.patience = Patience()
-        self.counters = Counters()
-        self._wire_free_at = 0.0
-        self._overdue: tuple[int, float] | None = None
-
-    # One transaction, one try.
-
-    def send(self, data: bytes) -> None:
-        """Send a packet (or several) that nobody answers. Raises LinkGone."""
-        if self._overdue is not None:
-            self._collect_overdue()
-        now = self.clock.now()
-        self.link.write(data)
-        self._wire_free_at = max(now, self._wire_free_at) + len(data) * self.link.byte_time
-        if self.echo:
-            self._swallow_echo(len(data))
-
-    def ask(
-        self, request: bytes, device: int, size: int, prefix: bytes = b"", meanwhile: Meanwhile | None = None
-    ) -> Status:
-        """Send `request` and return the answer of `device` with `size` bytes of data.
-
-        `prefix` is unanswered packets to send in the same write, right before it; `meanwhile` is called once they
-        are on their way, for work that would otherwise keep the wire idle.
-        Raises BusTimeout, BadFrame, LinkGone. A refusal is returned, not raised: see `Status.refusal`.
-        """
-        wire_end = self._dispatch(prefix + request)
-        if meanwhile is not None:
-            meanwhile()
-        status, data = self._first_look(device, size, wire_end)
-        return status or self._listen(prefix + request, device, size, data, wire_end)
-
-    def ask_each(
-        self, questions: Sequence[Single], prefix: bytes = b"", meanwhile: Meanwhile | None = None
-    ) -> Iterator[tuple[int, Status | BusTimeout | BadFrame]]:
-        """Ask one device after the other; yield (index, answer or what went wrong) in order.
-
-        When an answer is yielded the next question is already on the wire, so what the caller does with it costs no
-        time. When something went wrong nothing is on the wire and the caller may ask again; further questions to that
-        device are left out. `prefix`, `meanwhile`: as `ask`. Raises LinkGone.
-        """
-        failed: set[int] = set()
-        sent = prefix + questions[0][0]
-        wire_end = self._dispatch(sent)
-        if meanwhile is not None:
-            meanwhile()
-        for index, (_, device, size) in enumerate(questions):
-            if device in failed:
-                continue
-            following = _next_question(questions, index, failed)
-            status, data = self._first_look(device, size, wire_end)
-            if status is None:
-                try:
-                    status = self._listen(sent, device, size, data, wire_end)
-                except (BusTimeout, BadFrame) as error:
-                    failed.add(device)
-                    yield index, error
-                    following = _next_question(questions, index, failed)
-                    if following:
-                        sent, wire_end = following, self._dispatch(following)
-                    continue
-            if following:
-                sent, wire_end = following, self._dispatch(following)
-            yield index, status
-
-    def _first_look(self, device: int, size: int, wire_end: float) -> tuple[Status | None, bytes]:
-        """Wait for the plain answer; return it, or None and the bytes that came instead."""
-        if self.echo:
-            # A one-wire adapter: our own bytes come first.
-            return None, b""
-        expected = size + packet.OVERHEAD[self.protocol]
-        answer_time = wire_end + expected * self.link.byte_time
-        deadline = answer_time + self.patience.allowance
-        read = self.link.read
-        data = read(expected, deadline)
-        while 0 < len(data) < expected:
-            more = read(expected - len(data), deadline)
-            if not more:
-                break
-            data += more
-        status = exact_answer(self.protocol, data, device, expected)
-        if status is not None:
-            self.patience.observe(self.clock.now() - answer_time)
-        return status, data
-
-    def ask_group(
-        self,
-        request: bytes,
-        reads: Sequence[tuple[int, int]],
-        prefix: bytes = b"",
-        meanwhile: Meanwhile | None = None,
-    ) -> Iterator[Status]:
-        """Send a sync or bulk read; yield the answers as they come. `reads`: (device, size) in order.
-
-        Devices that stay silent or answer damaged are missing in the result; `counters` tells how many. What the
-        caller does with an answer happens while the next ones are still on the wire. `prefix`, `meanwhile`: as `ask`.
-        """
-        wire_end = self._dispatch(prefix + request)
-        if meanwhile is not None:
-            meanwhile()
-        overhead = packet.OVERHEAD[self.protocol]
-        total = sum(size + overhead for _, size in reads) + (len(prefix + request) if self.echo else 0)
-        longest = (max(size for _, size in reads) + overhead) * self.link.byte_time
-        answer_time = wire_end + total * self.link.byte_time
-        self._nap(total, answer_time)
-        group = _Group(self, reads, prefix + request)
-        deadline = max(wire_end, self.clock.now()) + longest + self.patience.allowance
-        while group.missing and (data := self.link.read(max(total, overhead), deadline)):
-            total -= len(data)
-            yield from group.feed(data)
-            # The next answer follows at once; a hole longer than this means that somebody is missing.
-            deadline = self.clock.now() + longest + self.patience.allowance
-        if not group.missing:
-            self.patience.observe(self.clock.now() - answer_time)
-            return
-        yield from group.flush()
-        if group.missing:
-            self._count_failures(len(group.missing), group.noise)
-
-    def _nap(self, total: int, answer_time: float) -> None:
-        """Sleep while a long answer comes in, instead of waking up for each piece of it.
-
-        Nothing is lost by it: what is missing shows at the end, and the system holds what arrives.
-        """
-        wake = answer_time - _WAKE_BEFORE
-        if total < _SYSTEM_BUFFER and wake > self.clock.now():
-            self.clock.sleep_until(wake)
-
-    def ask_joint(
-        self,
-        request: bytes,
-        reads: Sequence[tuple[int, int]],
-        prefix: bytes = b"",
-        meanwhile: Meanwhile | None = None,
-    ) -> list[Status]:
-        """Send a FAST SYNC or FAST BULK READ; return the parts of the joint answer that are whole. As `ask_group`."""
-        wire_end = self._dispatch(prefix + request)
-        if meanwhile is not None:
-            meanwhile()
-        size = 8 + sum(size + 4 for _, size in reads) + (len(prefix + request) if self.echo else 0)
-        answer_time = wire_end + size * self.link.byte_time
-        self._nap(size, answer_time)
-        data = b""
-        deadline = answer_time + self.patience.allowance
-        while len(data) < size and (more := self.link.read(size - len(data), deadline)):
-            data += more
-            # A missing device cuts the answer short: wait no longer than the rest takes.
-            deadline = self.clock.now() + (size - len(data)) * self.link.byte_time + self.patience.allowance
-        if self.echo and data.startswith(prefix + request):
-            data = data[len(prefix + request) :]
-        found = packet.split_fast(data, [size for _, size in reads])
-        missing = len(reads) - len(found)
-        if missing:
-            self._count_failures(missing, len(data) - sum(size + 4 for _, size in reads[: len(found)]) - 8)
-        else:
-            self.patience.observe(self.clock.now() - answer_time)
-        return found
-
-    # Whole errands, with retries.
+class DynamixelBus(Wire):
+    """Ask a device for something until it answers."""
 
     def ping(self, device: int, retries: int = _RETRIES) -> Status:
         """Ping; protocol 2.0 answers model and firmware. Raises BusTimeout, BadFrame, LinkGone."""
@@ -274,16 +70,27 @@ class DynamixelBus:
         ask: _AskGroup = self.ask_joint if fast else self.ask_group
         return {status.device: status for status in ask(request, [(device, size) for device, _, size in reads])}
 
-    def insist(self, request: bytes, device: int, size: int, retries: int, until: float | None = None) -> Status:
-        """As `ask`, repeated up to `retries` times, but never starting again after time `until`."""
-        while True:
+    def insist(self, request: bytes, device: int, size: int, retries: int) -> Status:
+        """As `ask`, repeated up to `retries` times."""
+        first = last = self.clock.now()
+        for left in range(retries, -1, -1):
+            last = self.clock.now()
             try:
-                return self.ask(request, device, size)
+                status = self.ask(request, device, size)
+                break
             except (BusTimeout, BadFrame):
-                if retries <= 0 or (until is not None and self.clock.now() >= until):
+                if not left:
                     raise
-                retries -= 1
                 self.counters.retried += 1
+        if last > first:
+            # This may be the late answer to the first try; the one to the last must not answer the next question.
+            self._swallow(self.clock.now() + (last - first) + self.patience.allowance)
+        return status
+
+    def _swallow(self, until: float) -> None:
+        while self.link.read(1024, until):
+            pass
+        self._overdue = None
 
     def _order(self, request: bytes, device: int, answered: bool, retries: int) -> None:
         if device == packet.BROADCAST or not answered:
@@ -297,155 +104,3 @@ class DynamixelBus:
             self.counters.refused += 1
             raise DeviceRefused(status.device, status.error, refusal_words(refusal, status.protocol))
         return status
-
-    # Inside a transaction.
-
-    def _dispatch(self, data: bytes) -> float:
-        """Send; return when the last byte will have left."""
-        if self._overdue is not None:
-            self._collect_overdue()
-        now = self.clock.now()
-        self.link.write(data)
-        start = now if now > self._wire_free_at else self._wire_free_at
-        self._wire_free_at = end = start + len(data) * self.link.byte_time
-        return end
-
-    def _listen(self, sent: bytes, device: int, size: int, data: bytes, wire_end: float) -> Status:
-        """The patient look: decode whatever comes until `device` has answered or the time is over."""
-        decoder = self.decoder(size, sent)
-        byte_time = self.link.byte_time
-        answer_time = wire_end + (size + packet.OVERHEAD[self.protocol]) * byte_time
-        deadline = answer_time + self.patience.allowance
-        while True:
-            for status in decoder.feed(data):
-                if status.device == device:
-                    self.patience.observe(self.clock.now() - answer_time)
-                    return status
-                self._note_late(status.device)
-            data = self.link.read(size + packet.OVERHEAD[self.protocol] + len(sent), deadline)
-            if not data:
-                break
-        for status in decoder.flush():
-            if status.device == device:
-                return status
-        self._overdue = (device, answer_time)
-        # Our own bytes coming back do not count as a damaged answer.
-        noise = decoder.noise - (len(sent) if self.echo and self.protocol == 2 else 0)
-        self._count_failures(1, noise)
-        if noise > 0:
-            raise BadFrame(f"the answer of device {device} on {self.link.url.text} came damaged")
-        raise BusTimeout(f"device {device} on {self.link.url.text} does not answer; is it powered and plugged in?")
-
-    def decoder(self, max_params: int, sent: bytes) -> packet.Decoder:
-        """Return a decoder for the answers to `sent`, whose echo it drops if there is one."""
-        decoder = packet.decoder(self.protocol)
-        decoder.max_params = max(max_params, 1)
-        if self.echo and isinstance(decoder, packet.Decoder1):
-            decoder.expect_echo(sent)
-        return decoder
-
-    def _count_failures(self, missing: int, noise: int) -> None:
-        if noise > 0:
-            self.counters.damaged += missing
-        else:
-            self.counters.timeouts += missing
-
-    def _collect_overdue(self) -> None:
-        """Take what has come since a time-out: an answer in it teaches how late answers are here."""
-        data = b""
-        while more := self.link.read(1024, self.clock.now()):
-            data += more
-        if data:
-            for status in packet.decoder(self.protocol).feed(data):
-                self._note_late(status.device)
-
-    def _note_late(self, device: int) -> None:
-        if self._overdue is not None and self._overdue[0] == device:
-            self.patience.observe(self.clock.now() - self._overdue[1])
-            self._overdue = None
-
-    def _swallow_echo(self, size: int) -> None:
-        deadline = self._wire_free_at + self.patience.allowance
-        while size > 0 and (data := self.link.read(size, deadline)):
-            size -= len(data)
-
-
-def _next_question(questions: Sequence[Single], index: int, failed: set[int]) -> bytes:
-    """The request behind `index` that is to be sent, b"" for none."""
-    for position in range(index + 1, len(questions)):
-        if questions[position][1] not in failed:
-            return questions[position][0]
-    return b""
-
-
-def exact_answer(protocol: int, data: bytes, device: int, expected: int) -> Status | None:
-    """The quick look: is `data` exactly the plain answer of `device`, `expected` bytes long? None if in doubt."""
-    if len(data) != expected:
-        return None
-    if protocol == 1:
-        # FF FF ID LEN ERR .. CHK: the sum of all behind the header ends in FF, so the sum of all ends in FD.
-        if data[0] & data[1] != 0xFF or data[2] != device or data[3] != expected - 4 or sum(data) & 0xFF != 0xFD:
-            return None
-        return None if data[4] & 0x80 else Status(device, data[4], data[5:-1], 1)
-    if data[:4] != packet.HEADER_2 or data[4] != device or data[7] != 0x55 or data[5] | data[6] << 8 != expected - 7:
-        return None
-    if b"\xff\xff\xfd" in data[8:-2] or crc16(data[:-2]) != data[-2] | data[-1] << 8:
-        return None
-    return Status(device, data[8], data[9:-2], 2)
-
-
-class _Group:
-    """Takes the answers of a group read apart.
-
-    Attributes:
-        missing: who has not answered yet.
-        noise: bytes that belong to no answer.
-    """
-
-    def __init__(self, bus: DynamixelBus, reads: Sequence[tuple[int, int]], sent: bytes) -> None:
-        self.missing = {device for device, _ in reads}
-        self._protocol = bus.protocol
-        self._overhead = packet.OVERHEAD[bus.protocol]
-        self._next = iter(reads)
-        self._awaited = next(self._next, None)
-        self._data = b""
-        self._decoder = bus.decoder(max(size for _, size in reads), sent)
-        # With an echo in front nothing is exactly where it is expected.
-        self._exact = not bus.echo
-
-    @property
-    def noise(self) -> int:
-        return self._decoder.noise
-
-    def feed(self, data: bytes) -> Iterator[Status]:
-        """Take bytes, yield the answers that they complete."""
-        self._data += data
-        while self._exact and self._awaited is not None:
-            device, size = self._awaited
-            length = size + self._overhead
-            if len(self._data) < length:
-                return
-            status = exact_answer(self._protocol, self._data[:length], device, length)
-            if status is None:
-                # Damage, stuffing, or somebody is missing: the decoder sorts out the rest.
-                self._exact = False
-                break
-            self._data = self._data[length:]
-            self._awaited = next(self._next, None)
-            self.missing.discard(device)
-            yield status
-        if not self._exact:
-            rest, self._data = self._data, b""
-            yield from self._wanted(self._decoder.feed(rest))
-
-    def flush(self) -> Iterator[Status]:
-        """No more bytes come: yield what can still be made out."""
-        yield from self._wanted(self._decoder.feed(self._data))
-        self._data = b""
-        yield from self._wanted(self._decoder.flush())
-
-    def _wanted(self, statuses: Sequence[Status]) -> Iterator[Status]:
-        for status in statuses:
-            if status.device in self.missing:
-                self.missing.discard(status.device)
-                yield status

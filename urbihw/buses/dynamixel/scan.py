@@ -37,7 +37,12 @@ def scan(bus: DynamixelBus, ids: Iterable[int] | None = None) -> Scan:
     for protocol in (1, 2) if bus.auto else (bus.protocol,):
         bus.protocol = protocol
         asked = range(packet.MAX_ID[protocol] + 1) if wanted is None else wanted
-        heard, doubtful = _Sweep(bus).run([device for device in asked if device <= packet.MAX_ID[protocol]])
+        possible = [device for device in asked if device <= packet.MAX_ID[protocol]]
+        heard, doubtful = _Sweep(bus).run(possible)
+        if wanted is not None and heard:
+            # Those asked for by name are worth a second look.
+            again, more = _Sweep(bus).run([device for device in possible if device not in heard])
+            heard, doubtful = {**heard, **again}, doubtful | more
         if heard or doubtful:
             return _confirm(bus, heard, doubtful)
     if bus.auto:

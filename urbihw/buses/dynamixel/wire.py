@@ -1,0 +1,297 @@
+"""Transactions on one half-duplex Dynamixel wire: a question, its answers, one try. `bus` builds errands on it.
+
+Theory. The wire is half duplex: one question, its answers, the next question. A time-out is the wire time of the
+answer plus what `Patience` has learnt. After a time-out the answer may still come (a slow adapter); so the bus keeps
+looking out for it, learns from how late it was, and takes it for the answer to a later question only if sender and
+size match: then it is the same registers, a little older, as long as a device that missed is not asked for other
+registers of that size at once. The cycle keeps to that. An answer that is exactly the expected one is recognised
+with a few slices; everything else (noise, echo, somebody else's answer, stuffing) goes through the decoder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from urbihw.buses.dynamixel import packet
+from urbihw.buses.dynamixel.answers import GroupAnswer, exact_answer, fits
+from urbihw.buses.dynamixel.patience import Patience
+from urbihw.buses.dynamixel.status import Status
+from urbihw.buses.errors import BadFrame, BusTimeout
+from urbihw.buses.link import Link
+
+ProtocolChoice = Literal[1, 2, "auto"]
+# One question: request, device, bytes of data in its answer.
+Single = tuple[bytes, int, int]
+Meanwhile = Callable[[], None]
+# How long before the end of a long answer to wake up: time to decode what has come, and for a late wake-up.
+_WAKE_BEFORE = 0.0005
+# A Linux terminal holds 4096 bytes for a reader that sleeps; stay well below.
+_SYSTEM_BUFFER = 2000
+
+
+@dataclass(slots=True)
+class Counters:
+    """How the bus has fared since it was made: whole transactions that failed, by reason."""
+
+    timeouts: int = 0
+    damaged: int = 0
+    refused: int = 0
+    retried: int = 0
+
+
+class Wire:
+    """Questions and answers over an open link.
+
+    Attributes:
+        link: the wire; the bus does not close it.
+        protocol: spoken now; with "auto" 1 until a scan finds who is there.
+        auto: the protocol is to be found out by the scan.
+        echo: the adapter returns our own bytes; a scan finds out.
+        patience: the learnt time-out.
+        counters: failures so far.
+    """
+
+    def __init__(self, link: Link, protocol: ProtocolChoice = 1) -> None:
+        self.link = link
+        self.clock = link.clock
+        self.auto = protocol == "auto"
+        self.protocol: int = 1 if protocol == "auto" else protocol
+        self.echo = False
+        self.patience = Patience()
+        self.counters = Counters()
+        self._wire_free_at = 0.0
+        self._overdue: tuple[int, float] | None = None
+
+    def send(self, data: bytes) -> None:
+        """Send a packet (or several) that nobody answers. Raises LinkGone."""
+        if self._overdue is not None:
+            self._collect_overdue()
+        now = self.clock.now()
+        self.link.write(data)
+        self._wire_free_at = max(now, self._wire_free_at) + len(data) * self.link.byte_time
+        if self.echo:
+            self._swallow_echo(len(data))
+
+    def ask(
+        self, request: bytes, device: int, size: int, prefix: bytes = b"", meanwhile: Meanwhile | None = None
+    ) -> Status:
+        """Send `request` and return the answer of `device` with `size` bytes of data.
+
+        `prefix` is unanswered packets to send in the same write, right before it; `meanwhile` is called once they
+        are on their way, for work that would otherwise keep the wire idle.
+        Raises BusTimeout, BadFrame, LinkGone. A refusal is returned, not raised: see `Status.refusal`.
+        """
+        wire_end = self._dispatch(prefix + request)
+        if meanwhile is not None:
+            meanwhile()
+        status, data = self._first_look(device, size, wire_end)
+        return status or self._listen(prefix + request, device, size, data, wire_end)
+
+    def ask_each(
+        self, questions: Sequence[Single], prefix: bytes = b"", meanwhile: Meanwhile | None = None
+    ) -> Iterator[tuple[int, Status | BusTimeout | BadFrame]]:
+        """Ask one device after the other; yield (index, answer or what went wrong) in order.
+
+        When an answer is yielded the next question is already on the wire, so what the caller does with it costs no
+        time. When something went wrong nothing is on the wire and the caller may ask again; further questions to that
+        device are left out. `prefix`, `meanwhile`: as `ask`. Raises LinkGone.
+        """
+        failed: set[int] = set()
+        sent = prefix + questions[0][0]
+        wire_end = self._dispatch(sent)
+        if meanwhile is not None:
+            meanwhile()
+        for index, (_, device, size) in enumerate(questions):
+            if device in failed:
+                continue
+            following = _next_question(questions, index, failed)
+            status, data = self._first_look(device, size, wire_end)
+            if status is None:
+                try:
+                    status = self._listen(sent, device, size, data, wire_end)
+                except (BusTimeout, BadFrame) as error:
+                    failed.add(device)
+                    yield index, error
+                    following = _next_question(questions, index, failed)
+                    if following:
+                        sent, wire_end = following, self._dispatch(following)
+                    continue
+            if following:
+                sent, wire_end = following, self._dispatch(following)
+            yield index, status
+
+    def _first_look(self, device: int, size: int, wire_end: float) -> tuple[Status | None, bytes]:
+        """Wait for the plain answer; return it, or None and the bytes that came instead."""
+        if self.echo:
+            # A one-wire adapter: our own bytes come first.
+            return None, b""
+        expected = size + packet.OVERHEAD[self.protocol]
+        answer_time = wire_end + expected * self.link.byte_time
+        deadline = answer_time + self.patience.allowance
+        read = self.link.read
+        data = read(expected, deadline)
+        while 0 < len(data) < expected:
+            more = read(expected - len(data), deadline)
+            if not more:
+                break
+            data += more
+        status = exact_answer(self.protocol, data, device, expected)
+        if status is not None:
+            self.patience.observe(self.clock.now() - answer_time)
+        return status, data
+
+    def ask_group(
+        self,
+        request: bytes,
+        reads: Sequence[tuple[int, int]],
+        prefix: bytes = b"",
+        meanwhile: Meanwhile | None = None,
+    ) -> Iterator[Status]:
+        """Send a sync or bulk read; yield the answers as they come. `reads`: (device, size) in order.
+
+        Devices that stay silent or answer damaged are missing in the result; `counters` tells how many. What the
+        caller does with an answer happens while the next ones are still on the wire. `prefix`, `meanwhile`: as `ask`.
+        """
+        wire_end = self._dispatch(prefix + request)
+        if meanwhile is not None:
+            meanwhile()
+        overhead = packet.OVERHEAD[self.protocol]
+        total = sum(size + overhead for _, size in reads) + (len(prefix + request) if self.echo else 0)
+        longest = (max(size for _, size in reads) + overhead) * self.link.byte_time
+        answer_time = wire_end + total * self.link.byte_time
+        self._nap(total, answer_time)
+        longest_data = max(size for _, size in reads)
+        # With an echo in front nothing is exactly where it is expected.
+        group = GroupAnswer(self.protocol, reads, self._decoder(longest_data, prefix + request), not self.echo)
+        deadline = max(wire_end, self.clock.now()) + longest + self.patience.allowance
+        while group.missing and (data := self.link.read(max(total, overhead), deadline)):
+            total -= len(data)
+            yield from group.feed(data)
+            # The next answer follows at once; a hole longer than this means that somebody is missing.
+            deadline = self.clock.now() + longest + self.patience.allowance
+        if not group.missing:
+            self.patience.observe(self.clock.now() - answer_time)
+            return
+        yield from group.flush()
+        if group.missing:
+            self._count_failures(len(group.missing), group.noise)
+
+    def _nap(self, total: int, answer_time: float) -> None:
+        """Sleep while a long answer comes in, instead of waking up for each piece of it.
+
+        Nothing is lost by it: what is missing shows at the end, and the system holds what arrives.
+        """
+        wake = answer_time - _WAKE_BEFORE
+        if total < _SYSTEM_BUFFER and wake > self.clock.now():
+            self.clock.sleep_until(wake)
+
+    def ask_joint(
+        self,
+        request: bytes,
+        reads: Sequence[tuple[int, int]],
+        prefix: bytes = b"",
+        meanwhile: Meanwhile | None = None,
+    ) -> list[Status]:
+        """Send a FAST SYNC or FAST BULK READ; return the parts of the joint answer that are whole. As `ask_group`."""
+        wire_end = self._dispatch(prefix + request)
+        if meanwhile is not None:
+            meanwhile()
+        size = 8 + sum(size + 4 for _, size in reads) + (len(prefix + request) if self.echo else 0)
+        answer_time = wire_end + size * self.link.byte_time
+        self._nap(size, answer_time)
+        data = b""
+        deadline = answer_time + self.patience.allowance
+        while len(data) < size and (more := self.link.read(size - len(data), deadline)):
+            data += more
+            # A missing device cuts the answer short: wait no longer than the rest takes.
+            deadline = self.clock.now() + (size - len(data)) * self.link.byte_time + self.patience.allowance
+        if self.echo and data.startswith(prefix + request):
+            data = data[len(prefix + request) :]
+        found = packet.split_fast(data, [size for _, size in reads])
+        missing = len(reads) - len(found)
+        if missing:
+            self._count_failures(missing, len(data) - sum(size + 4 for _, size in reads[: len(found)]) - 8)
+        else:
+            self.patience.observe(self.clock.now() - answer_time)
+        return found
+
+    # Inside a transaction.
+
+    def _dispatch(self, data: bytes) -> float:
+        """Send; return when the last byte will have left."""
+        if self._overdue is not None:
+            self._collect_overdue()
+        now = self.clock.now()
+        self.link.write(data)
+        start = now if now > self._wire_free_at else self._wire_free_at
+        self._wire_free_at = end = start + len(data) * self.link.byte_time
+        return end
+
+    def _listen(self, sent: bytes, device: int, size: int, data: bytes, wire_end: float) -> Status:
+        """The patient look: decode whatever comes until `device` has answered or the time is over."""
+        decoder = self._decoder(size, sent)
+        byte_time = self.link.byte_time
+        answer_time = wire_end + (size + packet.OVERHEAD[self.protocol]) * byte_time
+        deadline = answer_time + self.patience.allowance
+        while True:
+            for status in decoder.feed(data):
+                if fits(status, device, size):
+                    self.patience.observe(self.clock.now() - answer_time)
+                    return status
+                self._note_late(status.device)
+            data = self.link.read(size + packet.OVERHEAD[self.protocol] + len(sent), deadline)
+            if not data:
+                break
+        for status in decoder.flush():
+            if fits(status, device, size):
+                return status
+        self._overdue = (device, answer_time)
+        # Our own bytes coming back do not count as a damaged answer.
+        noise = decoder.noise - (len(sent) if self.echo and self.protocol == 2 else 0)
+        self._count_failures(1, noise)
+        if noise > 0:
+            raise BadFrame(f"the answer of device {device} on {self.link.url.text} came damaged")
+        raise BusTimeout(f"device {device} on {self.link.url.text} does not answer; is it powered and plugged in?")
+
+    def _decoder(self, max_params: int, sent: bytes) -> packet.Decoder:
+        """Return a decoder for the answers to `sent`, whose echo it drops if there is one."""
+        decoder = packet.decoder(self.protocol)
+        decoder.max_params = max(max_params, 1)
+        if self.echo and isinstance(decoder, packet.Decoder1):
+            decoder.expect_echo(sent)
+        return decoder
+
+    def _count_failures(self, missing: int, noise: int) -> None:
+        if noise > 0:
+            self.counters.damaged += missing
+        else:
+            self.counters.timeouts += missing
+
+    def _collect_overdue(self) -> None:
+        """Take what has come since a time-out: an answer in it teaches how late answers are here."""
+        data = b""
+        while more := self.link.read(1024, self.clock.now()):
+            data += more
+        if data:
+            for status in packet.decoder(self.protocol).feed(data):
+                self._note_late(status.device)
+
+    def _note_late(self, device: int) -> None:
+        if self._overdue is not None and self._overdue[0] == device:
+            self.patience.observe(self.clock.now() - self._overdue[1])
+            self._overdue = None
+
+    def _swallow_echo(self, size: int) -> None:
+        deadline = self._wire_free_at + self.patience.allowance
+        while size > 0 and (data := self.link.read(size, deadline)):
+            size -= len(data)
+
+
+def _next_question(questions: Sequence[Single], index: int, failed: set[int]) -> bytes:
+    """The request behind `index` that is to be sent, b"" for none."""
+    for position in range(index + 1, len(questions)):
+        if questions[position][1] not in failed:
+            return questions[position][0]
+    return b""
