@@ -118,6 +118,18 @@ class Obj:
     def __truediv__(self, other: Any) -> Any:
         return self._send1("/", other)
 
+    def __iadd__(self, other: Any) -> Any:
+        return self._send1("+=", other)
+
+    def __isub__(self, other: Any) -> Any:
+        return self._send1("-=", other)
+
+    def __imul__(self, other: Any) -> Any:
+        return self._send1("*=", other)
+
+    def __itruediv__(self, other: Any) -> Any:
+        return self._send1("/=", other)
+
     def __lt__(self, other: Any) -> Any:
         return self._send1("<", other)
 
