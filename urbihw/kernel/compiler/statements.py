@@ -611,7 +611,7 @@ class Statements(Expressions):
         elif claim.target is None:
             target = self.this(claim, p)
         else:
-            target = self.value(claim.target)
+            target = self.expr(claim.target)
         thunks = list_([self.thunk(argument) for argument in claim.args or ()], p)
         p = self.mark(claim, claim.name)
         self.emit(do(call("assert_call", [text, target, const(claim.target is not None, p), const(claim.name, p),
