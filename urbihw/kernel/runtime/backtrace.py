@@ -44,28 +44,32 @@ NO_STACK = Stack(None, None, ())
 
 
 def stack_of(error: BaseException, hide_system: bool = True) -> Stack:
-    """The urbiscript call stack of an exception, innermost first."""
+    """The urbiscript call stack of an exception, innermost first: what it went through, and who called that."""
     steps: list[tuple[bool, list[Frame]]] = []
     tb: TracebackType | None = error.__traceback__
+    outer = None if tb is None else tb.tb_frame.f_back
     while tb is not None:
         line_map = tb.tb_frame.f_globals.get(LINE_MAP)
         if line_map is not None:
             steps.append((line_map.system, line_map.frames(tb.tb_lineno)))
         tb = tb.tb_next
     steps.reverse()
-    return _stack(steps, hide_system)
+    return _stack(steps + _callers(outer), hide_system)
 
 
 def current_stack(hide_system: bool = True) -> Stack:
     """The call stack of the running job, innermost first."""
+    return _stack(_callers(sys._getframe(1)), hide_system)
+
+
+def _callers(frame: FrameType | None) -> list[tuple[bool, list[Frame]]]:
     steps: list[tuple[bool, list[Frame]]] = []
-    frame: FrameType | None = sys._getframe(1)
     while frame is not None:
         line_map = frame.f_globals.get(LINE_MAP)
         if line_map is not None:
             steps.append((line_map.system, line_map.frames(frame.f_lineno)))
         frame = frame.f_back
-    return _stack(steps, hide_system)
+    return steps
 
 
 def _stack(steps: list[tuple[bool, list[Frame]]], hide_system: bool) -> Stack:

@@ -316,10 +316,12 @@ class World:
         if isinstance(value, Obj) and self.is_a(value, self.exception_proto):
             head = self.exception_text(value)
             place = self._slot_text(value, "location")
-            first = f"{place}: {head}" if place else head
+            loc = self._slot_text(value, "loc")
+            lines = [f"{loc or place}: {head}" if loc or place else head]
+            if loc and stack.routine:  # a syntax error in a text that was being evaluated
+                lines.append(f"   called from: {place}: {stack.routine}")
         else:
-            first = self.text(value)
-        lines = [first]
+            lines = [self.text(value)]
         lines += [f"   called from: {frame.location}: {frame.name}" for frame in stack.calls]
         return lines
 

@@ -52,6 +52,12 @@ def times(world: World, this: float, function: Any) -> None:
         world.invoke(function, this)
 
 
+@TABLE.primitive("map")
+def map_(world: World, this: float, function: Any) -> list[Any]:
+    """What the function gives for each integer from 0 up to this one; raises BadInteger."""
+    return [world.invoke(function, this, (index,)) for index in seq(world, this)]
+
+
 @TABLE.primitive("max")
 def max_(world: World, this: Any, *others: Any) -> Any:
     """The greatest of this and the arguments."""

@@ -11,7 +11,7 @@ from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.support import field, native
 
 TABLE = Table("Global")
-PROTOS = {"Global": ("uobjects", "Tag.tags", "Math", "System", "Object")}
+PROTOS = {"Global": ("uobjects", "Math", "System", "Object")}
 
 
 @TABLE.primitive("methodToFunction")

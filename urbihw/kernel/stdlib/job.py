@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from urbihw.kernel.runtime.backtrace import LINE_MAP, Stack
+from urbihw.kernel.runtime.backtrace import LINE_MAP, NO_STACK, Frame, Stack, current_stack
 from urbihw.kernel.runtime.event import wait_for
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.passage import TagObject
@@ -25,13 +25,14 @@ PROTOS = {"Job": ("Object", "Traceable"), "Control": ("Object",)}
 
 
 class JobObject(Obj):
-    """An urbiscript Job; ``job`` is None for the prototype."""
+    """An urbiscript Job; ``job`` is None for the prototype, ``origin`` are the calls that led to the job."""
 
-    __slots__ = ("job",)
+    __slots__ = ("job", "origin")
 
     def __init__(self, world: World, protos: list[Obj], job: Job | None = None) -> None:
         super().__init__(world, protos)
         self.job = job
+        self.origin: tuple[Any, ...] = ()
 
     def known(self) -> Job:
         """The job; raises the type error for the prototype."""
@@ -96,19 +97,22 @@ def tags(world: World, this: JobObject) -> Any:
 @TABLE.primitive("backtrace")
 def backtrace(world: World, this: JobObject) -> Any:
     """The calls the job is in, as a List of StackFrames, innermost first."""
-    return make_frames(world, job_stack(this.known()))
+    return make_frames(world, job_stack(this))
 
 
-def job_stack(job: Job) -> Stack:
-    """The call stack of a job that waits; empty if it has not begun or is over."""
-    frame = None if job.done else job.coro.gr_frame
+def job_stack(this: JobObject) -> Stack:
+    """The call stack of a job that waits, down to the call that made it; empty if it is over."""
+    job = this.known()
+    if job.done:
+        return NO_STACK
+    frame = job.coro.gr_frame
     calls: list[Any] = []
     while frame is not None:
         line_map = frame.f_globals.get(LINE_MAP)
         if line_map is not None and not line_map.system:
             calls += [step for step in line_map.frames(frame.f_lineno) if step.name is not None]
         frame = frame.f_back
-    return Stack(None, None, tuple(calls))
+    return Stack(None, None, (*calls, *this.origin))
 
 
 @TABLE.primitive("dumpState")
@@ -118,7 +122,7 @@ def dump_state(world: World, this: JobObject) -> None:
     lines = [f"Job: {job.name}", f"  State: {job.status()}", "  Tags:"]
     lines += [f"    {world.text(tag)}" for tag in tags(world, this).l]
     lines.append("  Backtrace:")
-    lines += [f"    {step.location}: {step.name}" for step in job_stack(job).calls]
+    lines += [f"    {step.location}: {step.name}" for step in job_stack(this).calls]
     for line in lines:
         say(world, f"*** {line}")
 
@@ -164,7 +168,10 @@ def starter(world: World) -> Callable[[Callable[[], Any], bool], JobObject]:
         maker = world.scheduler.running()
         entries: Iterable[Any] = () if clear else maker.entries
         made = world.scheduler.spawn(body, f"shell_{next(numbers)}", context=maker.context, entries=entries)
-        return job_value(world, made)
+        value = job_value(world, made)
+        stack = current_stack()
+        value.origin = (Frame(stack.location, stack.routine), *stack.calls)
+        return value
 
     return start
 

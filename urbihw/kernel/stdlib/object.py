@@ -283,6 +283,12 @@ def as_string(world: World, this: Any) -> str:
     return name if is_proto(world, this) else f"{name}_{world.uid(this)}"
 
 
+@TABLE.primitive("asObject")
+def as_object(world: World, this: Any) -> Any:
+    """This: everything is an Object."""
+    return this
+
+
 @TABLE.primitive("asPrintable")
 def as_printable(world: World, this: Any) -> Any:
     """``asString``, unless redefined."""

@@ -22,7 +22,7 @@ def init(world: World, this: Obj, pattern: Any) -> None:
 
 
 @PATTERN.primitive("match")
-def match(world: World, this: Obj, value: Any) -> Any:
+def match(world: World, this: Obj, value: Any) -> bool:
     """Whether a value matches; if so, ``bindings`` holds what stands where the Bindings are."""
     this.slots["bindings"] = world.dictionary({})
     return match_pattern(world, this, world.get_slot(this, "pattern"), value)

@@ -210,6 +210,8 @@ def install(world: World, programs: Any) -> None:
         programs.shutdown()
         return world.void
 
+    put("lobby", lambda this: world.ops.send0(world.lobby_proto, "lobby"), 0)
+    put("lobbies", lambda this: world.ops.send0(world.lobby_proto, "instances"), 0)
     put("eval", evaluate, 1)
     put("load", load, 1)
     put("loadFile", load_file, 1)
