@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from urbihw.kernel import errors
 from urbihw.kernel.compiler import compile_node, library
 from urbihw.kernel.compiler.cache import UnitCache
+from urbihw.kernel.runtime.backtrace import current_stack
 from urbihw.kernel.sched.group import Group
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.signals import StopTag
@@ -81,13 +82,25 @@ class Programs:
     def _compiled(self, text: str, file: str | None) -> Iterator[library.Compiled]:
         items = parse_program(text, file)
         for item in items:
-            if isinstance(item, SyntaxProblem) and not item.warning:
-                raise errors.Raised("Syntax", item.message, None, loc=str(item.location), input=text)
+            if isinstance(item, SyntaxProblem):
+                if not item.warning:
+                    raise errors.Raised("Syntax", item.message, None, loc=str(item.location), input=text)
+                self._warn(item)
         world = self.world
         for item in items:
             if isinstance(item, Statement):
                 unit = compile_node(item.node, world.lazy_names, generic=world.generic_floats)
                 yield library.Compiled(unit, item.base, item.separator)
+
+    def _warn(self, problem: SyntaxProblem) -> None:
+        """Tell the lobby of the running job of a warning about a text, and who had the text evaluated."""
+        context = self.world.scheduler.running().context
+        if context is None:
+            return
+        stack = current_stack()
+        context.output.line(f"!!! {problem.location}: {problem.message}", "warning")
+        for place, name in ((stack.location, stack.routine), *stack.calls):
+            context.output.line(f"!!!    called from: {place}: {name}", "warning")
 
     def _run(self, program: Iterable[library.Compiled], this: Any, system: bool) -> Any:
         scheduler = self.world.scheduler

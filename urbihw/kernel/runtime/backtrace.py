@@ -62,6 +62,14 @@ def current_stack(hide_system: bool = True) -> Stack:
     return _stack(_callers(sys._getframe(1)), hide_system)
 
 
+def calling_frame() -> FrameType | None:
+    """The Python frame of the innermost urbiscript function that is running."""
+    frame: FrameType | None = sys._getframe(1)
+    while frame is not None and LINE_MAP not in frame.f_globals:
+        frame = frame.f_back
+    return frame
+
+
 def _callers(frame: FrameType | None) -> list[tuple[bool, list[Frame]]]:
     steps: list[tuple[bool, list[Frame]]] = []
     while frame is not None:

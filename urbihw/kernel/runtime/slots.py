@@ -203,7 +203,7 @@ class SlotOps:
         obj = self.world.as_obj(target)
         if obj is self.world.void:
             raise errors.unexpected_void()
-        if name in obj.slots:
+        if name in obj.slots and not self.world.redefining():
             raise errors.redefinition(name)
         self.put(obj, name, value)
         return value

@@ -68,6 +68,7 @@ class World:
         self.tag_proto = TagObject(self, [self.object], Tag(scheduler, "tag"))
         self.tags = self.proto()
         self.run_late: Callable[..., Any] = _no_compiler
+        self.redefining: Callable[[], bool] = lambda: False
         self.ops = SlotOps(self)
         self.send = self.ops.send
         self.get_slot = self.ops.get_slot

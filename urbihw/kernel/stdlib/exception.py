@@ -17,7 +17,7 @@ from urbihw.kernel.stdlib.float import integer
 
 ROOT = Table("Exception")
 TABLES = [ROOT]
-PROTOS = {"Exception": ("Object", "Traceable")}
+PROTOS: dict[str, tuple[str, ...]] = {"Exception": ("Object", "Traceable")}
 
 
 def _kind(name: str, parent: str = "") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -78,8 +78,8 @@ def init_argument_type(world: World, this: Obj, routine: Any, index: float, effe
 @_kind("Arity")
 def init_arity(world: World, this: Obj, routine: Any, effective: Any, least: Any, most: Any = None) -> None:
     """A routine got ``effective`` arguments, and not between ``least`` and ``most``."""
-    bounds = [integer(world, bound, index, "new") for index, bound in ((3, least), (4, most)) if bound is not None]
-    text = errors.arity(integer(world, effective, 2, "new"), *bounds).message
+    greatest = None if most is None else integer(world, most, 4, "new")
+    text = errors.arity(integer(world, effective, 2, "new"), integer(world, least, 3, "new"), greatest).message
     _fill(world, this, text, routine=routine, effective=effective, min=least, max=most)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -168,12 +169,22 @@ def starter(world: World) -> Callable[[Callable[[], Any], bool], JobObject]:
         maker = world.scheduler.running()
         entries: Iterable[Any] = () if clear else maker.entries
         made = world.scheduler.spawn(body, f"shell_{next(numbers)}", context=maker.context, entries=entries)
+        _first_in_turn(world.scheduler.ready, made)
         value = job_value(world, made)
         stack = current_stack()
         value.origin = (Frame(stack.location, stack.routine), *stack.calls)
         return value
 
     return start
+
+
+def _first_in_turn(ready: deque[Any], made: Job) -> None:
+    """A new job takes its turn before those that have begun, behind others as new as itself."""
+    ready.remove(made)
+    place = 0
+    while place < len(ready) and not getattr(ready[place], "started", True):
+        place += 1
+    ready.insert(place, made)
 
 
 @CONTROL.lazy("finally", least=2, most=2)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from urbihw.kernel import errors
-from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.slot import meta_of
 from urbihw.kernel.runtime.values import CallMessage, List

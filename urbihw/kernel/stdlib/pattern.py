@@ -25,7 +25,7 @@ def init(world: World, this: Obj, pattern: Any) -> None:
 def match(world: World, this: Obj, value: Any) -> bool:
     """Whether a value matches; if so, ``bindings`` holds what stands where the Bindings are."""
     this.slots["bindings"] = world.dictionary({})
-    return match_pattern(world, this, world.get_slot(this, "pattern"), value)
+    return bool(match_pattern(world, this, world.get_slot(this, "pattern"), value))
 
 
 @PATTERN.primitive("matchPattern")

@@ -22,7 +22,9 @@ class PositionObject(Obj):
 
     __slots__ = ("column", "file", "line")
 
-    def __init__(self, world: World, protos: list[Obj], line: int = 1, column: int = 1, file: str | None = None) -> None:
+    def __init__(
+        self, world: World, protos: list[Obj], line: int = 1, column: int = 1, file: str | None = None
+    ) -> None:
         super().__init__(world, protos)
         self.line = line
         self.column = column

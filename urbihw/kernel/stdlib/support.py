@@ -1,4 +1,4 @@
-"""What several modules of the library need: speaking to the lobby of a job, slots that are fields, functions made here."""
+"""What several modules of the library need: speaking to a job's lobby, slots that are fields, slow work in threads."""
 
 from __future__ import annotations
 

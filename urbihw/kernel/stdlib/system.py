@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
+from types import FrameType
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from urbihw.kernel import errors
 from urbihw.kernel.compiler import print_node
-from urbihw.kernel.runtime.backtrace import current_stack
+from urbihw.kernel.runtime.backtrace import calling_frame, current_stack
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import CallMessage, String
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.sched.job import Job
 from urbihw.kernel.stdlib import prototype
 from urbihw.kernel.stdlib.job import job_value
 from urbihw.kernel.stdlib.support import field, native, say
@@ -219,7 +223,36 @@ def install(world: World, programs: Any) -> None:
     put("shutdown", shutdown, 0)
     put("arguments", lambda this: world.from_python(list(programs.arguments)), 0)
     system.slots["programName"] = world.string("urbi")
+    put("redefinitionMode", redefinition_mode(world), 0)
     _fields(world, system)
+
+
+def redefinition_mode(world: World) -> Any:
+    """``redefinitionMode``: ``var`` may overwrite slots as long as the function that asked for it runs.
+
+    Only the attempt to create a slot that exists looks at the mode, so that it costs nothing otherwise.
+    """
+    modes: WeakKeyDictionary[Job, FrameType] = WeakKeyDictionary()
+
+    def run(this: Any) -> Any:
+        frame = calling_frame()
+        if frame is not None:
+            modes[world.scheduler.running()] = frame
+        return world.void
+
+    def redefining() -> bool:
+        job = world.scheduler.current
+        if job is None or job not in modes:
+            return False
+        frame: FrameType | None = sys._getframe(1)
+        while frame is not None and frame is not modes[job]:
+            frame = frame.f_back
+        if frame is None:
+            del modes[job]
+        return frame is not None
+
+    world.redefining = redefining
+    return run
 
 
 def _fields(world: World, system: Any) -> None:
