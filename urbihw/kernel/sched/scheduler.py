@@ -68,13 +68,14 @@ class Scheduler:
     ) -> Job:
         """A new job at the end of the ready queue.
 
-        ``parent`` gives its tags and its context; without one, ``entries`` are the tags it begins under.  ``failed``
+        ``parent`` gives its tags, its context and its own time; without one, ``entries`` are the tags it begins under.  ``failed``
         is called with whatever error ends a job that belongs to no group.
         """
         if parent is not None:
             context = parent.context if context is None else context
             entries = parent.entries
         made = Job(self, body, name, context)
+        made.shift = 0.0 if parent is None else parent.shift
         self.jobs[made] = None
         for entry in entries:
             entry.inherit(made)
@@ -217,7 +218,7 @@ class Scheduler:
         """
         self.hub = getcurrent()
         while True:
-            self.now = now = self.clock.now()
+            self.now = now = self.clock.round()
             while self._posted:
                 self._posted.popleft()()
             action = self.timers.pop_due(now)
