@@ -1,6 +1,6 @@
 """Dynamixel servos and sensors on one half-duplex wire.
 
 Reading order: `packet` and `status` (bytes only), `tables` (control tables as data), `units` (raw counts to SI),
-`wire` and `bus` (ask and be answered), `scan` (who is there), `plan` and `health` (pure parts of the cycle), `cycle` (one tick after the other),
-`driver` (what the worker runs).
+`wire` and `bus` (ask and be answered), `scan` (who is there), `plan` and `health` (pure parts of the cycle), `cycle`
+(one tick after the other), `stop` (the safe stop), `driver` (what the worker runs).
 """

@@ -10,6 +10,9 @@ from __future__ import annotations
 _FIRST_GUESS = 0.020  # an FTDI adapter with its 16 ms latency timer must survive the first question
 _FLOOR = 0.003  # below that, a busy computer makes healthy servos look silent
 _CEILING = 0.050
+# A delay is learnt at once and forgotten slowly: adapters and busy computers are late in bursts.
+_LEARN = 1 / 4
+_FORGET = 1 / 64
 
 
 class Patience:
@@ -31,6 +34,7 @@ class Patience:
         else:
             error = delay - self._mean
             self._mean += error / 8
-            self._deviation += ((error if error > 0 else -error) - self._deviation) / 4
+            surprise = (error if error > 0 else -error) - self._deviation
+            self._deviation += surprise * (_LEARN if surprise > 0 else _FORGET)
         allowance = self._mean + 4 * self._deviation
         self.allowance = _FLOOR if allowance < _FLOOR else _CEILING if allowance > _CEILING else allowance
