@@ -70,6 +70,13 @@ def calling_frame() -> FrameType | None:
     return frame
 
 
+def running_call() -> str | None:
+    """The name of the call that the innermost urbiscript function is making."""
+    frame = calling_frame()
+    steps = [] if frame is None else frame.f_globals[LINE_MAP].frames(frame.f_lineno)
+    return steps[0].name if steps else None
+
+
 def _callers(frame: FrameType | None) -> list[tuple[bool, list[Frame]]]:
     steps: list[tuple[bool, list[Frame]]] = []
     while frame is not None:

@@ -19,6 +19,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
+from urbihw.kernel.runtime.backtrace import running_call
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.slot import SlotMeta
@@ -131,16 +132,22 @@ class Obj:
         return self._send1("/=", other)
 
     def __lt__(self, other: Any) -> Any:
-        return self._send1("<", other)
+        return self._compare("<", ">", other)
 
     def __le__(self, other: Any) -> Any:
-        return self._send1("<=", other)
+        return self._compare("<=", ">=", other)
 
     def __gt__(self, other: Any) -> Any:
-        return self._send1(">", other)
+        return self._compare(">", "<", other)
 
     def __ge__(self, other: Any) -> Any:
-        return self._send1(">=", other)
+        return self._compare(">=", "<=", other)
+
+    def _compare(self, name: str, mirrored: str, other: Any) -> Any:
+        """Python turns ``1 < x`` into ``x > 1`` when x is no number: then the program wanted a number here."""
+        if other.__class__ is float and running_call() == mirrored:
+            self._not_a_float(mirrored)
+        return self._send1(name, other)
 
     def __neg__(self) -> Any:
         return self.world.send(self, "-")

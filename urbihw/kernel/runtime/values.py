@@ -1,4 +1,4 @@
-"""Value objects that own a Python value: strings, lists, tuples, dictionaries, lazies, call messages, derived floats."""
+"""Value objects that own a Python value: strings, lists, tuples, dictionaries, derived floats, lazies, call messages."""
 
 from __future__ import annotations
 
@@ -107,6 +107,9 @@ class FloatObject(Obj):
 
     def __bool__(self) -> bool:
         return bool(self.value)
+
+    def _compare(self, name: str, mirrored: str, other: Any) -> Any:
+        return self.world.send(self, name, other)
 
     def __radd__(self, left: Any) -> Any:
         return left + self.value

@@ -35,6 +35,7 @@ class World:
         self.recorder = Recorder()
         self.cached: list[Obj] = []
         self.ndebug = False
+        self._showing = False
         self.period = 0.02
         self.tag_count = 0
         self.float_slots: dict[int, tuple[float, Obj]] = {}
@@ -279,7 +280,17 @@ class World:
         where = "" if index is None else f" for argument {index}"
         article = "an" if expected[:1] in "AEIOU" else "a"
         kind = "Type" if index is None else "ArgumentType"
-        return errors.Raised(kind, f"unexpected {self.printable(value)}{where}, expected {article} {expected}", routine)
+        return errors.Raised(kind, f"unexpected {self._shown(value)}{where}, expected {article} {expected}", routine)
+
+    def _shown(self, value: Any) -> str:
+        """``printable``, or something plainer when printing it is what failed."""
+        if self._showing:
+            return f"{self.type_name(value)}_{self.uid(value)}"
+        self._showing = True
+        try:
+            return self.printable(value)
+        finally:
+            self._showing = False
 
     def normalized(self, error: BaseException) -> errors.UrbiError:
         """Any Python exception as an urbiscript one; what is no error of urbiscript is logged as a bug of ours."""

@@ -14,8 +14,10 @@ PROTOS = {"Boolean": ("Singleton",)}
 
 
 @TABLE.primitive("asString")
-def as_string(world: World, this: Truth) -> str:
-    """``true`` or ``false``."""
+def as_string(world: World, this: Any) -> str:
+    """``true`` or ``false``; the prototype of both says its name."""
+    if not isinstance(this, Truth):
+        return "Boolean"
     return "true" if this.value else "false"
 
 
