@@ -48,7 +48,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.kernel": ("urbihw.kernel.facade",),
     # Wires and robots.
     "urbihw.buses": (),
-    "urbihw.platforms": (),
+    # The loader knows what a robot is, and tells the ways in; they see no more of uobject than that.
+    "urbihw.platforms": ("urbihw.kernel.uobject",),
     ROBOT: ("urbihw.kernel.uobject", "urbihw.buses"),
     # The ways in.  "urbihw.kernel" alone is its door, Kernel; "urbihw.platforms" alone is the loader.
     "urbihw.daemon": (

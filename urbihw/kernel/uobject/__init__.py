@@ -21,7 +21,7 @@ May import ``runtime`` and ``sched``.
 from urbihw.kernel.uobject.errors import BadConfig, DeviceError, Gone, NotReady
 from urbihw.kernel.uobject.host import Host
 from urbihw.kernel.uobject.robot import Opened, Robot, RobotSettings
-from urbihw.kernel.uobject.uobject import UEvent, UObject, event, function, owned, variable
+from urbihw.kernel.uobject.uobject import UEvent, UObject, event, function, owned, reading, variable
 from urbihw.kernel.uobject.uvar import UVar
 
 __all__ = [
@@ -39,5 +39,6 @@ __all__ = [
     "event",
     "function",
     "owned",
+    "reading",
     "variable",
 ]

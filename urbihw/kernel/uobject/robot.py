@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from urbihw.kernel.uobject.errors import DeviceError
 from urbihw.kernel.uobject.uobject import UObject
@@ -39,12 +39,19 @@ Opened = Callable[[DeviceError | None], None]
 class Robot(UObject):
     """Base of the robots."""
 
+    classes: ClassVar[tuple[type[UObject], ...]] = ()
+    """The device classes to register with it, so that the platform's urbiscript library finds them."""
+
     def open(self, settings: RobotSettings, opened: Opened) -> None:
         """Begin to find the robot, and return at once.
 
         ``opened(None)`` is called once, in the kernel's thread, when its devices are slots with values;
         ``opened(error)`` when that cannot be.  Nothing moves.  Raises BadConfig for settings without sense.
         """
+        raise NotImplementedError
+
+    def configure(self, settings: RobotSettings) -> None:
+        """Take new settings while running; the url counts from the next ``open`` on."""
         raise NotImplementedError
 
     def close(self) -> None:

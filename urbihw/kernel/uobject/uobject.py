@@ -1,6 +1,7 @@
 """The base class of devices: binds Python attributes to urbiscript slots, methods to urbiscript functions.
 
-In the manual's words: ``variable()`` is UBindVar, ``owned()`` is UBindVar and UOwned, ``@function`` is UBindFunction,
+In the manual's words: ``variable()`` is UBindVar, ``owned()`` is UBindVar and UOwned (and ``reading()`` is an owned one
+that nobody else may write), ``@function`` is UBindFunction,
 ``event()`` is UBindEvent, ``notify_change`` is UNotifyChange, ``set_update`` is USetUpdate, ``set_timer`` is
 USetTimer.  Periods are in seconds.  All callbacks run in the kernel's thread; a callback must not block.
 """
@@ -11,6 +12,7 @@ import inspect
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
 
+from urbihw.kernel import errors
 from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Row, build
@@ -38,6 +40,7 @@ class variable(_Bound):  # noqa: N801 - reads as a declaration
     """A bound variable (UBindVar) with an initial value; on an instance, its UVar."""
 
     owned = False
+    writable = True
 
     def __init__(self, value: Any = None, name: str = "") -> None:
         super().__init__()
@@ -60,6 +63,12 @@ class owned(variable):  # noqa: N801
     owned = True
 
 
+class reading(owned):  # noqa: N801
+    """A bound variable that only the device writes; urbiscript that assigns it is told so."""
+
+    writable = False
+
+
 class event(_Bound):  # noqa: N801
     """A bound event (UBindEvent); on an instance, its UEvent."""
 
@@ -77,8 +86,19 @@ class event(_Bound):  # noqa: N801
         return self if instance is None else instance.events[self.slot]
 
 
-def function(method: F | str) -> Any:
-    """Bind a method (UBindFunction), under its own name or ``@function("name")``; annotations give the conversions."""
+@overload
+def function(method: str) -> Callable[[F], F]: ...
+
+
+@overload
+def function(method: F) -> F: ...
+
+
+def function(method: F | str) -> F | Callable[[F], F]:
+    """Bind a method (UBindFunction), under its own name or ``@function("name")``; annotations give the conversions.
+
+    A ValueError that it raises is an error in urbiscript, with the same words.
+    """
     if isinstance(method, str):
         name = method
 
@@ -142,15 +162,17 @@ class UObject:
         self._update: int | None = None
         for declared in bound_attributes(type(self)):
             if isinstance(declared, variable):
-                self.bind_var(declared.slot, declared.initial, owned=declared.owned)
+                self.bind_var(declared.slot, declared.initial, owned=declared.owned, writable=declared.writable)
             elif isinstance(declared, event):
                 self.bind_event(declared.slot)
 
     # ---------------------------------------------------------------- binding
 
-    def bind_var(self, name: str, value: Any = None, *, owned: bool = False) -> UVar:
-        """Bind one more variable of this instance (UBindVar, UOwned)."""
+    def bind_var(self, name: str, value: Any = None, *, owned: bool = False, writable: bool = True) -> UVar:
+        """Bind one more variable of this instance (UBindVar, UOwned); not ``writable``: see ``reading``."""
         made = UVar(self.host.world, self.face, name, owned=owned, value=value)
+        if not writable:
+            made.notify_change(_refuse, owner=True)
         self.variables[name] = made
         return made
 
@@ -162,7 +184,12 @@ class UObject:
         made = self.events[name] = UEvent(world, face)
         return made
 
-    def init(self) -> Any:
+    def put_slot(self, name: str, value: Any) -> None:
+        """Make a plain slot of this instance, holding a Python value or another device."""
+        world = self.host.world
+        world.ops.put(self.face, name, value.face if isinstance(value, UObject) else world.from_python(value))
+
+    def init(self, *args: Any, **named: Any) -> Any:
         """Called by ``new`` with its arguments; override with the arguments you want."""
 
     # ---------------------------------------------------------------- notification
@@ -214,6 +241,10 @@ class UObject:
             self.remove_timer(handle)
 
 
+def _refuse() -> None:
+    raise ValueError("this slot can only be read")
+
+
 def bound_attributes(kind: type[UObject]) -> list[_Bound]:
     """The declarations of a class and its bases, bases first."""
     found: dict[str, _Bound] = {}
@@ -244,7 +275,10 @@ def _caller(method: Callable[..., Any], python: str) -> Callable[..., Any]:
     """``fn(world, this, *args)`` for a method, with the signature that ``primitive`` reads its checks from."""
 
     def run(world: Any, this: Any, *args: Any) -> Any:
-        result = getattr(this.python, python)(*args)
+        try:
+            result = getattr(this.python, python)(*args)
+        except ValueError as refusal:
+            raise errors.primitive(str(refusal)) from refusal
         if isinstance(result, UObject):
             return result.face
         if isinstance(result, list):

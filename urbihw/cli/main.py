@@ -1,0 +1,54 @@
+"""``urbihw``: the commands of the gateway, one module each.
+
+Exit codes: 0, 65 an error in urbiscript source, 70 our fault, 78 something about the set-up (bad option, no robot, port
+in use): one line on standard error says what to do.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.metadata import version
+from typing import Final, NoReturn
+
+EX_CONFIG: Final = 78
+
+COMMANDS: Final = {
+    "serve": "serve a robot on a TCP port",
+    "platforms": "list the robots that urbihw knows",
+    "dump": "show what becomes of urbiscript source on its way to Python",
+    "doctor": "look whether this machine is ready for a robot",
+}
+"""Subcommand -> what it does; each is a module beside this one with ``options(parser)`` and ``run(options)``."""
+
+
+class Parser(argparse.ArgumentParser):
+    """Says what is wrong with the options in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Exit 78."""
+        self.exit(EX_CONFIG, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+
+def parser() -> Parser:
+    """The options of all commands."""
+    made = Parser(prog="urbihw", description="Robots as urbiscript objects on a TCP port.")
+    made.add_argument("--version", action="version", version=f"urbihw {version('urbihw')}")
+    commands = made.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
+    for name, help_ in COMMANDS.items():
+        module = import_module(f"urbihw.cli.{name}")
+        module.options(commands.add_parser(name, help=help_, description=(module.__doc__ or help_).splitlines()[0]))
+    return made
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The command; returns the exit code."""
+    options = parser().parse_args(argv)
+    code: int = import_module(f"urbihw.cli.{options.command}").run(options)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,59 @@
+"""The robots: one folder each, found by its manifest, loaded only when it is asked for.
+
+Where to start: ``manifest`` (what a platform says of itself), then ``bioloid`` (the first, and the example).  A
+platform imports ``urbihw.kernel.uobject`` and ``urbihw.buses``, never another platform.
+"""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+from urbihw.kernel.uobject import BadConfig, DeviceError, NotReady, Robot, RobotSettings
+from urbihw.platforms.manifest import FILE, BadManifest, Manifest, read
+
+__all__ = [
+    "BadConfig",
+    "BadManifest",
+    "DeviceError",
+    "Manifest",
+    "NotReady",
+    "Robot",
+    "RobotSettings",
+    "find",
+    "folders",
+    "load",
+    "read",
+]
+
+
+def folders(root: Path | None = None) -> list[Path]:
+    """The folders that hold a manifest, in order of their names."""
+    here = Path(__file__).parent if root is None else root
+    return sorted(path.parent for path in here.glob(f"*/{FILE}"))
+
+
+def find(name: str, root: Path | None = None) -> Manifest:
+    """The manifest of a platform by name.  Raises BadConfig, naming those there are, and BadManifest."""
+    known = {folder.name: folder for folder in folders(root)}
+    if name not in known:
+        raise BadConfig(f"no platform {name!r}; there are: {', '.join(known) or 'none'}")
+    return read(known[name])
+
+
+def load(manifest: Manifest) -> type[Robot]:
+    """Import a platform: the class of its robot.
+
+    Raises BadConfig when a package is missing that it needs, BadManifest when the class is not there.
+    """
+    module_name, _, class_name = manifest.robot.partition(":")
+    try:
+        module = importlib.import_module(f"urbihw.platforms.{manifest.name}.{module_name}")
+    except ImportError as error:
+        extras = ",".join(manifest.needs)
+        how = f"pip install 'urbihw[{extras}]'" if extras else f"pip install {error.name}"
+        raise BadConfig(f"platform {manifest.name} needs the Python package {error.name}: {how}") from error
+    found = getattr(module, class_name, None)
+    if not (isinstance(found, type) and issubclass(found, Robot)):
+        raise BadManifest(f"{manifest.folder / FILE}: {module_name}.py has no class {class_name} that is a Robot")
+    return found

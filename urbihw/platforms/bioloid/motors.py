@@ -1,0 +1,338 @@
+"""Servos: the classes AX12 (protocol 1.0) and XServo (protocol 2.0), with the same slots where the devices have them.
+
+``val`` is the goal when written and the measured position when read, in rad from the middle, counter-clockwise
+positive.  ``speed`` is in rad/s: of a joint, how fast it goes to following goals; of a wheel, how fast it turns.  A
+motor is a wheel while ``cwLimit`` and ``ccwLimit`` are both 0.  ``load`` 0 switches the motor off, and it stays off,
+whatever is written to ``val``, until ``load`` is 1.
+
+Switching between joint and wheel takes several confirmed writes; what is written to ``val`` and ``speed`` meanwhile is
+kept back and sent behind them, because one register means different things in the two modes.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from urbihw.buses.dynamixel import units
+from urbihw.buses.dynamixel.status import state_words
+from urbihw.buses.messages import DeviceInfo, Reply
+from urbihw.kernel.uobject import UVar, function, reading
+from urbihw.platforms.bioloid import slots
+from urbihw.platforms.bioloid.devices import Device, Refused, Take, number
+from urbihw.platforms.bioloid.slots import Slot
+from urbihw.platforms.bioloid.wire import Wire
+
+Step = tuple[str, int]
+"""One write of a switch of mode: item and raw count."""
+
+
+class Servo(Device):
+    """What both kinds of servos share."""
+
+    kind_of_device = "motor"
+    wheel = reading(False)
+
+    goal: ClassVar[str] = "goal_position"
+    limits: ClassVar[tuple[str, str]]
+    """The registers of cwLimit and ccwLimit."""
+
+    def prepare(self) -> None:
+        """Bind what the slots val, speed, load, cwLimit and ccwLimit do."""
+        self.val, self.speed, self.load = (self.variables[name] for name in ("val", "speed", "load"))
+        self.cw_limit, self.ccw_limit = self.variables["cwLimit"], self.variables["ccwLimit"]
+        self._off = False
+        self._steps_left = 0
+        self._held_back: set[str] = set()
+        self._limits_wanted: dict[str, float] = {}
+        self.notify_change(self.val, self._val_written)
+        self.notify_change(self.speed, self._speed_written)
+        self.notify_change(self.load, self._load_written)
+        for var in (self.cw_limit, self.ccw_limit):
+            self.notify_change(var, self._limit_written)
+            self.set_range(var, *units.limits_si(self.table.item(self.goal_item_of_limits())))
+        for item in (*self.mode_items(), *self.limits):
+            self.on_change(item, lambda raw, stamp: self._limits_read(stamp))
+        self.set_range(self.load, 0.0, 1.0)
+
+    def goal_item_of_limits(self) -> str:
+        """The register whose range bounds the limits."""
+        return self.limits[0]
+
+    def mode_items(self) -> tuple[str, ...]:
+        """Registers beside the limits that decide whether it is a wheel; override."""
+        return ()
+
+    # ---------------------------------------------------------------- what a kind of servo defines
+
+    def reads_wheel(self) -> bool:
+        """Whether its registers, as last read, make it a wheel."""
+        raise NotImplementedError
+
+    def speed_range(self, wheel: bool) -> tuple[float, float]:
+        """Slowest and fastest speed, rad/s."""
+        raise NotImplementedError
+
+    def speed_target(self, value: float, wheel: bool) -> Step:
+        """The register and raw count for a speed in rad/s."""
+        raise NotImplementedError
+
+    def plan_limits(self, wheel: bool, least: float, most: float) -> list[Step]:
+        """The writes, in order, that make it a wheel, or a joint with these limits in rad."""
+        raise NotImplementedError
+
+    def plan_on(self) -> list[Step]:
+        """The writes that switch the motor on, holding where it is."""
+        raise NotImplementedError
+
+    # ---------------------------------------------------------------- val
+
+    def taker(self, row: Slot, var: UVar) -> Take:
+        """Registers of the slots with a meaning of their own."""
+        if row.name == "speed":
+            return self.speed_taker(row, var)
+        if row.name == "load":
+            return lambda raw, stamp: self.load_read(stamp)
+        if row.name in ("cwLimit", "ccwLimit"):
+            return lambda raw, stamp: None
+        return super().taker(row, var)
+
+    def speed_taker(self, row: Slot, var: UVar) -> Take:
+        """How the present speed is read; override where the mode matters."""
+        return super().taker(row, var)
+
+    def _val_written(self) -> None:
+        raw = units.from_si(self.table.item(self.goal), number(self.val))
+        if self._steps_left:
+            self._held_back.add("val")
+        elif not self.wheel.sensed and not self._off:
+            self.wire.aim(self.number, self.goal, raw)
+            self._want_torque()
+
+    def _want_torque(self) -> None:
+        """An AX servo switches its torque on by itself when given a goal, others do not: say it to both."""
+        if self.raw.get("torque_enable") != 1:
+            self.wire.aim(self.number, "torque_enable", 1)
+
+    # ---------------------------------------------------------------- speed
+
+    def _speed_written(self) -> None:
+        value = number(self.speed)
+        if self._steps_left:
+            self._held_back.add("speed")
+            return
+        wheel = bool(self.wheel.sensed)
+        item, raw = self.speed_target(value, wheel)
+        if wheel:
+            if self._off:
+                return
+            self._want_torque()
+        else:
+            self.settings[item] = raw
+        self.wire.aim(self.number, item, raw)
+
+    # ---------------------------------------------------------------- load
+
+    def _load_written(self) -> None:
+        self._off = number(self.load) == 0
+        for item, raw in [("torque_enable", 0)] if self._off else self.plan_on():
+            self.write(item, raw, "load")
+
+    def load_read(self, stamp: float) -> None:
+        """A register that decides about the slot load was read."""
+        self.load.sense(float(self.raw.get("torque_enable", 0)), stamp)
+
+    def restore(self) -> None:
+        """Set again what urbiscript had set; a motor that was switched off stays off."""
+        super().restore()
+        if self._off:
+            self.write("torque_enable", 0, "load")
+
+    # ---------------------------------------------------------------- limits and mode
+
+    def _limit_written(self, var: UVar) -> None:
+        self._limits_wanted[var.name] = number(var)
+        # ``cwLimit = ccwLimit = 0`` is two writes that are one wish.
+        self.wire.settle_later(self)
+
+    def settle(self) -> None:
+        """The round in which limits were written is over: switch mode, or set them."""
+        wanted, self._limits_wanted = self._limits_wanted, {}
+        least = wanted.get("cwLimit", self.cw_limit.sensed)
+        most = wanted.get("ccwLimit", self.ccw_limit.sensed)
+        steps = self.plan_limits(least == 0 and most == 0, least, most)
+        for item, raw in steps:
+            self._steps_left += 1
+            self.write(item, raw, "cwLimit, ccwLimit", self._step_done)
+
+    def _step_done(self, ok: bool) -> None:
+        self._steps_left -= 1
+        if self._steps_left == 0:
+            held_back, self._held_back = self._held_back, set()
+            if "speed" in held_back:
+                self._speed_written()
+            if "val" in held_back:
+                self._val_written()
+
+    def _limits_read(self, stamp: float) -> None:
+        if any(item not in self.raw for item in (*self.mode_items(), *self.limits)):
+            return
+        wheel = self.reads_wheel()
+        least, most = (
+            0.0 if wheel else units.to_si(self.table.item(item), self.raw[item]) for item in self.limits
+        )
+        self.wheel.sense(wheel)
+        self.cw_limit.sense(least, stamp)
+        self.ccw_limit.sense(most, stamp)
+        if wheel:
+            least, most = units.limits_si(self.table.item(self.goal_item_of_limits()))
+        self.set_range(self.val, least, most)
+        self.set_range(self.speed, *self.speed_range(wheel))
+
+
+class AX12(Servo):
+    """An AX-12, AX-12W or AX-18."""
+
+    rows = slots.AX12
+    limits = ("cw_angle_limit", "ccw_angle_limit")
+
+    def prepare(self) -> None:
+        """The torque limit says whether an alarm switched the motor off."""
+        super().prepare()
+        self.on_change("torque_limit", lambda raw, stamp: self.load_read(stamp))
+
+    def load_read(self, stamp: float) -> None:
+        """After an alarm the torque limit is 0: the motor gives no torque, whatever torque enable says."""
+        on = self.raw.get("torque_enable") == 1 and self.raw.get("torque_limit") != 0
+        self.load.sense(float(on), stamp)
+
+    def plan_on(self) -> list[Step]:
+        """Goal where it is (an old goal must not move it), torque limit back after an alarm, torque on."""
+        steps = []
+        if not self.wheel.sensed and "present_position" in self.raw:
+            steps.append((self.goal, self.raw["present_position"]))
+        if self.raw.get("torque_limit") == 0:
+            steps.append(("torque_limit", self.settings.get("torque_limit", self.raw.get("max_torque", 1023))))
+        return [*steps, ("torque_enable", 1)]
+
+    def reads_wheel(self) -> bool:
+        """Both angle limits 0."""
+        return not any(self.raw[item] for item in self.limits)
+
+    def speed_range(self, wheel: bool) -> tuple[float, float]:
+        """A wheel turns both ways, up to its speed without load; of a joint 0 is the slowest there is."""
+        if wheel:
+            return -self.facts.full_speed, self.facts.full_speed
+        return 0.0, units.UNITS["ax_speed"].to_si(1023)
+
+    def speed_target(self, value: float, wheel: bool) -> Step:
+        """A wheel is driven open loop: a share of full drive, taken to give that share of full speed."""
+        item = self.table.item("moving_speed")
+        return item.name, units.from_si(item, value / self.facts.full_speed if wheel else value, wheel)
+
+    def speed_taker(self, row: Slot, var: UVar) -> Take:
+        """The present speed of a wheel is a share of full drive, too."""
+        item, full = self.table.item(row.item), self.facts.full_speed
+
+        def take(raw: int, stamp: float) -> None:
+            if self.wheel.sensed:
+                var.sense(units.to_si(item, raw, wheel=True) * full, stamp)
+            else:
+                var.sense(units.to_si(item, raw), stamp)
+
+        return take
+
+    def plan_limits(self, wheel: bool, least: float, most: float) -> list[Step]:
+        """Speed first: that of a joint would drive the wheel, and that of a wheel is no speed of a joint."""
+        cw, ccw = self.limits
+        if wheel:
+            values = {cw: 0, ccw: 0}
+        else:
+            values = {item: units.from_si(self.table.item(item), si) for item, si in ((cw, least), (ccw, most))}
+            values[ccw] = max(values[ccw], 1)
+        steps: list[Step] = [(item, raw) for item, raw in values.items() if self.raw.get(item) != raw]
+        if wheel == self.wheel.sensed or not steps:
+            return steps
+        if wheel:
+            return [("moving_speed", 0), *steps]
+        return [("moving_speed", 0), *steps, ("moving_speed", self.settings.get("moving_speed", 0))]
+
+    def take_state(self, raw: int, stamp: float) -> None:
+        """The error bits say what is wrong."""
+        self.show_alarm(state_words(raw, self.protocol))
+
+
+_HARDWARE_ERRORS = {0: "input voltage", 2: "overheating", 3: "encoder", 4: "electrical shock", 5: "overload"}
+_POSITION, _VELOCITY = 3, 1
+
+
+class XServo(Servo):
+    """An X-series servo: XL330, XC330, XL430, XC430, XM430."""
+
+    limits = ("min_position_limit", "max_position_limit")
+
+    def init(self, wire: Wire, info: DeviceInfo, refused: Refused) -> None:
+        """The XL430 family tells its load, the others measure their current."""
+        self.rows = slots.XL430 if info.family == "XL430" else slots.X_CURRENT
+        super().init(wire, info, refused)
+
+    def prepare(self) -> None:
+        """A register says what is wrong with it; the torque limit has no sign."""
+        super().prepare()
+        self.on_change("hardware_error", self._take_hardware_error)
+        self.set_range(self.variables["torqueLimit"], 0.0, self.facts.stall_torque)
+
+    def mode_items(self) -> tuple[str, ...]:
+        """The operating mode is a register of its own."""
+        return ("operating_mode",)
+
+    def hidden_items(self) -> tuple[str, ...]:
+        """Registers without a slot."""
+        return ("operating_mode", "hardware_error", "velocity_limit")
+
+    def reads_wheel(self) -> bool:
+        """Velocity mode."""
+        return self.raw["operating_mode"] == _VELOCITY
+
+    def speed_range(self, wheel: bool) -> tuple[float, float]:
+        """Up to its velocity limit."""
+        item = self.table.item("velocity_limit")
+        fastest = units.to_si(item, self.raw.get("velocity_limit", item.default or item.high))
+        return (-fastest if wheel else 0.0), fastest
+
+    def speed_target(self, value: float, wheel: bool) -> Step:
+        """The goal of a wheel, the profile of a joint."""
+        item = self.table.item("goal_velocity" if wheel else "profile_velocity")
+        return item.name, units.from_si(item, value)
+
+    def plan_on(self) -> list[Step]:
+        """The servo itself then takes the place where it is for its goal."""
+        return [("torque_enable", 1)]
+
+    def plan_limits(self, wheel: bool, least: float, most: float) -> list[Step]:
+        """Mode and limits can only be written while the torque is off."""
+        values = {"operating_mode": _VELOCITY if wheel else _POSITION}
+        if not wheel:
+            for item, si in zip(self.limits, (least, most), strict=True):
+                values[item] = units.from_si(self.table.item(item), si)
+        steps: list[Step] = [(item, raw) for item, raw in values.items() if self.raw.get(item) != raw]
+        if not steps or self.raw.get("torque_enable") == 0:
+            return steps
+        return [("torque_enable", 0), *steps, ("torque_enable", 1)]
+
+    def explained(self, error: str) -> str:
+        """What is kept without power can only be written while the torque is off."""
+        if "access" in error and self.raw.get("torque_enable"):
+            return f"{error}; switch the motor off first: motor{self.number}.load = 0"
+        return error
+
+    @function
+    def reboot(self) -> None:
+        """Restart the servo, the only way to get its torque back after an alarm; it goes limp."""
+        self.wire.ask("reboot", self.number, self._rebooted)
+
+    def _rebooted(self, reply: Reply) -> None:
+        if not reply.ok:
+            self.refused("reboot", reply.error)
+
+    def _take_hardware_error(self, raw: int, stamp: float) -> None:
+        self.show_alarm(", ".join(word for bit, word in _HARDWARE_ERRORS.items() if raw >> bit & 1))

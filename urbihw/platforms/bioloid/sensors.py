@@ -1,0 +1,92 @@
+"""The sensor module: the class AXS1.
+
+Infrared and light are amounts, 0..255; larger is nearer, or brighter.  ``soundVolume`` is 0..1.  ``remocon`` is the
+last word that came from a remote control when read, and sends one when written.
+"""
+
+from __future__ import annotations
+
+import math
+
+from urbihw.buses.dynamixel import units
+from urbihw.buses.dynamixel.status import state_words
+from urbihw.buses.messages import Reply
+from urbihw.kernel.uobject import event, function, owned, variable
+from urbihw.platforms.bioloid import slots
+from urbihw.platforms.bioloid.devices import Device, number
+
+_MELODY = 255
+"""As ringing time: play the melody whose number is in the note register."""
+
+
+class AXS1(Device):
+    """An AX-S1."""
+
+    kind_of_device = "sensor"
+    rows = slots.AXS1
+
+    buzzerIndex = owned(math.nan)  # noqa: N815 - names of slots
+    buzzerTime = variable(0.5)  # noqa: N815
+    remocon = owned(math.nan)
+    remoconReceived = event()  # noqa: N815
+
+    def prepare(self) -> None:
+        """Bind the buzzer and the remote control."""
+        self._asking = False
+        note, word = self.table.item("buzzer_index"), self.table.item("remocon_tx")
+        self.set_range(self.buzzerIndex, note.low, note.high)
+        self.set_range(self.remocon, word.low, word.high)
+        self.notify_change(self.buzzerIndex, self._play)
+        self.notify_change(self.buzzerTime, self._time_written)
+        self.notify_change(self.remocon, self._send_word)
+        self.on_change("remocon_arrived", self._word_arrived)
+
+    def hidden_items(self) -> tuple[str, ...]:
+        """Registers without a slot."""
+        return ("remocon_arrived",)
+
+    # ---------------------------------------------------------------- buzzer
+
+    @function
+    def playMelody(self, melody: int) -> None:  # noqa: N802
+        """Play one of the 27 melodies of the module, 0..26."""
+        if not 0 <= melody <= 26:
+            raise ValueError(f"there are melodies 0..26, no {melody}")
+        self._ring(melody, _MELODY)
+
+    def _play(self) -> None:
+        note = number(self.buzzerIndex)
+        self.buzzerIndex.sense(note)
+        self._ring(round(note), units.from_si(self.table.item("buzzer_time"), number(self.buzzerTime)))
+
+    def _ring(self, index: int, time: int) -> None:
+        # Requests, because a target that the module has is not sent again, and a note may be played twice.
+        self.write("buzzer_index", index, "buzzerIndex")
+        self.write("buzzer_time", time, "buzzerTime")
+
+    def _time_written(self) -> None:
+        """The length of the next note in s, 0.3..5, inf for ever; 0 ends the one that rings."""
+        if units.from_si(self.table.item("buzzer_time"), number(self.buzzerTime)) == 0:
+            self.write("buzzer_time", 0, "buzzerTime")
+
+    # ---------------------------------------------------------------- remote control
+
+    def _send_word(self) -> None:
+        self.write("remocon_tx", units.from_si(self.table.item("remocon_tx"), number(self.remocon)), "remocon")
+
+    def _word_arrived(self, raw: int, stamp: float) -> None:
+        if raw and not self._asking:
+            self._asking = True
+            self.wire.read(self.number, "remocon_rx", self._word_read)
+
+    def _word_read(self, reply: Reply) -> None:
+        self._asking = False
+        # Reading the word cleared the flag, which may never be seen as 0 if the next word is quick.
+        self.raw.pop("remocon_arrived", None)
+        if reply.ok and reply.value is not None:
+            self.remocon.sense(float(reply.value))
+            self.remoconReceived.emit(float(reply.value))
+
+    def take_state(self, raw: int, stamp: float) -> None:
+        """The error bits say what is wrong."""
+        self.show_alarm(state_words(raw, self.protocol))

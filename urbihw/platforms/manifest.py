@@ -1,0 +1,130 @@
+"""``platform.toml`` as a dataclass, checked with messages that a person who writes one can use.
+
+A manifest is read without importing the platform's code, so that listing platforms costs nothing and a broken one
+breaks only its own row.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Final
+
+FILE: Final = "platform.toml"
+
+
+class BadManifest(ValueError):
+    """A manifest that cannot be used; the message names the file, the key and what is wanted."""
+
+
+@dataclass(frozen=True)
+class UsbId:
+    """An adapter or robot by its USB numbers."""
+
+    vendor: int
+    product: int
+    name: str
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """What the daemon knows of a platform.
+
+    Attributes:
+        folder: where it lies.
+        name: of the platform, and of its folder.
+        title: one line for people.
+        robot: "module:Class" inside the folder; the class derives from ``urbihw.kernel.uobject.Robot``.
+        slot: the slot of Global that holds the robot.
+        library: urbiscript files of the folder, loaded in this order before the robot is opened.
+        buses: families of wire protocols it speaks.
+        default_url: of the bus, when none is given; "" for none.
+        usb: adapters that it is found behind.
+        fake: arguments of ``python -m fakes`` for the same robot in software; () for none.
+        rate: readings a second unless set otherwise.
+        needs: extras of the package that must be installed.
+    """
+
+    folder: Path
+    name: str
+    title: str
+    robot: str
+    slot: str
+    library: tuple[str, ...] = ()
+    buses: tuple[str, ...] = ()
+    default_url: str = ""
+    usb: tuple[UsbId, ...] = ()
+    fake: tuple[str, ...] = ()
+    rate: float = 100.0
+    needs: tuple[str, ...] = ()
+
+
+_TEXTS: Final = {"name", "title", "robot", "slot", "default_url"}
+_LISTS: Final = {"library", "buses", "fake", "needs"}
+_REQUIRED: Final = ("name", "title", "robot", "slot")
+
+
+def read(folder: Path) -> Manifest:
+    """The manifest of the platform in ``folder``.  Raises BadManifest."""
+    path = folder / FILE
+    try:
+        table = tomllib.loads(path.read_text("utf-8"))
+    except OSError as error:
+        raise BadManifest(f"{path}: cannot be read: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise BadManifest(f"{path}: is no TOML: {error}") from error
+    try:
+        return Manifest(folder=folder, **_checked(table, folder))
+    except BadManifest as error:
+        raise BadManifest(f"{path}: {error}") from None
+
+
+def _checked(table: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    known = {field.name for field in fields(Manifest)} - {"folder"}
+    for key in table:
+        if key not in known:
+            raise BadManifest(f"{key!r} is no key of a manifest; known: {', '.join(sorted(known))}")
+    for key in _REQUIRED:
+        if key not in table:
+            raise BadManifest(f"{key!r} is missing")
+    values = {key: _value(key, value) for key, value in table.items()}
+    if values["name"] != folder.name:
+        raise BadManifest(f"name is {values['name']!r}, but the folder is called {folder.name!r}; make them the same")
+    module, colon, kind = values["robot"].partition(":")
+    if not (colon and module.isidentifier() and kind.isidentifier()):
+        raise BadManifest(f"robot must be written module:Class, not {values['robot']!r}")
+    if not (folder / f"{module}.py").is_file():
+        raise BadManifest(f"robot names the module {module!r}, but there is no {module}.py beside the manifest")
+    if not values["slot"].isidentifier():
+        raise BadManifest(f"slot must be a name as urbiscript takes it, not {values['slot']!r}")
+    for file in values.get("library", ()):
+        if not (folder / file).is_file():
+            raise BadManifest(f"library names {file!r}, which is not beside the manifest")
+    return values
+
+
+def _value(key: str, value: Any) -> Any:
+    if key in _TEXTS:
+        if not isinstance(value, str):
+            raise BadManifest(f"{key} must be a text in quotes, not {value!r}")
+        return value
+    if key in _LISTS:
+        if not isinstance(value, list) or not all(isinstance(member, str) for member in value):
+            raise BadManifest(f'{key} must be a list of texts, such as ["a", "b"], not {value!r}')
+        return tuple(value)
+    if key == "rate":
+        if not isinstance(value, int | float) or isinstance(value, bool) or not 1 <= value <= 1000:
+            raise BadManifest(f"rate must be a number of Hz from 1 to 1000, not {value!r}")
+        return float(value)
+    return tuple(_usb(row) for row in value) if isinstance(value, list) else _usb(value)
+
+
+def _usb(row: Any) -> UsbId:
+    if not isinstance(row, dict) or set(row) != {"vendor", "product", "name"}:
+        raise BadManifest('usb must be a list of { vendor = 0x0403, product = 0x6001, name = "..." }')
+    for key in ("vendor", "product"):
+        if not isinstance(row[key], int) or not 0 <= row[key] <= 0xFFFF:
+            raise BadManifest(f"usb: {key} must be a number from 0 to 0xffff, not {row[key]!r}")
+    return UsbId(row["vendor"], row["product"], str(row["name"]))
