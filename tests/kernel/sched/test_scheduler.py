@@ -150,8 +150,8 @@ def test_a_failing_child_stops_its_siblings_and_its_owner(world: World) -> None:
     def main() -> None:
         try:
             with Group(scheduler) as group:
-                group.spawn(failing)
-                group.spawn(sibling)
+                group.launch(failing)
+                group.launch(sibling)
         except ValueError as error:
             world.said.append(f"owner got {error}")
 

@@ -249,12 +249,12 @@ class Binder:
         self.walk(node.slot.target)
 
     def _Var(self, node: ast.Var) -> None:
+        if isinstance(node.value, ast.Function) and node.value.formals is None:
+            self.result.lazy_names.add(node.name)
         if node.target is not None:
             self.walk(node.target)
             self.walk(node.value)
             return
-        if isinstance(node.value, ast.Function) and node.value.formals is None:
-            self.result.lazy_names.add(node.name)
         self.walk(node.value)
         if self.scope.slots:
             self.use_this(node)

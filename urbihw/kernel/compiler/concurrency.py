@@ -37,9 +37,18 @@ class Concurrency(Statements):
 
     def s_Seq(self, node: ast.Seq, dest: str | None) -> None:
         if any(separator == "," for _, separator in node.items):
-            self.group(lambda group: self.sequence_of(node, dest, group), self.mark(node))
+            p = self.mark(node)
+            self.group(lambda group: self.closing_scope(lambda: self.sequence_of(node, dest, group), p), p)
         else:
             self.sequence_of(node, dest, "")
+
+    def closing_scope(self, write: Callable[[], None], p: Pos) -> None:
+        """The statements of a scope; its scope tag is stopped before the background jobs are waited for."""
+        close, self.w.close_scope = self.w.close_scope, None
+        if close is None:
+            write()
+        else:
+            self.emit(try_(self.block(write), [], [], [close()], p))
 
     def sequence_of(self, node: ast.Seq, dest: str | None, group: str) -> None:
         """``a; b, c``: the value is that of the last statement that is not in the background."""
@@ -88,7 +97,7 @@ class Concurrency(Statements):
 
         def write(group: str) -> None:
             for item in node.items:
-                self.emit(do(call(attr(name(group, p), "spawn", p), [self.background(item)], p), p))
+                self.emit(do(call(attr(name(group, p), "launch", p), [self.background(item)], p), p))
 
         self.group(write, p)
         self.void(dest, p)
@@ -150,7 +159,7 @@ class Concurrency(Statements):
                 inside.append(set_(variable, call("Box", [name(variable, p)], p), p))
             made: list[py.expr] = []
             inside += self.block(lambda: made.append(self.turn_apart(loop, node.body)))
-            inside.append(do(call(attr(name(group, p), "spawn", p), made, p), p))
+            inside.append(do(call(attr(name(group, p), "launch", p), made, p), p))
             verb = "times" if local is None else "iterate"
             self.emit(py.For(py.Name(variable, STORE, **p), call(verb, [items], p), inside, [], None, **p))
 
@@ -171,7 +180,7 @@ class Concurrency(Statements):
         def spread(loop: Loop, group: str) -> None:
             made: list[py.expr] = []
             inside = self.block(lambda: made.append(self.turn_apart(loop, node.body)))
-            inside.append(do(call(attr(name(group, p), "spawn", p), made, p), p))
+            inside.append(do(call(attr(name(group, p), "launch", p), made, p), p))
             inside += self.block(rest)
             self.emit(py.While(const(True, p), inside, [], **p))
 

@@ -6,7 +6,7 @@ Every node carries a position ``p``, made by ``Writer.mark``: its line is the in
 from __future__ import annotations
 
 import ast as py
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from urbihw.kernel.compiler.bind import Binding, Frame, Local
@@ -134,7 +134,7 @@ class Loop:
 class Writer:
     """The state of one Python function being written."""
 
-    __slots__ = ("apart", "crossed_return", "frame", "groups", "loops", "out", "outer", "return_token")
+    __slots__ = ("close_scope", "apart", "crossed_return", "frame", "groups", "loops", "out", "outer", "return_token")
 
     def __init__(self, frame: Frame, outer: Writer | None) -> None:
         self.frame = frame
@@ -142,6 +142,7 @@ class Writer:
         self.out: list[py.stmt] = []
         self.loops: list[Loop] = []
         self.groups: list[str] = []
+        self.close_scope: Callable[[], py.stmt] | None = None
         self.apart: Loop | None = None
         self.return_token = ""
         self.crossed_return = False

@@ -168,7 +168,7 @@ class Expressions(Emitter):
         if node.target is None:
             return self.send(node, lambda: self.this(node, self.mark(node)))
         target = node.target
-        return self.send(node, lambda: self.operand(target) if not node.args else self.expr(target))
+        return self.send(node, lambda: self.expr(target))
 
     def send(self, node: ast.Call, target: Maker) -> py.expr:
         """A message to a target."""

@@ -316,12 +316,19 @@ class Statements(Expressions):
     def scope_tagged(self, node: ast.Node, write: Any, p: Pos) -> None:
         """A block; if its scope tag is used, the tag is stopped when the block is left."""
         local = self.binding.scope_tags.get(id(node))
+        outer, self.w.close_scope = self.w.close_scope, None
         if local is None:
             write()
-            return
-        self.declare(local, call("scope_tag", [], p), p)
-        close = do(call(attr(self.read(local, p), "close", p), [], p), p)
-        self.emit(try_(self.block(write), [], [], [close], p))
+        else:
+            tag = local
+
+            def close() -> py.stmt:
+                return do(call(attr(self.read(tag, p), "close", p), [], p), p)
+
+            self.declare(tag, call("scope_tag", [], p), p)
+            self.w.close_scope = close
+            self.emit(try_(self.block(write), [], [], [close()], p))
+        self.w.close_scope = outer
 
     def s_Pipe(self, node: ast.Pipe, dest: str | None) -> None:
         for item in node.items[:-1]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -126,8 +127,7 @@ class Shell:
         self._reader = Reader(cache=lobby.programs.read)
         self._items: deque[Item] = deque()
         self._more = WaitQueue(self._scheduler)
-        self._count = 0
-        self._name = name
+        self._numbers = itertools.count(1)
         self._when_idle: Callable[[], None] | None = None
         self._job = self._scheduler.spawn(self._run, name, context=lobby)
 
@@ -142,6 +142,10 @@ class Shell:
         """End the main job; what was not yet run is dropped."""
         self._items.clear()
         self._scheduler.kill(self._job)
+
+    def next_name(self) -> str:
+        """A name for the next job: statements and what they detach are numbered in one row."""
+        return f"shell_{next(self._numbers)}"
 
     def when_idle(self, action: Callable[[], None]) -> None:
         """Call ``action`` once all statements received so far were run."""
@@ -172,6 +176,7 @@ class Shell:
 
     def _foreground(self, statement: Statement) -> None:
         lobby = self._lobby
+        self._job.name = self.next_name()
         passage = lobby.tag.open()
         try:
             passage.enter()
@@ -196,7 +201,6 @@ class Shell:
 
     def _background(self, statement: Statement) -> None:
         lobby = self._lobby
-        self._count += 1
 
         def run() -> None:
             passage = lobby.tag.open()
@@ -209,7 +213,7 @@ class Shell:
             finally:
                 passage.exit()
 
-        job = self._scheduler.spawn(run, f"{self._name}_{self._count}", context=lobby)
+        job = self._scheduler.spawn(run, self.next_name(), context=lobby)
         self._scheduler.start_now(job)
 
 

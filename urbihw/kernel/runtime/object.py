@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 class Obj:
     """Any urbiscript object but a float."""
 
-    __slots__ = ("__weakref__", "cache", "meta", "protos", "slots", "world")
+    __slots__ = ("__weakref__", "cache", "meta", "number", "protos", "slots", "world")
     bounces = False
     """Whether an assignment to a slot it does not have goes to its members (a Group)."""
 
@@ -39,6 +39,7 @@ class Obj:
         self.slots: dict[str, Any] = {}
         self.cache: dict[str, Obj] | None = None
         self.meta: dict[str, SlotMeta] | None = None
+        self.number = 0
 
     # ---------------------------------------------------------------- lookup
 

@@ -26,6 +26,9 @@ from urbihw.kernel.sched.tag import Tag
 
 log = logging.getLogger("urbihw.kernel")
 
+UID_BASE, UID_STEP = 0x10000000, 0x10
+"""Unique identifiers look like addresses, as in the manual, but the same program gives the same ones."""
+
 
 class World:
     """The objects of one kernel.  ``self.object`` is urbiscript's Object, and so on."""
@@ -38,6 +41,7 @@ class World:
         self._showing = False
         self.period = 0.02
         self.tag_count = 0
+        self._numbered = 0
         self.float_slots: dict[int, tuple[float, Obj]] = {}
         self.lazy_names: set[str] = set()
         self.generic_floats = False
@@ -228,8 +232,12 @@ class World:
         return name if name.isidentifier() else f"'{name}'"
 
     def uid(self, value: Any) -> str:
-        """What tells a value from all others: ``0x`` and hexadecimal digits."""
-        return hex(id(value))
+        """What tells a value from all others: ``0x`` and hexadecimal digits, given out in the order of the asking."""
+        obj = self.as_obj(value)
+        if not obj.number:
+            self._numbered += 1
+            obj.number = UID_BASE + UID_STEP * self._numbered
+        return hex(obj.number)
 
     # ---------------------------------------------------------------- calling
 

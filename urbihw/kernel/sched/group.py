@@ -38,21 +38,24 @@ class Group:
             try:
                 self.join()
             except BaseException:
-                self._abort()
+                self.abandon()
                 raise
         else:
-            self._abort()
+            self.abandon()
 
-    def spawn(self, body: Callable[[], Any], name: str = "") -> Job:
-        """A child at the end of the ready queue."""
+    def start(self, body: Callable[[], Any], name: str = "") -> None:
+        """A child that runs at once; the owner queues up behind all that are ready (the separator ``,``)."""
+        self._scheduler.start_now(self._make(body, name))
+
+    def launch(self, body: Callable[[], Any], name: str = "") -> None:
+        """A child that runs at once; the owner goes on as soon as it yields (the branches of ``&``)."""
+        self._scheduler.run_first(self._make(body, name))
+
+    def _make(self, body: Callable[[], Any], name: str) -> Job:
         child = self._scheduler.spawn(body, name, parent=self._owner)
         child.group = self
         self._children[child] = None
         return child
-
-    def start(self, body: Callable[[], Any], name: str = "") -> None:
-        """A child that runs at once; the owner queues up behind it (the separator ``,``)."""
-        self._scheduler.start_now(self.spawn(body, name))
 
     def join(self) -> None:
         """Wait until all children are over."""
@@ -72,7 +75,8 @@ class Group:
         elif not self._children and self._joining:
             self._scheduler.wake(self._owner)
 
-    def _abort(self) -> None:
+    def abandon(self) -> None:
+        """Stop the children and wait until they are over: the block is left by return, break or an error."""
         self.closed = True
         for child in list(self._children):
             self._scheduler.kill(child)

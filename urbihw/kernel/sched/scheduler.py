@@ -91,6 +91,15 @@ class Scheduler:
         self.ready.appendleft(made)
         self.yield_()
 
+    def run_first(self, made: Job) -> None:
+        """Run a job just spawned before its maker goes on; the maker goes on as soon as it yields."""
+        maker = self.running()
+        self.ready.remove(made)
+        self.ready.appendleft(maker)
+        self.ready.appendleft(made)
+        maker.state = states.READY
+        self._leave(maker)
+
     def running(self) -> Job:
         """The job that runs; only a job may call what needs this."""
         if self.current is None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -163,12 +162,11 @@ def wait_for_termination(world: World, this: JobObject) -> None:
 
 def starter(world: World) -> Callable[[Callable[[], Any], bool], JobObject]:
     """What makes a job that ends alone, with the tags of its maker or (``clear``) without them."""
-    numbers = itertools.count(1)
-
     def start(body: Callable[[], Any], clear: bool) -> JobObject:
         maker = world.scheduler.running()
         entries: Iterable[Any] = () if clear else maker.entries
-        made = world.scheduler.spawn(body, f"shell_{next(numbers)}", context=maker.context, entries=entries)
+        name = maker.context.shell.next_name() if maker.context is not None else maker.name
+        made = world.scheduler.spawn(body, name, context=maker.context, entries=entries)
         _first_in_turn(world.scheduler.ready, made)
         value = job_value(world, made)
         stack = current_stack()

@@ -108,7 +108,7 @@ def each_apart(world: World, this: Any, members: Iterable[Any], function: Any) -
     wanted = callable_of(world, function)
     with Group(world.scheduler) as group:
         for member in members:
-            group.spawn(partial(world.invoke, wanted, this, (member,)), "each&")
+            group.launch(partial(world.invoke, wanted, this, (member,)), "each&")
 
 
 def index_in(size: int, value: Any, world: World, negative: bool = True) -> int:

@@ -115,12 +115,14 @@ def _source(world: World, this: Any, name: str, routine: str) -> Any:
 @TABLE.primitive("hasSlot")
 def has_slot(world: World, this: Any, name: str) -> bool:
     """Whether this object has the slot, its own or inherited."""
+    world.recorder.read(this, name)
     return world.peek_obj(this).find(name) is not None
 
 
 @TABLE.primitive("hasLocalSlot")
 def has_local_slot(world: World, this: Any, name: str) -> bool:
     """Whether this object itself has the slot."""
+    world.recorder.read(this, name)
     return _has_own_slots(world, this) and name in world.peek_obj(this).slots
 
 

@@ -63,4 +63,4 @@ def each_at_once(world: World, this: Any, members: list[Any], function: Any) -> 
     """``each&`` over these members."""
     with Group(world.scheduler) as group:
         for member in members:
-            group.spawn(lambda member=member: world.invoke(function, this, (member,)))  # type: ignore[misc]
+            group.launch(lambda member=member: world.invoke(function, this, (member,)))  # type: ignore[misc]

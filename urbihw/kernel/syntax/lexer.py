@@ -46,7 +46,7 @@ _UNFINISHED_SIGNS = {sign[:size] for sign in {*SIGNS, "//", "/*"} for size in ra
 _LONG_WORD = 64
 _UNFINISHED_NUMBER = re.compile(r"[0-9][A-Za-z0-9_]*(?:\.[A-Za-z0-9_]*)?(?:(?<=[eE])[-+][0-9A-Za-z_]*)?\Z")
 
-_STRING_PART = {quote: re.compile(rf"[^{quote}\\]+") for quote in "\"'"}
+_STRING_PART = {'"': re.compile(r'[^"\\]+'), "'": re.compile(r"[^'\\\n]+")}
 _ESCAPE = re.compile(r"\\(?:([0-7]{1,3})|x([0-9A-Fa-f]{2})|B\(([0-9]{1,15})\)\(|([\\\"'abfnrtv]))", re.DOTALL)
 _UNFINISHED_ESCAPE = re.compile(r"\\(?:[0-7]{1,2}|x[0-9A-Fa-f]?|B(?:\((?:[0-9]{1,15}\)?)?)?)?\Z")
 
@@ -213,6 +213,10 @@ class Lexer(Source):
                 self._mode = ""
                 kind = "STRING" if self._quote == '"' else "NAME"
                 return Token(kind, "".join(self._parts), self._span_from_start())
+            if buffer[self._at] == "\n":  # a stray apostrophe must not swallow what is typed on the next lines
+                self._mode = ""
+                self._problem("unterminated quoted identifier", self._span_from_start())
+                return Token("NAME", "".join(self._parts), self._span_from_start())
             if not self._escape() or self._mode != "string":
                 return None
         return None
