@@ -382,30 +382,33 @@ def scans(protocol: int) -> None:
 
 
 def silent(protocol: int, seconds: float) -> None:
-    """Print what silent servos cost the others, at full speed."""
+    """Print what silent servos cost the others, at full speed, each beside a healthy run right before it."""
     with fake(protocol) as kit, buses.open(kit.url) as link:
-        healthy = 0.0
-        for dead in ((), (6,), (6, 13), (1, 6, 7, 13, 18)):
+        for dead in ((6,), (6, 13), (1, 6, 7, 13, 18)):
             cycle = cycle_of(link, protocol, False, 1 / FLAT_OUT)
+            healthy, _ = living_rate(link, cycle, protocol, 18, seconds)
             for device in dead:
                 kit.say(f"silence {device}")
-            full: list[bool] = []
-
-            def loop(
-                count: int, cycle: Cycle = cycle, living: int = len(IDS) - len(dead), full: list[bool] = full
-            ) -> None:
-                aim(cycle, protocol, count)
-                full.append(len(cycle.tick(link.clock.now()).values) == living)
-
-            rate = rate_of(loop, seconds)
+            rate, complete = living_rate(link, cycle, protocol, 18 - len(dead), seconds)
             for device in dead:
                 kit.say(f"heal {device}")
-            healthy = healthy or rate
-            complete = 100 * sum(full) / len(full)
             share = 100 * rate / healthy
             print(
-                f"  {len(dead)} of 18 silent: {rate:6.1f} Hz ({share:5.1f} %), all data of the living {complete:5.1f} %"
+                f"  {len(dead)} silent: {rate:6.1f} Hz of {healthy:.1f} healthy ({share:5.1f} %), "
+                f"all data of the living {complete:5.1f} %",
+                flush=True,
             )
+
+
+def living_rate(link: Link, cycle: Cycle, protocol: int, living: int, seconds: float) -> tuple[float, float]:
+    """Return ticks a second, and the percentage of them that brought the data of all `living`."""
+    full: list[bool] = []
+
+    def loop(count: int) -> None:
+        aim(cycle, protocol, count)
+        full.append(len(cycle.tick(link.clock.now()).values) == living)
+
+    return rate_of(loop, seconds), 100 * sum(full) / len(full)
 
 
 def main() -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from fakes.bioloid import Bioloid
-from urbihw.buses.dynamixel import tables
+from urbihw.buses.dynamixel import packet, tables
 from urbihw.buses.dynamixel.scan import scan
 from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
 
@@ -108,6 +108,21 @@ def test_time_outs_get_short_when_answers_are_prompt(rig: Rig) -> None:
     start = rig.clock.now()
     with pytest.raises(BusTimeout):
         bus.ping(6, retries=0)
+    assert rig.clock.now() - start < 0.0035
+
+
+def test_after_a_burst_of_lateness_the_brief_time_out_is_still_short(rig: Rig) -> None:
+    bus = rig.bus()
+    for _ in range(30):
+        bus.ping(7)
+    rig.kit.faults.start("late", 7, amount=0.0029, times=4)
+    for _ in range(30):
+        bus.ping(7)
+    assert bus.patience.allowance > bus.patience.brief
+    rig.kit.faults.start("silence", 6)
+    start = rig.clock.now()
+    with pytest.raises(BusTimeout):
+        bus.ask(packet.ping_packet(1, 6), 6, 0, brief=True)
     assert rig.clock.now() - start < 0.0035
 
 

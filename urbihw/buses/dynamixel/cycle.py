@@ -271,7 +271,7 @@ class Cycle:
         ping = packet.ping_packet(self.bus.protocol, number)
         try:
             # It may have been without power, or be another one with the same id: ask who it is.
-            pong = self.bus.ask(ping, number, size, self._take_prefix())
+            pong = self.bus.ask(ping, number, size, self._take_prefix(), brief=True)
             member.meet(identify(self.bus, number, pong))
         except (BusTimeout, BadFrame, DeviceRefused):
             member.health.probed(self.bus.clock.now(), False)

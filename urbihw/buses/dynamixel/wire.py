@@ -75,19 +75,26 @@ class Wire:
             self._swallow_echo(len(data))
 
     def ask(
-        self, request: bytes, device: int, size: int, prefix: bytes = b"", meanwhile: Meanwhile | None = None
+        self,
+        request: bytes,
+        device: int,
+        size: int,
+        prefix: bytes = b"",
+        meanwhile: Meanwhile | None = None,
+        brief: bool = False,
     ) -> Status:
         """Send `request` and return the answer of `device` with `size` bytes of data.
 
         `prefix` is unanswered packets to send in the same write, right before it; `meanwhile` is called once they
-        are on their way, for work that would otherwise keep the wire idle.
+        are on their way, for work that would otherwise keep the wire idle. `brief`: wait for `Patience.brief` only.
         Raises BusTimeout, BadFrame, LinkGone. A refusal is returned, not raised: see `Status.refusal`.
         """
         wire_end = self._dispatch(prefix + request)
         if meanwhile is not None:
             meanwhile()
-        status, data = self._first_look(device, size, wire_end)
-        return status or self._listen(prefix + request, device, size, data, wire_end)
+        allowance = self.patience.brief if brief else self.patience.allowance
+        status, data = self._first_look(device, size, wire_end, allowance)
+        return status or self._listen(prefix + request, device, size, data, wire_end, allowance)
 
     def ask_each(
         self, questions: Sequence[Single], prefix: bytes = b"", meanwhile: Meanwhile | None = None
@@ -107,10 +114,11 @@ class Wire:
             if device in failed:
                 continue
             following = _next_question(questions, index, failed)
-            status, data = self._first_look(device, size, wire_end)
+            allowance = self.patience.allowance
+            status, data = self._first_look(device, size, wire_end, allowance)
             if status is None:
                 try:
-                    status = self._listen(sent, device, size, data, wire_end)
+                    status = self._listen(sent, device, size, data, wire_end, allowance)
                 except (BusTimeout, BadFrame) as error:
                     failed.add(device)
                     yield index, error
@@ -122,14 +130,14 @@ class Wire:
                 sent, wire_end = following, self._dispatch(following)
             yield index, status
 
-    def _first_look(self, device: int, size: int, wire_end: float) -> tuple[Status | None, bytes]:
+    def _first_look(self, device: int, size: int, wire_end: float, allowance: float) -> tuple[Status | None, bytes]:
         """Wait for the plain answer; return it, or None and the bytes that came instead."""
         if self.echo:
             # A one-wire adapter: our own bytes come first.
             return None, b""
         expected = size + packet.OVERHEAD[self.protocol]
         answer_time = wire_end + expected * self.link.byte_time
-        deadline = answer_time + self.patience.allowance
+        deadline = answer_time + allowance
         read = self.link.read
         data = read(expected, deadline)
         while 0 < len(data) < expected:
@@ -229,12 +237,12 @@ class Wire:
         self._wire_free_at = end = start + len(data) * self.link.byte_time
         return end
 
-    def _listen(self, sent: bytes, device: int, size: int, data: bytes, wire_end: float) -> Status:
+    def _listen(self, sent: bytes, device: int, size: int, data: bytes, wire_end: float, allowance: float) -> Status:
         """The patient look: decode whatever comes until `device` has answered or the time is over."""
         decoder = self._decoder(size, sent)
         byte_time = self.link.byte_time
         answer_time = wire_end + (size + packet.OVERHEAD[self.protocol]) * byte_time
-        deadline = answer_time + self.patience.allowance
+        deadline = answer_time + allowance
         while True:
             for status in decoder.feed(data):
                 if fits(status, device, size):
