@@ -163,7 +163,7 @@ class Lexer(Source):
             if unit in DURATIONS:
                 return Token("TIME", value * DURATIONS[unit], span)
             if unit in ANGLES:
-                return Token("FLOAT", value * ANGLES[unit], span)
+                return Token("FLOAT", value / ANGLES[unit], span)
         self._problem(f"invalid token: `{match[0]}'", span)
         return None
 

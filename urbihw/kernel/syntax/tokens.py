@@ -71,9 +71,10 @@ SIGNS = _words(
     """
 )
 
-# The factor by which a number with a unit is multiplied: seconds for durations, radians for angles.
+# The factor by which a duration is multiplied to give seconds, and how much of an angle's unit makes a radian:
+# dividing by that gives 200grad == pi to the last bit, multiplying by pi / 200 does not.
 DURATIONS = {"ms": 0.001, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
-ANGLES = {"rad": 1.0, "deg": math.pi / 180, "grad": math.pi / 200}
+ANGLES = {"rad": 1.0, "deg": 180 / math.pi, "grad": 200 / math.pi}
 
 ESCAPES = {
     "\\": "\\",
