@@ -45,15 +45,17 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.kernel.lobby",
         "urbihw.kernel.sched",
     ),
+    "urbihw.kernel.stages": ("urbihw.kernel.errors", "urbihw.kernel.compiler", "urbihw.kernel.syntax"),
     "urbihw.kernel": ("urbihw.kernel.facade",),
     # Wires and robots.
     "urbihw.buses": (),
-    # The loader knows what a robot is, and tells the ways in; they see no more of uobject than that.
+    # The loader and the daemon hold a robot by its base class, and know the kinds of its failures.
     "urbihw.platforms": ("urbihw.kernel.uobject",),
     ROBOT: ("urbihw.kernel.uobject", "urbihw.buses"),
     # The ways in.  "urbihw.kernel" alone is its door, Kernel; "urbihw.platforms" alone is the loader.
     "urbihw.daemon": (
         "urbihw.kernel",
+        "urbihw.kernel.uobject",
         "urbihw.kernel.facade",
         "urbihw.kernel.server",
         "urbihw.kernel.lobby",
@@ -62,6 +64,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     ),
     "urbihw.cli": (
         "urbihw.kernel",
+        "urbihw.kernel.stages",
+        "urbihw.kernel.uobject",
         "urbihw.kernel.facade",
         "urbihw.kernel.server",
         "urbihw.kernel.lobby",

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from urbihw.platforms import NotReady
+from urbihw.kernel.uobject import NotReady
 
 _PATIENCE = 10.0
 

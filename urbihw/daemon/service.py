@@ -17,7 +17,6 @@ import os
 import signal
 import socket
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
@@ -26,13 +25,16 @@ from urbihw import platforms
 from urbihw.buses.errors import BadUrl
 from urbihw.buses.link import Url
 from urbihw.daemon.banner import banner
+from urbihw.daemon.config import Config
 from urbihw.daemon.fake import Fake
 from urbihw.daemon.holders import holder_of_file, holder_of_port
+from urbihw.daemon.notify import Notifier
 from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.server.loop import Driver
 from urbihw.kernel.server.tcp import Server
-from urbihw.platforms import DeviceError, Manifest, Robot, RobotSettings
+from urbihw.kernel.uobject import BadConfig, DeviceError, Robot, RobotSettings
+from urbihw.platforms import Manifest
 
 log = logging.getLogger("urbihw.daemon")
 
@@ -45,58 +47,22 @@ class StartError(Exception):
     """The daemon cannot serve as it is set up; the message is one line that says what to do."""
 
 
-@dataclass(frozen=True)
-class ServiceSettings:
-    """What to serve, and where.
-
-    Attributes:
-        platform: name of the folder under ``urbihw/platforms``.
-        url: of the robot's bus; "" for the platform's default.
-        fake: serve the robot in software instead.
-        host, port: where to listen; port 0 takes a free one.
-        port_file: where to write the port when clients may come.
-        quiet: no banner.
-        rate: readings a second; None for the platform's own.
-        dead_man: see ``RobotSettings``.
-        torque_off_on_stop: see ``RobotSettings``.
-        options: what else the platform takes.
-        load: urbiscript files to load in Global before clients come.
-        unread_limit: bytes that a client may leave unread.
-    """
-
-    platform: str
-    url: str = ""
-    fake: bool = False
-    host: str = "127.0.0.1"
-    port: int = 54000
-    port_file: Path | None = None
-    quiet: bool = False
-    rate: float | None = None
-    dead_man: float = 1.5
-    torque_off_on_stop: bool = False
-    options: dict[str, object] = field(default_factory=dict)
-    load: tuple[Path, ...] = ()
-    unread_limit: int = 8 * 1024 * 1024
-
-
 class Service:
-    """``await Service(settings).run()`` serves until SIGTERM, SIGINT or ``stop()``; the result is the exit code."""
+    """``await Service(config).run()`` serves until SIGTERM, SIGINT or ``stop()``; the result is the exit code."""
 
     def __init__(
-        self,
-        settings: ServiceSettings,
-        reread: Callable[[], ServiceSettings] | None = None,
-        notify: Callable[[str], object] = lambda state: None,
+        self, config: Config, notifier: Notifier | None = None, reread: Callable[[], Config] | None = None
     ) -> None:
-        """``reread`` gives the settings anew (SIGHUP); ``notify`` takes what the service manager is to know."""
-        self._settings = settings
+        """``notifier`` tells the service manager; ``reread`` gives the settings anew, for SIGHUP."""
+        self._config = config
+        self._notifier = notifier if notifier is not None else Notifier()
         self._reread = reread
-        self._notify = notify
         self._stop = asyncio.Event()
         self._kernel: Kernel
-        self._driver: Driver
+        self._driver: Driver | None = None
         self._server: Server | None = None
         self._robot: Robot | None = None
+        self._robot_url = ""
         self._fake: Fake | None = None
         self._port = -1
 
@@ -116,7 +82,7 @@ class Service:
             else:
                 starting.cancel()
         finally:
-            self._notify("STOPPING=1")
+            self._notifier.stopping()
             await self._close()
         return 0
 
@@ -128,33 +94,31 @@ class Service:
         """Read the settings again; what can change without starting anew does: rate, dead man, torque on stop."""
         if self._reread is None or self._robot is None:
             return
-        self._notify("RELOADING=1")
         try:
-            self._settings = self._reread()
-            self._robot.configure(self._robot_settings(self._robot_url))
-            log.info("settings read again")
-        except (StartError, DeviceError, ValueError) as error:
+            self._robot.configure(_robot_settings(self._reread(), self._robot_url))
+        except BadConfig as error:
             log.error("settings stay as they were: %s", error)
-        self._notify("READY=1")
+            return
+        log.info("settings read again")
 
     # ---------------------------------------------------------------- start
 
     async def _start(self) -> None:
-        settings = self._settings
+        config = self._config
         try:
-            manifest = platforms.find(settings.platform)
+            manifest = platforms.find(config.platform)
             kind = platforms.load(manifest)
-        except (platforms.BadConfig, platforms.BadManifest) as error:
+        except BadConfig as error:
             raise StartError(str(error)) from error
         self._probe_port()
-        if settings.fake:
+        if config.fake:
             if not manifest.fake:
                 raise StartError(f"platform {manifest.name} has no robot in software; give its --url")
             self._fake = Fake(manifest.fake)
         self._kernel = Kernel()
         self._driver = Driver(self._kernel.scheduler)
         self._kernel.programs.shutdown = self.stop
-        self._kernel.programs.quiet = settings.quiet
+        self._kernel.programs.quiet = config.quiet
         for known in (kind, *kind.classes):
             self._kernel.host.register(known)
         for name in manifest.library:
@@ -163,19 +127,19 @@ class Service:
             await self._open(manifest, kind)
         except DeviceError as error:
             raise StartError(self._explained(str(error))) from error
-        for path in settings.load:
-            await self._load(path)
+        for name in config.load:
+            await self._load(Path(name))
         await self._listen()
 
     def _probe_port(self) -> None:
         """Find out whether the port is free before the robot is touched."""
-        settings = self._settings
+        config = self._config
         try:
             family, kind, proto, _, address = socket.getaddrinfo(
-                settings.host, settings.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+                config.host, config.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
             )[0]
         except OSError as error:
-            raise StartError(f"cannot listen on {settings.host!r}: {error.strerror or error}; choose --host") from error
+            raise StartError(f"cannot listen on {config.host!r}: {error.strerror or error}; choose --host") from error
         with socket.socket(family, kind, proto) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
@@ -185,7 +149,7 @@ class Service:
                 raise self._no_port(error) from error
 
     def _no_port(self, error: OSError) -> StartError:
-        host, port = self._settings.host, self._settings.port
+        host, port = self._config.host, self._config.port
         if error.errno == errno.EADDRINUSE:
             holder = holder_of_port(port)
             by = f" by {holder}" if holder else ""
@@ -196,6 +160,10 @@ class Service:
             return StartError(f"this machine has no address {host}; choose --host 127.0.0.1 or --host 0.0.0.0")
         return StartError(f"cannot listen on {host}:{port}: {error.strerror}")
 
+    def _drive(self) -> None:
+        assert self._driver is not None
+        self._driver.drive()
+
     async def _load(self, path: Path) -> None:
         """Run an urbiscript file in Global."""
         try:
@@ -204,33 +172,26 @@ class Service:
             raise StartError(f"cannot load {path}: {error.strerror}") from error
         done: asyncio.Future[str] = asyncio.get_running_loop().create_future()
         self._kernel.host.run(text, str(path), done.set_result)
-        self._driver.drive()
+        self._drive()
         problem = await done
         if problem:
             raise StartError(f"cannot load a file: {problem}")
 
     async def _open(self, manifest: Manifest, kind: type[Robot]) -> None:
-        url = self._settings.url or manifest.default_url
+        url = self._config.url or manifest.default_url
         if self._fake is not None:
             url = await self._fake.url()
-        self._robot_url, self._rate = url, manifest.rate
-        self._name = manifest.name
+        self._robot_url = url
         opened: asyncio.Future[DeviceError | None] = asyncio.get_running_loop().create_future()
         self._robot = self._kernel.host.create(kind, manifest.slot)
-        self._robot.open(self._robot_settings(url), opened.set_result)
-        self._driver.drive()
+        self._robot.open(_robot_settings(self._config, url), opened.set_result)
+        self._drive()
         try:
             error = await asyncio.wait_for(opened, OPEN_PATIENCE)
         except TimeoutError:
             raise StartError(f"no word from the robot on {url} in {OPEN_PATIENCE:g} s") from None
         if error is not None:
             raise error
-
-    def _robot_settings(self, url: str) -> RobotSettings:
-        settings = self._settings
-        return RobotSettings(
-            url, settings.rate or self._rate, settings.dead_man, settings.torque_off_on_stop, settings.options
-        )
 
     def _explained(self, reason: str) -> str:
         """Add who holds the port, if that is what is wrong."""
@@ -243,24 +204,25 @@ class Service:
         return reason
 
     async def _listen(self) -> None:
-        settings = self._settings
-        self._server = Server(self._driver, self._open_lobby, settings.unread_limit)
+        config = self._config
+        assert self._driver is not None
+        self._server = Server(self._driver, self._open_lobby, config.unread_limit)
         try:
-            self._port = await self._server.listen(settings.host, settings.port)
+            self._port = await self._server.listen(config.host, config.port)
         except OSError as error:
             raise self._no_port(error) from error
         self._kernel.programs.listen_port = self._port
-        if settings.port_file is not None:
+        if config.port_file:
             try:
-                settings.port_file.write_text(f"{self._port}\n", "ascii")
+                Path(config.port_file).write_text(f"{self._port}\n", "ascii")
             except OSError as error:
-                raise StartError(f"cannot write the port to {settings.port_file}: {error.strerror}") from error
-        log.info("serving %s on %s:%d: %s", self._name, settings.host, self._port, self._status())
-        self._notify("READY=1")
+                raise StartError(f"cannot write the port to {config.port_file}: {error.strerror}") from error
+        log.info("port %d of %s: %s", self._port, config.host, self._status())
+        self._notifier.ready(self._status())
 
     def _open_lobby(self, remote: str, wanted: Callable[[Lobby], None], limit: int) -> Lobby:
         lobby = self._kernel.open_lobby(remote, wanted, limit)
-        if not self._settings.quiet:
+        if not self._config.quiet:
             for line in banner(version("urbihw")):
                 lobby.output.line(line)
         return lobby
@@ -268,17 +230,18 @@ class Service:
     # ---------------------------------------------------------------- serve
 
     def _status(self) -> str:
-        return "" if self._robot is None else self._robot.status()
+        return "" if self._robot is None else f"{self._config.platform}: {self._robot.status()}"
 
     async def _report(self, stopping: asyncio.Future[Literal[True]]) -> None:
         """Keep the service manager informed until it is time to stop."""
-        said = ""
+        said, period = "", min(STATUS_PERIOD, self._notifier.watchdog_period or STATUS_PERIOD)
         while not stopping.done():
-            status = f"{self._name}: {self._status()}"
+            status = self._status()
             if status != said:
-                self._notify(f"STATUS={status}")
+                self._notifier.status(status)
                 said = status
-            await asyncio.wait((stopping,), timeout=STATUS_PERIOD)
+            self._notifier.watchdog()
+            await asyncio.wait((stopping,), timeout=period)
 
     # ---------------------------------------------------------------- stop
 
@@ -290,12 +253,15 @@ class Service:
                 if connection.lobby is not None:
                     connection.lobby.output.line("*** urbihw: shutting down, the robot is stopped")
             await self._server.close()
-        if hasattr(self, "_driver"):
+        if self._driver is not None:
             self._driver.close()
         if self._fake is not None:
             self._fake.close()
-        port_file = self._settings.port_file
-        if port_file is not None and self._port >= 0:
+        if self._config.port_file and self._port >= 0:
             with contextlib.suppress(OSError):
-                os.unlink(port_file)
+                os.unlink(self._config.port_file)
         log.info("stopped")
+
+
+def _robot_settings(config: Config, url: str) -> RobotSettings:
+    return RobotSettings(url, config.rate, config.dead_man, config.torque_off_on_stop, config.options)

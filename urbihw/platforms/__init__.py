@@ -9,22 +9,10 @@ from __future__ import annotations
 import importlib
 from pathlib import Path
 
-from urbihw.kernel.uobject import BadConfig, DeviceError, NotReady, Robot, RobotSettings
+from urbihw.kernel.uobject import BadConfig, Robot
 from urbihw.platforms.manifest import FILE, BadManifest, Manifest, read
 
-__all__ = [
-    "BadConfig",
-    "BadManifest",
-    "DeviceError",
-    "Manifest",
-    "NotReady",
-    "Robot",
-    "RobotSettings",
-    "find",
-    "folders",
-    "load",
-    "read",
-]
+__all__ = ["BadManifest", "Manifest", "find", "folders", "load", "read"]
 
 
 def folders(root: Path | None = None) -> list[Path]:

@@ -12,10 +12,12 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Final
 
+from urbihw.kernel.uobject import BadConfig
+
 FILE: Final = "platform.toml"
 
 
-class BadManifest(ValueError):
+class BadManifest(BadConfig):
     """A manifest that cannot be used; the message names the file, the key and what is wanted."""
 
 
@@ -43,7 +45,6 @@ class Manifest:
         default_url: of the bus, when none is given; "" for none.
         usb: adapters that it is found behind.
         fake: arguments of ``python -m fakes`` for the same robot in software; () for none.
-        rate: readings a second unless set otherwise.
         needs: extras of the package that must be installed.
     """
 
@@ -57,7 +58,6 @@ class Manifest:
     default_url: str = ""
     usb: tuple[UsbId, ...] = ()
     fake: tuple[str, ...] = ()
-    rate: float = 100.0
     needs: tuple[str, ...] = ()
 
 
@@ -114,10 +114,6 @@ def _value(key: str, value: Any) -> Any:
         if not isinstance(value, list) or not all(isinstance(member, str) for member in value):
             raise BadManifest(f'{key} must be a list of texts, such as ["a", "b"], not {value!r}')
         return tuple(value)
-    if key == "rate":
-        if not isinstance(value, int | float) or isinstance(value, bool) or not 1 <= value <= 1000:
-            raise BadManifest(f"rate must be a number of Hz from 1 to 1000, not {value!r}")
-        return float(value)
     return tuple(_usb(row) for row in value) if isinstance(value, list) else _usb(value)
 
 
