@@ -29,6 +29,10 @@ class BadUrl(BusError, ValueError):
 class Unavailable(BusError, OSError):
     """The bus cannot be opened now: no such port, no rights, in use, connection refused, library missing."""
 
+    def __str__(self) -> str:
+        # An OSError would put its number in front of the words, which helps nobody.
+        return self.strerror or super().__str__()
+
 
 class LinkGone(BusError, ConnectionError):
     """An open link stopped working: adapter unplugged, peer closed, or `close()` was called before."""
