@@ -22,9 +22,11 @@ Bytes and characters are the same thing here (latin-1), as they are in the serve
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import re
 import signal
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -129,7 +131,11 @@ class Player:
         self.kernel = Kernel(self.clock)
 
     def play(self, transcript: Transcript) -> list[Outcome]:
-        """Run all units; after one that does not end the others are not tried."""
+        """Run all units, in an empty folder; after one that does not end the others are not tried."""
+        with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+            return self._play(transcript)
+
+    def _play(self, transcript: Transcript) -> list[Outcome]:
         lobby = self.kernel.open_lobby()
         outcomes: list[Outcome] = []
         stuck = ""
