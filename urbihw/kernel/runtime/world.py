@@ -39,6 +39,7 @@ class World:
         self.cached: list[Obj] = []
         self.ndebug = False
         self._showing = False
+        self.hide_system = True
         self.period = 0.02
         self.tag_count = 0
         self._numbered = 0
@@ -325,13 +326,13 @@ class World:
             return urbi.value
         value = urbi.value
         if isinstance(value, Obj) and "backtrace" not in value.slots and self.is_a(value, self.exception_proto):
-            self._locate(value, stack_of(urbi))
+            self._locate(value, stack_of(urbi, self.hide_system))
         return value
 
     def describe(self, error: BaseException) -> list[str]:
         """The lines that tell a user of an uncaught error, without the leading marks."""
         urbi = self.normalized(error)
-        stack = stack_of(urbi)
+        stack = stack_of(urbi, self.hide_system)
         value = self.caught(urbi)
         if isinstance(value, Obj) and self.is_a(value, self.exception_proto):
             head = self.exception_text(value)
@@ -365,7 +366,7 @@ class World:
         kind = self.exception_proto if raised.kind == "Exception" else self.exception_proto.slots.get(raised.kind, self.exception_proto)
         made = Obj(self, [kind])
         made.slots["message"] = self.string(raised.message)
-        stack = stack_of(raised)
+        stack = stack_of(raised, self.hide_system)
         routine = stack.routine if raised.routine == "" else raised.routine
         if routine is not None:
             made.slots["routine"] = self.string(routine)

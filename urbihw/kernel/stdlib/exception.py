@@ -14,6 +14,7 @@ from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.float import integer
+from urbihw.kernel.stdlib.support import field
 
 ROOT = Table("Exception")
 TABLES = [ROOT]
@@ -182,7 +183,11 @@ def install(world: World, programs: Any) -> None:
     root.update({"message": world.string(""), "routine": world.void, "location": world.nil})
     root["backtrace"] = world.new_list([])
     traceable: Any = world.global_.slots["Traceable"]
-    traceable.slots["hideSystemFiles"] = world.true
+
+    def write(this: Any, value: Any) -> None:
+        world.hide_system = bool(value)
+
+    field(world, traceable, "hideSystemFiles", lambda this: world.boolean(world.hide_system), write)
     traceable.slots["backtrace"] = root["backtrace"]
     lookup: Any = root["Lookup"]
     lookup.slots["fixSpelling"] = world.true
