@@ -341,7 +341,9 @@ class Binder:
         self.frame, self.scope = frame, Scope(self.scope, frame, slots=False)
         self.scope.names["call"] = self.result.own_call[id(node)] = Local("call", frame.unique("call"), frame, False)
         try:
-            if not node.closure:
+            if node.closure:
+                self.use_this(node)
+            else:
                 self.this = self.result.own_this[id(node)] = self.declare("this")
             formals = []
             for formal in node.formals or ():

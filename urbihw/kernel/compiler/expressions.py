@@ -304,7 +304,18 @@ class Expressions(Emitter):
         return self.short_circuit(node, self.expr)
 
     def x_Or(self, node: ast.Or) -> py.expr:
-        return self.short_circuit(node, self.expr)
+        """``||``; of two events it makes a third, and their truth has no say."""
+        left = self.expr(node.left)
+        right: list[py.expr] = []
+        before = self.block(lambda: right.append(self.expr(node.right)))
+        p = self.mark(node, "||")
+        variable = self.fresh("_o")
+        self.emit(set_(variable, left, p))
+        event = is_(attr(name(variable, p), "__class__", p), name("Event", p), p)
+        joined = choose(event, call("either", [name(variable, p), right[0]], p), right[0], p)
+        test = py.BoolOp(py.Or(), [event, py.UnaryOp(py.Not(), name(variable, p), **p)], **p)
+        self.emit(if_(test, [*before, set_(variable, joined, p)], [], p))
+        return name(variable, p)
 
     def short_circuit(self, node: ast.And | ast.Or, make: Callable[[ast.Node], py.expr]) -> py.expr:
         """``&&`` and ``||``: the right side is evaluated only if it decides."""

@@ -7,6 +7,7 @@ into a Python variable.
 from __future__ import annotations
 
 import ast as py
+import dataclasses
 from typing import Any
 
 from urbihw.kernel.compiler.bind import binding_names
@@ -244,6 +245,8 @@ class Statements(Expressions):
 
     def function_body(self, node: ast.Function, p: Pos) -> None:
         """Defaults, boxes, the body, and what catches a return from another job."""
+        if node.closure:  # a closure captures its target even if it does not use it: it is part of its identity
+            self.emit(do(self.this(node, p), p))
         for formal, local in zip(node.formals or (), self.binding.formals[id(node)], strict=True):
             if formal.default is not None:
                 default = formal.default
@@ -627,7 +630,9 @@ class Statements(Expressions):
     def text(self, node: ast.Node) -> str:
         """A claim as the user would see it printed: a comparison is shown as one, not as a message."""
         if isinstance(node, ast.Call) and node.name in COMPARED and node.target is not None and node.args:
-            return f"{print_node(node.target)} {node.name} {print_node(node.args[0])}"
+            return f"{self.text(node.target)} {node.name} {print_node(node.args[0])}"
+        if isinstance(node, ast.Call) and node.args == ():
+            return print_node(dataclasses.replace(node, args=None))
         return print_node(node)
 
 

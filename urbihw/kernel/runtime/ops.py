@@ -46,6 +46,7 @@ def make_ops(world: World) -> dict[str, Any]:
         "Leave": Leave,
         "StopTag": StopTag,
         "Box": Box,
+        "Event": Event,
         "token": object,
         "ready": scheduler.ready,
         "yield_": scheduler.yield_,
@@ -201,11 +202,15 @@ def _flow(world: World) -> dict[str, Any]:
         """A pattern had to match and did not."""
         raise errors.match_failure()
 
+    def either(left: Any, right: Any) -> Any:
+        """``left || right`` where left is an event."""
+        return world.send(left, "||", right)
+
     def truth(value: Any) -> bool:
         """Whether a value counts as true."""
         return bool(value)
 
-    return locals_of(thrown, match, match_payload, no_match, truth) | {"caught": world.caught}
+    return locals_of(thrown, match, match_payload, no_match, either, truth) | {"caught": world.caught}
 
 
 class Pace:

@@ -132,6 +132,8 @@ def _dictionary(node: ast.DictLit) -> _Parts:
 
 
 def _call(node: ast.Call) -> _Parts:
+    if node.args == () and is_identifier(node.name):
+        return [*_slot(node.target, node.name), "()"]
     return [*_slot(node.target, node.name), *_arguments(node.args)]
 
 
