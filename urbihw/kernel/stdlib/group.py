@@ -46,7 +46,7 @@ class GroupObject(Obj):
 
         with Jobs(self.world.scheduler) as jobs:
             for index in range(len(members)):
-                jobs.spawn(partial(run, index), "group")
+                jobs.launch(partial(run, index), "group")
         return self.gathered(results)
 
     def gathered(self, results: list[Any]) -> Any:
