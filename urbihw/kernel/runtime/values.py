@@ -1,4 +1,4 @@
-"""Value objects that own a Python value: strings, lists, tuples, dictionaries, derived floats, lazies, call messages."""
+"""Values that own a Python value: strings, lists, tuples, dictionaries, derived floats, lazies, call messages."""
 
 from __future__ import annotations
 
