@@ -46,6 +46,13 @@ def install(world: World, programs: Any) -> None:
     def write(this: Any, source: Any) -> None:
         if not isinstance(source, String):
             raise world.type_error(1, source, "String", "evaluate")
-        last[0] = programs.evaluate(source.s, world.scheduler.running().context or world.global_)
+        lobby = world.scheduler.running().context
+        try:
+            last[0] = programs.evaluate(source.s, lobby or world.global_)
+        except Exception as error:  # as with any variable that tells others of its changes, the writer goes on
+            if lobby is None:
+                raise
+            lobby.output.line("!!! Exception caught while processing notify on Global.evaluate:", "error")
+            lobby.report(error)
 
     field(world, world.global_, "evaluate", lambda this: last[0], write)
