@@ -73,13 +73,14 @@ class Edge:
     With a duration the expression counts as true only after it held that long.
     """
 
-    __slots__ = ("_duration", "_job", "_timer", "_watch", "_world", "value")
+    __slots__ = ("_duration", "_job", "_timer", "_waiting", "_watch", "_world", "value")
 
     def __init__(self, world: World, condition: Thunk, duration: float | None) -> None:
         self._world = world
         self._duration = duration
         self._job = world.scheduler.running()
         self._timer: Timer | None = None
+        self._waiting = False
         self.value = False
         self._watch = Watch(world.recorder, condition, self._edge)
         self._watch.touched()
@@ -96,14 +97,18 @@ class Edge:
 
     def _set(self, value: bool) -> None:
         self.value = value
-        if self._world.scheduler.current is not self._job:
+        if self._waiting:
             self._world.scheduler.wake(self._job)
 
     def wait_change(self) -> None:
         """Park the job until the truth changes."""
         before = self.value
-        while self.value == before:
-            self._world.scheduler.suspend(None)
+        self._waiting = True
+        try:
+            while self.value == before:
+                self._world.scheduler.suspend(None)
+        finally:
+            self._waiting = False
 
     def stop(self) -> None:
         """Look no more."""

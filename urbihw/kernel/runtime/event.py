@@ -139,9 +139,18 @@ def wait_for(world: World, job: Job) -> None:
     if job.done:
         return
     me = world.scheduler.running()
-    job.when_ended(lambda _: world.scheduler.wake(me))
-    while not job.done:
-        world.scheduler.suspend(None)
+    waiting = True
+
+    def ended(_: Job) -> None:
+        if waiting:
+            world.scheduler.wake(me)
+
+    job.when_ended(ended)
+    try:
+        while not job.done:
+            world.scheduler.suspend(None)
+    finally:
+        waiting = False
 
 
 class Handlers:

@@ -134,8 +134,8 @@ class Scheduler:
         self._leave(job)
 
     def wake(self, job: Job) -> None:
-        """Make a parked job ready; harmless if it is not parked."""
-        if job.state in (states.WAITING, states.SLEEPING) and not job.done:
+        """Make a parked job ready; harmless if it is not parked (a sleeper is not: it wakes when its time has come)."""
+        if job.state == states.WAITING and not job.held and not job.done:
             job.undo = None
             job.state = states.READY
             self.ready.append(job)
@@ -315,7 +315,9 @@ class Scheduler:
 
     def _wake_sleeper(self, job: Job) -> None:
         job.timer = None
-        self.wake(job)
+        job.undo = None
+        job.state = states.READY
+        self.ready.append(job)
 
     def _forget_timer(self, job: Job) -> None:
         if job.timer is not None:
