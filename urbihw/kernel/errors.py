@@ -82,6 +82,11 @@ def match_failure() -> Raised:
     return Raised("MatchFailure", "pattern did not match", None)
 
 
+def unfinalizable(routine: str | None = "") -> Raised:
+    """``cannot inherit from a Finalizable without being a Finalizable too``."""
+    return primitive("cannot inherit from a Finalizable without being a Finalizable too", routine)
+
+
 def bad_number(kind: str, message: str) -> Raised:
     """``name: message`` about a number; kind is BadInteger, BadNumber, NegativeNumber or NonPositiveNumber."""
     return Raised(kind, message)

@@ -32,6 +32,8 @@ class Obj:
     __slots__ = ("__weakref__", "cache", "meta", "number", "protos", "slots", "world")
     bounces = False
     """Whether an assignment to a slot it does not have goes to its members (a Group)."""
+    heirs_alike = False
+    """Whether only what is a Finalizable too may have it as a prototype."""
 
     def __init__(self, world: World, protos: list[Obj]) -> None:
         self.world = world
@@ -96,6 +98,8 @@ class Obj:
 
     def set_protos(self, protos: list[Any]) -> None:
         """Change the prototypes."""
+        if not self.heirs_alike and any(isinstance(proto, Obj) and proto.heirs_alike for proto in protos):
+            raise errors.unfinalizable()
         self.protos = protos
         self.world.flush()
 

@@ -126,6 +126,8 @@ class World:
 
     def new_class(self, name: str, protos: list[Any]) -> Obj:
         """What ``class name : protos`` makes before its body runs: an object with its ``type`` and ``as<name>``."""
+        if any(isinstance(proto, Obj) and proto.heirs_alike for proto in protos):
+            raise errors.unfinalizable("apply")
         if len(protos) == 1 and protos[0].__class__ is not float:
             made: Obj = protos[0].clone()
         else:

@@ -24,7 +24,8 @@ STRING = Table("String")
 TABLES = [INFO, FORMATTER, FLOAT, STRING]
 
 OPTIONS = r"(?P<flags>[-=+ 0#']*)(?P<width>\d*)(?:\.(?P<precision>\d+))?"
-PATTERN = re.compile(rf"%(?:\|{OPTIONS}(?P<spec>[sdDxXoeEf]?)\||{OPTIONS.replace('P<', 'P<bare_')}(?P<bare_spec>[sdDxXoeEf]))")
+BARE_OPTIONS = OPTIONS.replace("P<", "P<bare_")
+PATTERN = re.compile(rf"%(?:\|{OPTIONS}(?P<spec>[sdDxXoeEf]?)\||{BARE_OPTIONS}(?P<bare_spec>[sdDxXoeEf]))")
 EXACT = 2.0**63
 """Integral numbers below it print all their digits."""
 

@@ -70,10 +70,9 @@ def keys(world: World, this: list[Any]) -> Any:
 
 
 @TABLE.primitive("join")
-def join(world: World, this: List, sep: String | None = None, prefix: String | None = None, suffix: String | None = None) -> Any:
+def join(world: World, this: List, sep: Any = None, prefix: str = "", suffix: str = "") -> Any:
     """The members' ``asString`` with a separator between them, a prefix before and a suffix behind."""
-    empty = world.string("")
-    return world.send(sep or empty, "join", this, prefix or empty, suffix or empty)
+    return world.send(sep or world.string(""), "join", this, world.string(prefix), world.string(suffix))
 
 
 # ---------------------------------------------------------------- asking

@@ -165,7 +165,7 @@ def clone(world: World, this: Any) -> None:
 
 @GLOBAL.primitive("echo")
 def global_echo(world: World, this: Any, value: Any, channel: str = "") -> None:
-    """Send the text of a value behind three stars to the connection of the running job, under a label if one is given."""
+    """Send the text of a value behind three stars to the connection of the running job, under a label if there is one."""
     context = world.scheduler.running().context
     if context is not None:
         echo_to(world, context, value, channel)
@@ -203,12 +203,38 @@ def _all(world: World, programs: Any) -> List:
 
 
 def _created(world: World, maker: Any) -> Any:
-    """A lobby of the maker's class whose words are handed to the maker's output at the end of the round."""
+    """A lobby of the maker's class that speaks through the maker's output."""
     speaker = real(maker)
     make: Callable[..., Any] = type(maker)
+    made = make(world, speaker.programs, lambda lobby: None)
+    made.output = Relay(speaker.output)
+    return made
 
-    def forward(made: Lobby) -> None:
-        scheduler = world.scheduler
-        scheduler.call_at(scheduler.clock.now(), lambda: speaker.output.write(made.output.take()))
 
-    return make(world, speaker.programs, forward)
+class Relay:
+    """An output that hands everything on to another one until it is closed."""
+
+    def __init__(self, output: Output) -> None:
+        self._output = output
+        self.sent = 0
+        self.open = True
+
+    def line(self, text: str, channel: str = "") -> None:
+        """Send one line."""
+        if self.open:
+            self.sent += len(text)
+            self._output.line(text, channel)
+
+    def write(self, data: bytes) -> None:
+        """Send bytes."""
+        if self.open:
+            self.sent += len(data)
+            self._output.write(data)
+
+    def take(self) -> bytes:
+        """Nothing waits here."""
+        return b""
+
+    def close(self) -> None:
+        """Nothing more is handed on."""
+        self.open = False
