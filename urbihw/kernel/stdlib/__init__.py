@@ -72,6 +72,8 @@ MODULES = (
     "path",
     "file",
     "stream",
+    "process",
+    "network",
     "kernel1",
 )
 

@@ -165,7 +165,7 @@ def clone(world: World, this: Any) -> None:
 
 @GLOBAL.primitive("echo")
 def global_echo(world: World, this: Any, value: Any, channel: str = "") -> None:
-    """Send the text of a value behind three stars to the connection of the running job, under a label if there is one."""
+    """Send the text of a value behind three stars to the running job's connection, labelled if a label is given."""
     context = world.scheduler.running().context
     if context is not None:
         echo_to(world, context, value, channel)

@@ -5,8 +5,6 @@ Source: manual, specs/timeout.  Each passage through it has a count-down and a c
 
 from __future__ import annotations
 
-from typing import Any
-
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.passage import TagObject

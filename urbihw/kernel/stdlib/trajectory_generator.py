@@ -63,7 +63,13 @@ CLASSES = {"TrajectoryGenerator": GeneratorObject} | {
 
 @TABLE.primitive("init")
 def init(
-    world: World, this: GeneratorObject, getter: Any, setter: Any, target: float, parameter: float, amplitude: float = 0.0
+    world: World,
+    this: GeneratorObject,
+    getter: Any,
+    setter: Any,
+    target: float,
+    parameter: float,
+    amplitude: float = 0.0,
 ) -> None:
     """A movement to ``target`` of what ``getter()`` reads and ``setter(v)`` writes; the parameter is a time in seconds,
     a speed in units a second or an acceleration, by the class; a sine has an amplitude too."""

@@ -1,0 +1,413 @@
+"""Socket, Server and IoService.
+
+Source: manual, specs/socket, specs/server, specs/ioservice.  Threads (``wire``) tell what happens by
+``scheduler.post``; an IoService keeps it until it is polled, except the default one, which handles it at once.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.event import Event
+from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.values import String
+from urbihw.kernel.runtime.world import World
+from urbihw.kernel.sched.job import Job
+from urbihw.kernel.stdlib.wire import Listener, SerialStream, TcpStream, Wire, dial
+
+SOCKET = Table("Socket")
+SERVER = Table("Server")
+SERVICE = Table("IoService")
+TABLES = [SOCKET, SERVER, SERVICE]
+
+Action = Callable[[], None]
+
+
+class ServiceObject(Obj):
+    """An urbiscript IoService: what happened and was not handled yet."""
+
+    __slots__ = ("automatic", "busy", "pending", "sleepers")
+
+    def __init__(self, world: World, protos: list[Obj], automatic: bool = False) -> None:
+        super().__init__(world, protos)
+        self.automatic = automatic
+        self.busy = False
+        self.pending: deque[Action] = deque()
+        self.sleepers: dict[Job, None] = {}
+
+    def clone(self) -> ServiceObject:
+        """A service of its own, which has to be polled."""
+        return ServiceObject(self.world, [self])
+
+    def happened(self, action: Action) -> None:
+        """From any thread: something to be handled in a job."""
+        self.world.scheduler.post(lambda: self._arrived(action))
+
+    def _arrived(self, action: Action) -> None:
+        self.pending.append(action)
+        for job in list(self.sleepers):
+            self.world.scheduler.wake(job)
+        if self.automatic and not self.busy:
+            self.busy = True
+            self.world.scheduler.spawn(self._serve, "network")
+
+    def _serve(self) -> None:
+        """The job that handles what happens to the default service; one that fails leaves the rest to another."""
+        try:
+            self.poll()
+        finally:
+            self.busy = False
+            if self.pending:
+                self.busy = True
+                self.world.scheduler.spawn(self._serve, "network")
+
+    def poll(self) -> None:
+        """Handle all that happened, in the running job; the next thing after the handlers of the last began."""
+        while self.pending:
+            self.pending.popleft()()
+            self.world.scheduler.yield_()
+
+    def poll_one(self) -> None:
+        """Handle the first thing that happened."""
+        self.pending.popleft()()
+
+    def wait(self, deadline: float) -> None:
+        """Park the running job until something happens, or until a time."""
+        scheduler = self.world.scheduler
+        job = scheduler.running()
+        timer = scheduler.call_at(deadline, lambda: scheduler.wake(job))
+        self.sleepers[job] = None
+        try:
+            while not self.pending and scheduler.clock.now() < deadline:
+                scheduler.suspend(None)
+        finally:
+            timer.cancel()
+            self.sleepers.pop(job, None)
+
+
+class SocketObject(Obj):
+    """An urbiscript Socket."""
+
+    __slots__ = ("service", "wire")
+
+    def __init__(self, world: World, protos: list[Obj], service: ServiceObject | None = None) -> None:
+        super().__init__(world, protos)
+        self.service = service
+        self.wire: Wire | None = None
+
+    def clone(self) -> SocketObject:
+        """A socket that is not connected, of the same service."""
+        return SocketObject(self.world, [self], self.service)
+
+    def events(self) -> None:
+        """Give this socket events of its own."""
+        for name in ("connected", "disconnected", "error", "received"):
+            self.world.ops.put(self, name, Event(self.world, [self.world.event_proto]))
+
+    def tell(self, name: str, *payload: Any) -> None:
+        """Emit one of the events."""
+        event = self.slots.get(name)
+        if event is not None:
+            self.world.send(event, "emit", *payload)
+
+    def adopt(self, stream: TcpStream | SerialStream) -> None:
+        """This socket is connected."""
+        service = self.io()
+
+        def received(data: bytes) -> None:
+            service.happened(lambda: self.tell("received", self.world.from_python(data)))
+
+        def closed(message: str) -> None:
+            service.happened(lambda: self._closed(wire, message))
+
+        wire = self.wire = Wire(stream, received, closed)
+
+    def _closed(self, wire: Wire, message: str) -> None:
+        if self.wire is wire:
+            self.wire = None
+            if message:
+                self.tell("error", self.world.string(message))
+            self.tell("disconnected")
+
+    def io(self) -> ServiceObject:
+        """The service of this socket."""
+        if self.service is None:
+            raise errors.primitive("socket without IoService")
+        return self.service
+
+    def connection(self) -> Wire:
+        """The connection; raises when there is none."""
+        if self.wire is None:
+            raise errors.primitive("socket not connected")
+        return self.wire
+
+
+class ServerObject(Obj):
+    """An urbiscript Server."""
+
+    __slots__ = ("listener", "service", "sockets")
+
+    def __init__(self, world: World, protos: list[Obj], service: ServiceObject | None = None) -> None:
+        super().__init__(world, protos)
+        self.service = service
+        self.listener: Listener | None = None
+        self.sockets: list[SocketObject] = []
+
+    def clone(self) -> ServerObject:
+        """A server that does not listen, of the same service."""
+        return ServerObject(self.world, [self], self.service)
+
+    def accepted(self, stream: TcpStream) -> None:
+        """From the listening thread: somebody connected."""
+        if self.service is not None:
+            self.service.happened(lambda: self._welcome(stream))
+
+    def _welcome(self, stream: TcpStream) -> None:
+        proto = self.world.global_.slots["Socket"]
+        made = SocketObject(self.world, [proto], self.service)
+        made.events()
+        made.adopt(stream)
+        self.sockets = [socket for socket in self.sockets if socket.wire is not None] + [made]
+        event = self.slots.get("connection")
+        if event is not None:
+            self.world.send(event, "emit", made)
+        self.world.scheduler.yield_()  # the handlers set up theirs before anything is received
+        if made.wire is not None:
+            made.wire.start()
+
+    def listening(self) -> Listener:
+        """The listening socket; raises when there is none."""
+        if self.listener is None:
+            raise errors.primitive("server not listening")
+        return self.listener
+
+
+CLASSES = {"IoService": ServiceObject, "Socket": SocketObject, "Server": ServerObject}
+
+
+def _port(world: World, value: Any, index: int) -> int | str:
+    if isinstance(value, String):
+        return value.s
+    return int(world.as_float(value, index, ""))
+
+
+def _blocking(world: World, action: Callable[[], Any]) -> Any:
+    """What an action gives that may take long: it is done in a thread while the running job waits."""
+    scheduler = world.scheduler
+    job = scheduler.running()
+    done: list[tuple[Any, OSError | None]] = []
+
+    def work() -> None:
+        try:
+            outcome: tuple[Any, OSError | None] = (action(), None)
+        except OSError as error:
+            outcome = (None, error)
+        scheduler.post(lambda: finish(outcome))
+
+    def finish(outcome: tuple[Any, OSError | None]) -> None:
+        done.append(outcome)
+        scheduler.wake(job)
+
+    threading.Thread(target=work, name="connect", daemon=True).start()
+    while not done:
+        scheduler.suspend(None)
+    value, problem = done[0]
+    if problem is not None:
+        raise errors.primitive(problem.strerror or str(problem)) from problem
+    return value
+
+
+# ---------------------------------------------------------------- Socket
+
+
+@SOCKET.primitive("init")
+def init_socket(world: World, this: SocketObject) -> None:
+    """A socket that is not connected."""
+    this.events()
+
+
+@SOCKET.primitive("connect")
+def connect(world: World, this: SocketObject, host: str, port: Any) -> None:
+    """Connect to a port (a number, or the name of a service) of a host; an error if it cannot be reached."""
+    number = _port(world, port, 2)
+    _begin(this, _blocking(world, lambda: dial(host, number)))
+
+
+@SOCKET.primitive("connectSerial")
+def connect_serial(world: World, this: SocketObject, device: str, baud: int) -> None:
+    """Connect to a serial port at a number of bits a second; an error if it cannot be opened."""
+    _begin(this, _blocking(world, lambda: SerialStream(device, baud)))
+
+
+def _begin(this: SocketObject, stream: TcpStream | SerialStream) -> None:
+    if this.wire is not None:
+        this.wire.close()
+    this.adopt(stream)
+    this.tell("connected")
+    this.connection().start()
+
+
+@SOCKET.primitive("disconnect")
+def disconnect(world: World, this: SocketObject) -> None:
+    """Close the connection when all is sent."""
+    if this.wire is not None:
+        this.wire.close()
+
+
+@SOCKET.primitive("write")
+def write(world: World, this: SocketObject, data: str) -> None:
+    """Send bytes; does not wait until they are gone."""
+    this.connection().send(data.encode("latin-1", "replace"))
+
+
+@SOCKET.primitive("syncWrite")
+def sync_write(world: World, this: SocketObject, data: str) -> None:
+    """Send bytes and wait until they are gone."""
+    wire = this.connection()
+    gone = threading.Event()
+    wire.send(data.encode("latin-1", "replace"), gone.set)
+    _blocking(world, gone.wait)
+
+
+@SOCKET.primitive("isConnected")
+def is_connected(world: World, this: SocketObject) -> bool:
+    """Whether there is a connection."""
+    return this.wire is not None
+
+
+@SOCKET.primitive("host")
+def host(world: World, this: SocketObject) -> str:
+    """The address of the other side."""
+    return this.connection().stream.remote[0]
+
+
+@SOCKET.primitive("port")
+def port(world: World, this: SocketObject) -> float:
+    """The port of the other side."""
+    return float(this.connection().stream.remote[1])
+
+
+@SOCKET.primitive("localHost")
+def local_host(world: World, this: SocketObject) -> str:
+    """The address of this side."""
+    return this.connection().stream.local[0]
+
+
+@SOCKET.primitive("localPort")
+def local_port(world: World, this: SocketObject) -> float:
+    """The port of this side."""
+    return float(this.connection().stream.local[1])
+
+
+@SOCKET.primitive("getIoService")
+def socket_service(world: World, this: SocketObject) -> Any:
+    """The IoService of this socket."""
+    return this.io()
+
+
+@SOCKET.primitive("poll")
+def socket_poll(world: World, this: SocketObject) -> None:
+    """``getIoService.poll``."""
+    if not this.io().automatic:
+        this.io().poll()
+
+
+# ---------------------------------------------------------------- Server
+
+
+@SERVER.primitive("init")
+def init_server(world: World, this: ServerObject) -> None:
+    """A server that does not listen."""
+    world.ops.put(this, "connection", Event(world, [world.event_proto]))
+
+
+@SERVER.primitive("listen")
+def listen(world: World, this: ServerObject, host: str, port: Any) -> None:
+    """Wait for connections to a port (0: any that is free) of this machine, under one of its addresses."""
+    number = _port(world, port, 2)
+    if this.listener is not None:
+        this.listener.close()
+    this.listener = _blocking(world, lambda: Listener(host, number, this.accepted))
+
+
+@SERVER.primitive("host")
+def server_host(world: World, this: ServerObject) -> str:
+    """The address; an error if this server does not listen."""
+    return str(this.listening().host)
+
+
+@SERVER.primitive("port")
+def server_port(world: World, this: ServerObject) -> float:
+    """The port; an error if this server does not listen."""
+    return float(this.listening().port)
+
+
+@SERVER.primitive("sockets")
+def sockets(world: World, this: ServerObject) -> Any:
+    """The sockets of the connections that are still there."""
+    return world.new_list([socket for socket in this.sockets if socket.wire is not None])
+
+
+@SERVER.primitive("getIoService")
+def server_service(world: World, this: ServerObject) -> Any:
+    """The IoService of this server."""
+    if this.service is None:
+        raise errors.primitive("server without IoService")
+    return this.service
+
+
+# ---------------------------------------------------------------- IoService
+
+
+@SERVICE.primitive("makeSocket")
+def make_socket(world: World, this: ServiceObject) -> Any:
+    """A new Socket of this service."""
+    made = SocketObject(world, [world.global_.slots["Socket"]], this)
+    made.events()
+    return made
+
+
+@SERVICE.primitive("makeServer")
+def make_server(world: World, this: ServiceObject) -> Any:
+    """A new Server of this service."""
+    made = ServerObject(world, [world.global_.slots["Server"]], this)
+    init_server(world, made)
+    return made
+
+
+@SERVICE.primitive("poll")
+def poll(world: World, this: ServiceObject) -> None:
+    """Handle all that happened so far."""
+    if not this.automatic:
+        this.poll()
+
+
+@SERVICE.primitive("pollFor")
+def poll_for(world: World, this: ServiceObject, duration: float) -> None:
+    """Handle all that happens during so many seconds."""
+    deadline = world.scheduler.clock.now() + duration
+    while world.scheduler.clock.now() < deadline:
+        this.wait(deadline)
+        if not this.automatic:
+            this.poll()
+
+
+@SERVICE.primitive("pollOneFor")
+def poll_one_for(world: World, this: ServiceObject, duration: float) -> None:
+    """Handle the first thing that happens during so many seconds."""
+    this.wait(world.scheduler.clock.now() + duration)
+    if this.pending and not this.automatic:
+        this.poll_one()
+
+
+def install(world: World, programs: Any) -> None:
+    """The service that needs no polling, and the sockets and servers that use it."""
+    service = ServiceObject(world, [world.global_.slots["IoService"]], True)
+    for name in ("Socket", "Server"):
+        world.global_.slots[name].service = service
+    world.global_.slots["Socket"].slots["pollInterval"] = 0.01

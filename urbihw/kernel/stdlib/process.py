@@ -1,0 +1,274 @@
+"""Process: programs of the operating system, with their standard streams.
+
+Source: manual, specs/process.  Threads read, write and wait; what they find out reaches the kernel by
+``scheduler.post`` and nothing else.  A job that reads what is not there yet waits, and only it.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import subprocess
+import threading
+from typing import IO, Any
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.values import String
+from urbihw.kernel.runtime.world import World
+from urbihw.kernel.sched.scheduler import Scheduler
+from urbihw.kernel.sched.waiting import WaitQueue
+from urbihw.kernel.stdlib.path import failure, system
+from urbihw.kernel.stdlib.stream import InputStreamObject, OutputStreamObject
+
+PROCESS = Table("Process")
+STATUS = Table("Process.Status")
+TABLES = [PROCESS, STATUS]
+
+
+class PipeSource:
+    """What a program says: filled from a thread, read by jobs."""
+
+    def __init__(self, scheduler: Scheduler) -> None:
+        self._waiting = WaitQueue(scheduler)
+        self._data = bytearray()
+        self._ended = False
+
+    def feed(self, data: bytes) -> None:
+        """More was said; nothing means the end."""
+        self._data += data
+        self._ended = self._ended or not data
+        self._waiting.wake_all()
+
+    def byte(self) -> bytes:
+        """The next byte, waited for; empty at the end."""
+        while not self._data and not self._ended:
+            self._waiting.wait()
+        return self._take(1)
+
+    def line(self) -> bytes:
+        """The rest of the line with its end, waited for; empty at the end."""
+        while b"\n" not in self._data and not self._ended:
+            self._waiting.wait()
+        return self._take(self._data.find(b"\n") + 1 or len(self._data))
+
+    def close(self) -> None:
+        """No more is wanted."""
+        self._ended = True
+        self._data.clear()
+
+    def _take(self, size: int) -> bytes:
+        taken = bytes(self._data[:size])
+        del self._data[:size]
+        return taken
+
+
+class PipeSink:
+    """What is said to a program: kept until it runs, then written by a thread."""
+
+    def __init__(self) -> None:
+        self._pieces: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+
+    def write(self, data: bytes) -> None:
+        """Say something."""
+        if data:
+            self._pieces.put(data)
+
+    def flush(self) -> None:
+        """The thread writes as soon as it can."""
+
+    def close(self) -> None:
+        """Nothing more will be said."""
+        self._pieces.put(b"")
+
+    def pump(self, pipe: IO[bytes]) -> None:
+        """Write all that comes, in a thread."""
+        try:
+            with pipe:
+                for piece in iter(self._pieces.get, b""):
+                    pipe.write(piece)
+                    pipe.flush()
+        except OSError:
+            return  # the program does not listen any more
+
+
+class ProcessObject(Obj):
+    """An urbiscript Process."""
+
+    __slots__ = ("args", "code", "ended", "inner", "name", "sink", "sources", "waiting")
+
+    def __init__(self, world: World, protos: list[Obj]) -> None:
+        super().__init__(world, protos)
+        self.name = ""
+        self.args: list[str] = []
+        self.inner: subprocess.Popen[bytes] | None = None
+        self.code: int | None = None
+        self.ended = False
+        self.sink = PipeSink()
+        self.sources = (PipeSource(world.scheduler), PipeSource(world.scheduler))
+        self.waiting = WaitQueue(world.scheduler)
+
+    def clone(self) -> ProcessObject:
+        """A process that does not run, of the same program."""
+        made = ProcessObject(self.world, [self])
+        made.name, made.args = self.name, list(self.args)
+        return made
+
+    def start(self) -> None:
+        """Run the program; its threads end with it."""
+        if self.inner is not None:
+            raise errors.primitive("Process was already run")
+        command = [system(part) for part in (self.name, *self.args)]
+        pipe = subprocess.PIPE
+        try:
+            self.inner = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe)
+        except OSError as error:
+            raise failure(error, self.name) from error
+        inner = self.inner
+        assert inner.stdin is not None and inner.stdout is not None and inner.stderr is not None
+        readers = [
+            _thread(_read, out, source, self.world.scheduler)
+            for out, source in zip((inner.stdout, inner.stderr), self.sources, strict=True)
+        ]
+        _thread(self.sink.pump, inner.stdin)
+        _thread(self._wait, inner, readers)
+
+    def _wait(self, inner: subprocess.Popen[bytes], readers: list[threading.Thread]) -> None:
+        code = inner.wait()
+        for reader in readers:
+            reader.join(1.0)  # a child of the program may keep its streams open for ever
+        self.world.scheduler.post(lambda: self._over(code))
+
+    def _over(self, code: int) -> None:
+        self.code = code
+        self.ended = True
+        self.sink.close()
+        self.waiting.wake_all()
+
+
+def _thread(target: Any, *args: Any) -> threading.Thread:
+    made = threading.Thread(target=target, args=args, name="process", daemon=True)
+    made.start()
+    return made
+
+
+def _read(pipe: IO[bytes], source: PipeSource, scheduler: Scheduler) -> None:
+    with pipe:
+        data = b"x"
+        while data:
+            data = os.read(pipe.fileno(), 65536)
+            scheduler.post(lambda data=data: source.feed(data))  # type: ignore[misc]
+
+
+CLASSES = {"Process": ProcessObject}
+
+
+@PROCESS.primitive("init")
+def init(world: World, this: ProcessObject, name: str, args: list[Any]) -> None:
+    """A program, found along the PATH, and the List of its arguments; ``run`` starts it."""
+    for member in args:
+        if not isinstance(member, String):
+            raise world.type_error(2, member, "String")
+    this.name = name
+    this.args = [member.s for member in args]
+
+
+@PROCESS.primitive("asProcess")
+def as_process(world: World, this: ProcessObject) -> Any:
+    """This process itself."""
+    return this
+
+
+@PROCESS.primitive("asString", "asPrintable")
+def as_string(world: World, this: ProcessObject) -> str:
+    """``Process`` and the name of the program."""
+    return f"Process {os.path.basename(this.name)}"
+
+
+@PROCESS.primitive("name")
+def name(world: World, this: ProcessObject) -> str:
+    """The name of the program, without directories."""
+    return os.path.basename(this.name)
+
+
+@PROCESS.primitive("run")
+def run(world: World, this: ProcessObject) -> None:
+    """Start the program; once only."""
+    this.start()
+
+
+@PROCESS.primitive("join")
+def join(world: World, this: ProcessObject) -> None:
+    """Wait until the program is over; an error if it was not started."""
+    if this.inner is None:
+        raise errors.primitive("Process was not run")
+    while not this.ended:
+        this.waiting.wait()
+
+
+@PROCESS.primitive("kill")
+def kill(world: World, this: ProcessObject) -> None:
+    """End the program by force, unless it is over; ``join`` waits for it."""
+    if this.inner is not None and not this.ended:
+        this.inner.kill()
+
+
+@PROCESS.primitive("done")
+def done(world: World, this: ProcessObject) -> bool:
+    """Whether the program has run and is over."""
+    return this.ended
+
+
+@PROCESS.primitive("status")
+def status(world: World, this: ProcessObject) -> Any:
+    """An object that tells what became of the program: ``exitStatus`` or ``signal`` once it is over."""
+    made = Obj(world, [world.global_.slots["Process"].slots["Status"]])
+    text = "not started" if this.inner is None else "running"
+    if this.code is not None and this.code >= 0:
+        text = f"exited with status {this.code}"
+        made.slots["exitStatus"] = float(this.code)
+    elif this.code is not None:
+        text = f"killed by signal {-this.code}"
+        made.slots["signal"] = float(-this.code)
+    made.slots["text"] = world.string(text)
+    return made
+
+
+@STATUS.primitive("asString", "asPrintable")
+def status_as_string(world: World, this: Obj) -> str:
+    """``not started``, ``running``, ``exited with status N``, ``killed by signal N``."""
+    return world.text(this.slots["text"]) if "text" in this.slots else "Status"
+
+
+@PROCESS.primitive("stdin")
+def stdin(world: World, this: ProcessObject) -> Any:
+    """The OutputStream that the program reads."""
+    return _stream(world, this, "stdin")
+
+
+@PROCESS.primitive("stdout")
+def stdout(world: World, this: ProcessObject) -> Any:
+    """The InputStream of what the program writes."""
+    return _stream(world, this, "stdout")
+
+
+@PROCESS.primitive("stderr")
+def stderr(world: World, this: ProcessObject) -> Any:
+    """The InputStream of what the program writes to its standard error."""
+    return _stream(world, this, "stderr")
+
+
+def _stream(world: World, this: ProcessObject, name: str) -> Obj:
+    """A stream of a process: made once, so that closing it closes it for all."""
+    slot = f"_{name}"
+    made = this.slots.get(slot)
+    if made is None:
+        if name == "stdin":
+            made = OutputStreamObject(world, [world.global_.slots["OutputStream"]], this.sink)
+        else:
+            source = this.sources[name == "stderr"]
+            made = InputStreamObject(world, [world.global_.slots["InputStream"]], source)
+        this.slots[slot] = made
+    assert isinstance(made, Obj)
+    return made
