@@ -256,3 +256,14 @@ def test_ticker(elapsed: float, skipped: int, due: float) -> None:
     ticker = Ticker(0.01, 0.0)
     assert ticker.advance(elapsed) == skipped
     assert ticker.due == pytest.approx(due)
+
+
+def test_data_beside_an_angle_limit_error_is_taken(rig: Rig) -> None:
+    servo = rig.kit.servo(6)
+    servo.registers.put("goal_position", 1000)
+    servo.registers.put("ccw_limit", 700)
+    bus = rig.bus()
+    assert bus.read(6, 8, 2) == bytes.fromhex("BC02")
+    cycle = Cycle(bus, scan(bus, [6]).devices, 0.01)
+    cycle.watch(6, ("present_position",), 0.0, rig.clock.now())
+    assert cycle.tick(rig.clock.now()).values[6] == {"present_position": 512}

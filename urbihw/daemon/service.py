@@ -260,7 +260,8 @@ class Service:
         if self._config.port_file and self._port >= 0:
             with contextlib.suppress(OSError):
                 os.unlink(self._config.port_file)
-        log.info("stopped")
+        if self._port >= 0:
+            log.info("stopped")
 
 
 def _robot_settings(config: Config, url: str) -> RobotSettings:

@@ -100,7 +100,8 @@ class DynamixelBus(Wire):
 
     def _accepted(self, status: Status) -> Status:
         refusal = status.refusal
-        if refusal:
+        # Data is data: an AX servo whose goal lies outside its limits says "angle limit" in each answer.
+        if refusal and not status.params:
             self.counters.refused += 1
             raise DeviceRefused(status.device, status.error, refusal_words(refusal, status.protocol))
         return status

@@ -237,7 +237,7 @@ class Cycle:
         if change is not None:
             tick.changes.append((number, change))
         error = status.error
-        if (error and status.refusal) or len(status.params) != block.size:
+        if len(status.params) != block.size:
             self.bus.counters.refused += 1
             return
         values = block.unpack(status.params)

@@ -174,7 +174,10 @@ class DynamixelDriver:
             return 0
         item = member.table.item(message.item)
         if message.verb == "read":
-            return item.unpack(bus.read(message.device, item.address, item.size))
+            value = item.unpack(bus.read(message.device, item.address, item.size))
+            if item.name in member.table.setup_items:
+                member.wrote(item.name, value)
+            return value
         if item.access != "RW":
             raise BadValue(f"{item.name} of {member.table.name} can only be read")
         bus.write(message.device, item.address, item.pack(message.value), member.device.answers_writes)

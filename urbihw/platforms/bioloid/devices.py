@@ -52,6 +52,8 @@ class Device(UObject):
     back = event()
 
     rows: tuple[Slot, ...] = ()
+    hidden: tuple[tuple[str, float], ...] = ()
+    """Registers that are read but are no slots, and the seconds between readings."""
 
     def init(self, wire: Wire, info: DeviceInfo, refused: Refused) -> None:
         """Make the slots of the device that ``info`` tells of; it is read from now on."""
@@ -147,14 +149,26 @@ class Device(UObject):
         self.write(row.item, raw, row.name)
 
     def write(self, item: str, raw: int, slot: str, done: Callable[[bool], None] = lambda ok: None) -> None:
-        """Write a register for sure; the slot follows when the device has confirmed it."""
+        """Write a register for sure; the slot follows when the device has confirmed it.
+
+        A device that answers with an error may have obeyed all the same (an AX servo whose goal lies outside the
+        limits it was just given), or its answer may have got lost; so then it is asked what the register holds.
+        """
 
         def replied(reply: Reply) -> None:
             if reply.ok:
                 self.take({item: raw}, self.host.now())
+                done(True)
             else:
-                self.refused(slot, self.explained(reply.error))
-            done(reply.ok)
+                self.wire.read(self.number, item, lambda second: looked(second, reply.error))
+
+        def looked(reply: Reply, error: str) -> None:
+            if reply.ok and reply.value is not None:
+                self.take({item: reply.value}, self.host.now())
+            obeyed = reply.ok and reply.value == raw
+            if not obeyed:
+                self.refused(slot, self.explained(error))
+            done(obeyed)
 
         self.wire.write(self.number, item, raw, replied)
 
@@ -170,12 +184,8 @@ class Device(UObject):
 
     def start_reading(self) -> None:
         """Read everything once, soon; then each register at its own pace."""
-        self._missing = {row.item for row in self.rows} | set(self.hidden_items())
+        self._missing = {row.item for row in self.rows} | {item for item, _ in self.hidden}
         self.wire.watch(self.number, self._missing, 0.0)
-
-    def hidden_items(self) -> tuple[str, ...]:
-        """Registers to be read (rarely) that are no slots; override."""
-        return ()
 
     def take(self, values: Mapping[str, int], stamp: float) -> None:
         """Take what one tick read."""
@@ -201,9 +211,8 @@ class Device(UObject):
         paces: dict[float, set[str]] = {}
         for row in self.rows:
             paces.setdefault(row.pace, set()).add(row.item)
-        hidden = set(self.hidden_items())
-        if hidden:
-            paces.setdefault(1.0, set()).update(hidden)
+        for item, pace in self.hidden:
+            paces.setdefault(pace, set()).add(item)
         for pace, items in sorted(paces.items()):
             if pace:
                 self.wire.watch(self.number, sorted(items), pace)

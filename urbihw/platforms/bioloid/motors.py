@@ -102,7 +102,7 @@ class Servo(Device):
 
     def _val_written(self) -> None:
         raw = units.from_si(self.table.item(self.goal), number(self.val))
-        if self._steps_left:
+        if self._switching:
             self._held_back.add("val")
         elif not self.wheel.sensed and not self._off:
             self.wire.aim(self.number, self.goal, raw)
@@ -117,7 +117,7 @@ class Servo(Device):
 
     def _speed_written(self) -> None:
         value = number(self.speed)
-        if self._steps_left:
+        if self._switching:
             self._held_back.add("speed")
             return
         wheel = bool(self.wheel.sensed)
@@ -160,18 +160,27 @@ class Servo(Device):
         least = wanted.get("cwLimit", self.cw_limit.sensed)
         most = wanted.get("ccwLimit", self.ccw_limit.sensed)
         steps = self.plan_limits(least == 0 and most == 0, least, most)
+        self._steps_left += len(steps)
         for item, raw in steps:
-            self._steps_left += 1
             self.write(item, raw, "cwLimit, ccwLimit", self._step_done)
+        self._send_held_back()
+
+    @property
+    def _switching(self) -> bool:
+        return bool(self._steps_left or self._limits_wanted)
 
     def _step_done(self, ok: bool) -> None:
         self._steps_left -= 1
-        if self._steps_left == 0:
-            held_back, self._held_back = self._held_back, set()
-            if "speed" in held_back:
-                self._speed_written()
-            if "val" in held_back:
-                self._val_written()
+        self._send_held_back()
+
+    def _send_held_back(self) -> None:
+        if self._switching:
+            return
+        held_back, self._held_back = self._held_back, set()
+        if "speed" in held_back:
+            self._speed_written()
+        if "val" in held_back:
+            self._val_written()
 
     def _limits_read(self, stamp: float) -> None:
         if any(item not in self.raw for item in (*self.mode_items(), *self.limits)):
@@ -269,6 +278,7 @@ class XServo(Servo):
     """An X-series servo: XL330, XC330, XL430, XC430, XM430."""
 
     limits = ("min_position_limit", "max_position_limit")
+    hidden = (("operating_mode", slots.RARE), ("hardware_error", slots.SLOW), ("velocity_limit", slots.RARE))
 
     def init(self, wire: Wire, info: DeviceInfo, refused: Refused) -> None:
         """The XL430 family tells its load, the others measure their current."""
@@ -284,10 +294,6 @@ class XServo(Servo):
     def mode_items(self) -> tuple[str, ...]:
         """The operating mode is a register of its own."""
         return ("operating_mode",)
-
-    def hidden_items(self) -> tuple[str, ...]:
-        """Registers without a slot."""
-        return ("operating_mode", "hardware_error", "velocity_limit")
 
     def reads_wheel(self) -> bool:
         """Velocity mode."""

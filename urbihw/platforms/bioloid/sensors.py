@@ -24,6 +24,7 @@ class AXS1(Device):
 
     kind_of_device = "sensor"
     rows = slots.AXS1
+    hidden = (("remocon_arrived", slots.MEDIUM),)
 
     buzzerIndex = owned(math.nan)  # noqa: N815 - names of slots
     buzzerTime = variable(0.5)  # noqa: N815
@@ -40,10 +41,6 @@ class AXS1(Device):
         self.notify_change(self.buzzerTime, self._time_written)
         self.notify_change(self.remocon, self._send_word)
         self.on_change("remocon_arrived", self._word_arrived)
-
-    def hidden_items(self) -> tuple[str, ...]:
-        """Registers without a slot."""
-        return ("remocon_arrived",)
 
     # ---------------------------------------------------------------- buzzer
 

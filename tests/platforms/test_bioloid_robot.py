@@ -1,0 +1,182 @@
+"""The object ``bioloid``: opening, losing and finding devices and the link."""
+
+from __future__ import annotations
+
+import pytest
+from bioloid_lab import BAUD, Lab
+
+from fakes.bioloid import Bioloid as Kit
+from fakes.dynamixel.ax12 import Ax12
+from urbihw.buses import messages as m
+from urbihw.kernel.uobject import BadConfig, NotReady
+
+
+def test_opening_makes_the_objects_of_the_manual() -> None:
+    lab = Lab.ready()
+    assert lab.say("motors.keys.size; sensors.keys; motors[6] === motor6; sensors[100] === sensor100;") == (
+        "18\n[100]\ntrue\ntrue"
+    )
+    assert lab.say("bioloid.motors === motors; bioloid.link; bioloid.url;") == f'true\ntrue\n"pipe://robot?baud={BAUD}"'
+    assert lab.say("var n = 0| for (var m : motors) n += m.id| n;") == "171"
+
+
+def test_a_motor_can_be_given_a_name_for_everybody() -> None:
+    lab = Lab.ready()
+    lab.say("do (Global) { var headYaw = motors[7]; };")
+    lab.say("headYaw.val = 10deg;", 0.5)
+    assert lab.number("motor7.val") == pytest.approx(0.1745, abs=0.02)
+
+
+def test_nobody_on_the_bus_is_not_ready() -> None:
+    lab = Lab(Kit(servos=(), sensors=(), baud=BAUD))
+    lab.until(lambda: bool(lab.opened))
+    (error,) = lab.opened
+    assert isinstance(error, NotReady)
+    assert "no servo found on pipe://robot" in str(error)
+
+
+def test_two_with_one_id_is_bad_config() -> None:
+    units = [Ax12(1), Ax12(3), Ax12(3)]
+    kit = Kit(units=units, baud=BAUD)
+    lab = Lab(kit)
+    lab.until(lambda: bool(lab.opened))
+    (error,) = lab.opened
+    assert isinstance(error, BadConfig)
+    assert "id 3" in str(error)
+
+
+def test_a_link_that_cannot_be_opened_is_not_ready() -> None:
+    lab = Lab()
+    lab.end.unplug()
+    lab.until(lambda: bool(lab.opened))
+    (error,) = lab.opened
+    assert isinstance(error, NotReady)
+
+
+@pytest.mark.parametrize("options", [{"protocol": 3}, {"ids": "all"}])
+def test_options_without_sense_are_bad_config(options: dict[str, object]) -> None:
+    with pytest.raises(BadConfig, match=next(iter(options))):
+        Lab(**options)
+
+
+def test_only_the_configured_ids_are_looked_for() -> None:
+    lab = Lab.ready(ids=[3, 100])
+    assert lab.say("motors.keys; sensors.keys;") == "[3]\n[100]"
+
+
+def test_a_silent_servo_says_so_and_the_others_go_on(caplog: pytest.LogCaptureFixture) -> None:
+    lab = Lab.ready()
+    lab.say('at (motor6.lost?(var why)) echo("lost") & at (bioloid.lost?(var m)) echo(m.id);')
+    lab.say("at (motor6.back?) echo(\"back\");")
+    lab.kit.faults.start("silence", 6)
+    lab.run(0.3)
+    assert sorted(lab.heard().splitlines()) == ["*** 6", "*** lost"]
+    assert lab.say("motor6.state; motor6.stale; bioloid.status;".replace("bioloid.status;", "")) == '"lost"\ntrue'
+    assert lab.robot.status().endswith("lost: 6")
+    lab.say("for| (var m : motors) m.val = 20deg;", 1)
+    for number in (5, 7, 18):
+        assert lab.number(f"motor{number}.val") == pytest.approx(0.349, abs=0.02)
+        assert lab.number(f"motor{number}.age") <= 0.02
+    assert lab.number("motor6.age") > 1
+    lab.kit.faults.stop()
+    lab.run(0.6)
+    assert lab.heard() == "*** back"
+    assert lab.say("motor6.state; motor6.stale;") == '"ok"\nfalse'
+    assert [record.message for record in caplog.records] == ["motor 6 is lost: does not answer", "motor 6 is back"] or (
+        len(caplog.records) == 2
+    )
+
+
+def test_settings_come_back_after_a_power_cut_and_nothing_moves() -> None:
+    lab = Lab.ready()
+    lab.say("motor6.speed = 2 | motor6.cwComplianceSlope = 64 | motor6.torqueLimit = 0.75 | motor6.val = 40deg;", 1)
+    lab.kit.power_off(lab.bus_clock.now(), 6)
+    lab.run(0.5)
+    lab.kit.power_on(lab.bus_clock.now(), 6)
+    lab.run(1.0)
+    assert lab.register(6, "moving_speed") == round(2 / 0.0116239)
+    assert lab.register(6, "cw_slope") == 64
+    assert lab.register(6, "torque_limit") == round(1023 / 2)
+    assert lab.register(6, "torque_enable") == 0
+    assert lab.number("motor6.val") == pytest.approx(0.698, abs=0.05)
+
+
+def test_a_motor_that_was_switched_off_stays_off_after_a_power_cut() -> None:
+    lab = Lab.ready()
+    lab.say("motor6.load = 0;", 0.1)
+    lab.kit.power_off(lab.bus_clock.now(), 6)
+    lab.run(0.5)
+    lab.kit.power_on(lab.bus_clock.now(), 6)
+    lab.kit.servo(6).registers.put("torque_enable", 1)
+    lab.run(1.0)
+    assert lab.register(6, "torque_enable") == 0
+
+
+def test_the_adapter_pulled_and_put_back_during_a_swing(caplog: pytest.LogCaptureFixture) -> None:
+    lab = Lab.ready()
+    lab.say('at (bioloid.linkLost?(var why)) echo("gone") & at (bioloid.linkBack?) echo("here");')
+    lab.say("motor6.val = 0 sin:1s ampli:20deg,", 1)
+    lab.end.unplug()
+    lab.run(1)
+    assert lab.heard() == "*** gone"
+    assert lab.say("bioloid.link; motor6.stale;") == "false\ntrue"
+    lab.end.replug()
+    lab.run(3)
+    assert lab.heard() == "*** here"
+    assert len(caplog.records) == 2
+    assert lab.say("motor6.stale;") == "false"
+    before = lab.number("motor6.val")
+    lab.run(0.25)
+    assert abs(lab.number("motor6.val") - before) > 0.05
+
+
+def test_scan_finds_a_new_device() -> None:
+    kit = Kit(baud=BAUD)
+    lab = Lab.ready(kit, ids=None)
+    lab.say('at (bioloid.found?(var d)) echo("motor " + d.id);')
+    newcomer = Ax12(30)
+    newcomer.set_baud(BAUD)
+    newcomer.registers.put("return_delay", 0)
+    kit.add(newcomer)
+    lab.say("bioloid.scan;", 2)
+    assert lab.number("motor30.voltage") == 12
+
+
+def test_stop_holds_the_joints() -> None:
+    lab = Lab.ready()
+    lab.say("motor6.speed = 1 | motor6.val = 90deg;", 0.5)
+    lab.say("bioloid.stop;", 0.2)
+    place = lab.number("motor6.val")
+    lab.run(0.5)
+    assert lab.number("motor6.val") == pytest.approx(place, abs=0.03)
+    assert place < 1.0
+
+
+def test_all_on_and_all_off() -> None:
+    lab = Lab.ready()
+    lab.say("bioloid.on;", 0.3)
+    assert {lab.register(number, "torque_enable") for number in range(1, 19)} == {1}
+    lab.say("bioloid.off;", 0.3)
+    assert {lab.register(number, "torque_enable") for number in range(1, 19)} == {0}
+
+
+def test_statistics_and_status() -> None:
+    lab = Lab.ready()
+    lab.run(2.5)
+    assert lab.number("bioloid.rate") == pytest.approx(100, abs=3)
+    assert lab.number('bioloid.statistics["rate"]') == pytest.approx(100, abs=3)
+    assert lab.robot.status() == "18 servos, 1 sensor, 100 Hz"
+
+
+def test_the_sign_of_life_is_sent_by_the_kernel() -> None:
+    lab = Lab.ready()
+    lab.sent(m.Alive)
+    lab.run(2.05)
+    assert len(lab.sent(m.Alive)) == 4
+
+
+def test_closing_lets_go_and_twice_is_fine() -> None:
+    lab = Lab.ready()
+    lab.robot.close()
+    lab.robot.close()
+    assert lab.say("motor6.val = 1; 1+1;") == "1\n2"
