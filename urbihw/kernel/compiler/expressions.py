@@ -249,7 +249,7 @@ class Expressions(Emitter):
         if count == 0:
             return node.name == "!" or (node.name == "-" and node.args is None)
         return count == 1 and (node.name in ARITHMETIC or node.name in COMPARISONS or node.name in EQUALITY
-                               or node.name in ("===", "!=="))
+                               or node.name in ("===", "!==", "<<"))
 
     def operator(self, node: ast.Call) -> py.expr:
         """A call served by a Python operator."""
@@ -274,6 +274,9 @@ class Expressions(Emitter):
             return py.BinOp(a, ARITHMETIC[node.name](), b, **self.mark(node, node.name))
         if node.name in EQUALITY:
             return self.truth(self.raw_equality(node), node)
+        if node.name == "<<":
+            return call("push", self.sequence([lambda: self.expr(left), lambda: self.value(right)]),
+                        self.mark(node, node.name))
         a, b = self.sequence([lambda: self.value(left), lambda: self.value(right)])
         p = self.mark(node, node.name)
         return choose(is_(a, b, p, negated=node.name == "!=="), name("TRUE", p), name("FALSE", p), p)

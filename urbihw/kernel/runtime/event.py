@@ -170,7 +170,7 @@ class Handlers:
 
     def frozen(self) -> bool:
         """Whether a tag holds what was set up."""
-        return any(entry.tag.is_frozen() for entry in self._entries)
+        return self.world.scheduler.frozen_tags > 0 and any(entry.tag.is_frozen() for entry in self._entries)
 
     def spawn(self, body: Callable[[], Any]) -> Job:
         """A job under the tags of the maker."""

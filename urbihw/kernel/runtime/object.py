@@ -110,7 +110,7 @@ class Obj:
     # ---------------------------------------------------------------- Python's operators
 
     def _send1(self, name: str, other: Any) -> Any:
-        return self.world.send(self, name, other)
+        return self.world.send1(self, name, other)
 
     def __add__(self, other: Any) -> Any:
         return self._send1("+", other)

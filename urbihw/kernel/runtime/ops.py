@@ -60,6 +60,7 @@ def make_ops(world: World) -> dict[str, Any]:
         "update": world.update_slot,
         "equal": world.ops.equal,
         "unequal": world.ops.unequal,
+        "push": world.ops.push,
     }
     for part in (_values, _calls, _slots, _flow, _concurrency, _assertions):
         names.update(part(world))

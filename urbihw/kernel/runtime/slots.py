@@ -13,14 +13,14 @@ from urbihw.kernel import errors
 from urbihw.kernel.runtime.code import RUNNABLE, Executable, Getter
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.slot import peek_meta
-from urbihw.kernel.runtime.values import Container
+from urbihw.kernel.runtime.values import Container, List
 from urbihw.kernel.runtime.watch import notify
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
-OPERATORS = frozenset(("+", "-", "*", "/", "<", "<=", ">", ">=", "==", "!=", "++", "--", "!"))
-"""The operators that compiled code does not send to numbers unless somebody redefines one of them in Float."""
+OPERATORS = frozenset(("+", "-", "*", "/", "<", "<=", ">", ">=", "==", "!=", "++", "--", "!", "<<", "+="))
+"""The operators that are not sent to numbers, strings and lists unless somebody redefines one of them there."""
 
 
 class SlotOps:
@@ -50,24 +50,24 @@ class SlotOps:
 
         def method(target: Any, name: str) -> Any:
             """What ``target.name`` means, as something with ``strict`` and ``c0`` to ``cn``."""
-            try:
+            if target.__class__ is float or name not in target.slots:
+                value = found(target, name)
+            else:
                 value = target.slots[name]
                 if recorder.active is not None:
                     self.record(target, name, value)
-            except (KeyError, AttributeError):
-                value = found(target, name)
             if value.__class__ in runnable or isinstance(value, Executable):
                 return value
             return Getter(world, value)
 
         def send0(target: Any, name: str) -> Any:
             """``target.name`` without arguments: the value, or what calling it gives."""
-            try:
+            if target.__class__ is float or name not in target.slots:
+                value = found(target, name)
+            else:
                 value = target.slots[name]
                 if recorder.active is not None:
                     self.record(target, name, value)
-            except (KeyError, AttributeError):
-                value = found(target, name)
             if isinstance(value, Executable):
                 if value.strict:
                     return value.c0(target)
@@ -75,19 +75,22 @@ class SlotOps:
             return value
 
         def found(target: Any, name: str) -> Any:
-            """The value of a slot that is not the target's own: inherited, or the ``fallback``."""
-            obj = target
-            if target.__class__ is float:
-                obj = world.peek_obj(target)
-                if name in obj.slots and recorder.active is None:
-                    return obj.slots[name]
+            """What a message finds: a slot, the target's own or inherited, or the ``fallback``."""
+            if recorder.active is not None:
+                return slow(target, name)
+            obj = world.peek_obj(target) if target.__class__ is float else target
+            if name in obj.slots:
+                return obj.slots[name]
             protos = obj.protos
-            if len(protos) == 1 and recorder.active is None and protos[0].__class__ is not float:
+            if len(protos) == 1 and protos[0].__class__ is not float:
                 cache = protos[0].cache
                 if cache is not None:
                     holder = cache.get(name)
                     if holder is not None:
                         return holder.slots[name]
+            return slow(target, name)
+
+        def slow(target: Any, name: str) -> Any:
             try:
                 return get_slot(target, name)
             except errors.Raised:
@@ -95,30 +98,44 @@ class SlotOps:
 
         def send(target: Any, name: str, *args: Any) -> Any:
             """``target.name(args)`` with evaluated arguments, from native code."""
-            try:
-                value = get_slot(target, name)
-            except errors.Raised:
-                value = self.fallback(target, name)
-            return world.invoke(value, target, args, name)
+            return world.invoke(found(target, name), target, args, name)
+
+        def send1(target: Any, name: str, argument: Any) -> Any:
+            """``target.name(argument)`` with an evaluated argument: the usual operator."""
+            value: Any = found(target, name)
+            if isinstance(value, Executable) and value.strict:
+                return value.c1(target, argument)
+            return world.invoke(value, target, (argument,), name)
 
         def equal(a: Any, b: Any) -> Any:
             """``a == b``: a Python bool for numbers, what ``'=='`` gives for others."""
             if a.__class__ is float and b.__class__ is float:
                 return a == b
-            return send(a, "==", b)
+            return send1(a, "==", b)
 
         def unequal(a: Any, b: Any) -> Any:
             """``a != b``."""
             if a.__class__ is float and b.__class__ is float:
                 return a != b
-            return send(a, "!=", b)
+            return send1(a, "!=", b)
 
         self.equal = equal
         self.unequal = unequal
+        def push(a: Any, b: Any) -> Any:
+            """``a << b``."""
+            if a.__class__ is List and a.protos is world.quick_lists:
+                a.l.append(b)
+                if a.meta is not None:
+                    a.touch()
+                return a
+            return send1(a, "<<", b)
+
+        self.push = push
         self.get_slot = get_slot
         self.method = method
         self.send0 = send0
         self.send = send
+        self.send1 = send1
 
     def fallback(self, target: Any, name: str) -> Any:
         """What answers a message that was not understood: the ``fallback`` slot, if there is one."""
@@ -193,8 +210,8 @@ class SlotOps:
         if isinstance(value, Executable):
             if not value.strict:
                 self.world.lazy_names.add(name)
-            if name in OPERATORS and obj is self.world.float_proto:
-                self.world.generic_floats = True
+            if name in OPERATORS:
+                self.world.operator_redefined(obj)
         if obj.meta is not None:
             self.announce(obj, name)
 

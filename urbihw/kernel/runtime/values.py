@@ -33,8 +33,23 @@ class String(Container):
     __slots__ = ("s",)
 
     def __init__(self, world: World, protos: list[Obj], s: str) -> None:
-        super().__init__(world, protos)
+        self.world = world
+        self.protos = protos
+        self.slots = {}
+        self.cache = None
+        self.meta = None
+        self.number = 0
         self.s = s
+
+    def __add__(self, other: Any) -> Any:
+        if other.__class__ is String and self.protos is other.protos is self.world.quick_strings:
+            return String(self.world, self.protos, self.s + other.s)
+        return self._send1("+", other)
+
+    def __iadd__(self, other: Any) -> Any:
+        if other.__class__ is String and self.protos is other.protos is self.world.quick_strings:
+            return String(self.world, self.protos, self.s + other.s)
+        return self._send1("+=", other)
 
     def clone(self) -> String:
         """A fresh string with the same content."""

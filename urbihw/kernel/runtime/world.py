@@ -54,6 +54,10 @@ class World:
         self.float_proto = FloatObject(self, [self.object], 0.0)
         self.string_proto = String(self, [self.object], "")
         self.list_proto = List(self, [self.object], [])
+        self.string_protos: list[Any] = [self.string_proto]
+        self.list_protos: list[Any] = [self.list_proto]
+        self.quick_strings: list[Any] | None = self.string_protos
+        self.quick_lists: list[Any] | None = self.list_protos
         self.tuple_proto = Tuple(self, [self.object], [])
         self.dictionary_proto = Dictionary(self, [self.object], {})
         self.boolean_proto = self.proto()
@@ -77,6 +81,7 @@ class World:
         self.redefining: Callable[[], bool] = lambda: False
         self.ops = SlotOps(self)
         self.send = self.ops.send
+        self.send1 = self.ops.send1
         self.get_slot = self.ops.get_slot
         self.set_slot = self.ops.set_slot
         self.update_slot = self.ops.update_slot
@@ -90,11 +95,11 @@ class World:
 
     def string(self, s: str) -> String:
         """A String; characters beyond latin-1 become their UTF-8 bytes."""
-        return String(self, [self.string_proto], s)
+        return String(self, self.string_protos, s)
 
     def new_list(self, values: list[Any]) -> List:
         """A List that owns ``values``."""
-        return List(self, [self.list_proto], values)
+        return List(self, self.list_protos, values)
 
     def new_tuple(self, values: Iterable[Any]) -> Tuple:
         """A Tuple."""
@@ -253,6 +258,15 @@ class World:
         if not value.strict:
             return value.call_lazy(self.call_message(value, this, args, name))
         return value.call(this, args)
+
+    def operator_redefined(self, obj: Obj) -> None:
+        """Somebody gave a class an operator of his own: its values are sent it from now on."""
+        if obj is self.float_proto:
+            self.generic_floats = True
+        elif obj is self.string_proto:
+            self.quick_strings = None
+        elif obj is self.list_proto:
+            self.quick_lists = None
 
     def flush(self) -> None:
         """The structure of some prototype changed: forget where inherited slots were found."""

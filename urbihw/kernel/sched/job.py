@@ -1,4 +1,4 @@
-"""A job: one flow of execution, a greenlet with a state.
+"""A job: one flow of execution with a state, run by a carrier (see ``coro``).
 
 A job runs until it asks the scheduler for something (``Scheduler.yield_``, ``sleep``, ``suspend``); nothing takes
 the processor away from it.  While it waits, ``undo`` says how to leave the place where it waits, so that stopping or
@@ -8,11 +8,11 @@ freezing it never has to search.
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from greenlet import greenlet
-
 if TYPE_CHECKING:
+    from urbihw.kernel.sched.coro import Carrier
     from urbihw.kernel.sched.group import Group
     from urbihw.kernel.sched.scheduler import Scheduler
     from urbihw.kernel.sched.tag import TagEntry
@@ -30,7 +30,7 @@ class Job:
     __slots__ = (
         "__weakref__",
         "body",
-        "coro",
+        "carrier",
         "context",
         "done",
         "entries",
@@ -56,7 +56,7 @@ class Job:
     def __init__(self, scheduler: Scheduler, body: Callable[[], Any], name: str, context: Any) -> None:
         self.scheduler = scheduler
         self.body: Callable[[], Any] | None = body
-        self.coro = greenlet(self._main, scheduler.hub)
+        self.carrier: Carrier | None = None
         self.name = name
         self.context = context
         self.state = READY
@@ -77,7 +77,8 @@ class Job:
         self.on_end: list[Callable[[Job], None]] | None = None
         self.face: Any = None
 
-    def _main(self) -> None:
+    def main(self) -> None:
+        """Run the body (in a carrier) and tell the scheduler of the end."""
         try:
             assert self.body is not None
             self.result = self.body()
@@ -85,6 +86,10 @@ class Job:
             self.error = error
         self.body = None
         self.scheduler.ended(self)
+
+    def frame(self) -> FrameType | None:
+        """The Python frame in which a suspended job stands, to look at its call stack."""
+        return None if self.carrier is None else self.carrier.frame()
 
     def status(self) -> str:
         """``running``, ``sleeping``, ``waiting`` ...; with `` (frozen)`` behind it when a tag holds the job."""

@@ -17,10 +17,9 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
-from greenlet import getcurrent
-
 from urbihw.kernel.sched import job as states
 from urbihw.kernel.sched.clock import Clock
+from urbihw.kernel.sched.coro import Pool
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.signals import JobKilled, StopTag
 from urbihw.kernel.sched.timequeue import TimeQueue, Timer
@@ -42,14 +41,15 @@ class Scheduler:
 
     def __init__(self, clock: Clock, wake_host: Callable[[], None] = lambda: None) -> None:
         self.clock = clock
-        self.hub = getcurrent()
+        self._pool = Pool()
         self.ready: deque[Job | _Interrupt] = deque()
         self.timers = TimeQueue()
         self.current: Job | None = None
         self.now = clock.now()
         self.cycle = 0
         self.jobs: dict[Job, None] = {}
-        self.tracer = Tracer()
+        self.tracer: Tracer | None = None
+        self.frozen_tags = 0
         self.failed: Callable[[Job, Exception], None] = lambda job, error: None
         self._round_hooks: list[Callable[[], None]] = []
         self._posted: deque[Callable[[], None]] = deque()
@@ -79,10 +79,11 @@ class Scheduler:
         self.jobs[made] = None
         for entry in entries:
             entry.inherit(made)
-        if made.entries:
+        if self.frozen_tags:
             self.recheck_frozen(made)
         self.ready.append(made)
-        self.tracer.created(made)
+        if self.tracer is not None:
+            self.tracer.created(made)
         return made
 
     def start_now(self, made: Job) -> None:
@@ -174,7 +175,7 @@ class Scheduler:
 
     def recheck_frozen(self, job: Job) -> None:
         """A tag of the job was frozen or unfrozen, entered or left: bring the job's state in line."""
-        frozen = any(entry.tag.is_frozen() for entry in job.entries)
+        frozen = self.frozen_tags > 0 and any(entry.tag.is_frozen() for entry in job.entries)
         if frozen == job.frozen or job.done:
             return
         job.frozen = frozen
@@ -225,7 +226,7 @@ class Scheduler:
 
         Returns the present time when interrupted: call again soon.
         """
-        self.hub = getcurrent()
+        self._pool.enter_hub()
         while True:
             self.now = now = self.clock.round()
             while self._posted:
@@ -270,7 +271,8 @@ class Scheduler:
         for entry in job.entries:
             entry.forget(job)
         job.entries = []
-        self.tracer.ended(job)
+        if self.tracer is not None:
+            self.tracer.ended(job)
         error = job.error
         if job.group is not None:
             job.group.child_ended(job, error)
@@ -287,7 +289,7 @@ class Scheduler:
 
     def _leave(self, job: Job) -> None:
         """Give the processor back to the hub; throw what somebody wants thrown when the job is resumed."""
-        self.hub.switch()
+        self._pool.to_hub()
         job.state = states.RUNNING
         if job.pending is not None:
             error, job.pending = job.pending, None
@@ -310,7 +312,10 @@ class Scheduler:
                 self.ended(job)
                 self.current = None
                 return
-        job.coro.switch()
+            job.carrier = self._pool.take(job)
+        carrier = job.carrier
+        assert carrier is not None
+        carrier.switch()
         self.current = None
 
     def _wake_sleeper(self, job: Job) -> None:

@@ -141,14 +141,18 @@ class Tag:
 
     def freeze(self) -> None:
         """Hold all code under this tag; the running job too, at once, if it is under it."""
-        self.frozen = True
+        if not self.frozen:
+            self.frozen = True
+            self.scheduler.frozen_tags += 1
         self._recheck()
         if self.scheduler.current is not None:
             self.scheduler.hold_if_frozen()
 
     def unfreeze(self) -> None:
         """Let the code go on, unless another tag holds it."""
-        self.frozen = False
+        if self.frozen:
+            self.frozen = False
+            self.scheduler.frozen_tags -= 1
         self._recheck()
 
     def block(self, value: Any) -> None:

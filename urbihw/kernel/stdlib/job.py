@@ -105,7 +105,7 @@ def job_stack(this: JobObject) -> Stack:
     job = this.known()
     if job.done:
         return NO_STACK
-    frame = job.coro.gr_frame
+    frame = job.frame()
     calls: list[Any] = []
     while frame is not None:
         line_map = frame.f_globals.get(LINE_MAP)

@@ -327,7 +327,7 @@ def _in_place(operator: str) -> None:
     @TABLE.raw(operator + "=", least=1)
     def in_place(world: World) -> Any:
         """``this operator that``."""
-        return lambda this, that: world.send(this, operator, that)
+        return lambda this, that: world.send1(this, operator, that)
 
 
 for _operator in "+-*/^%":

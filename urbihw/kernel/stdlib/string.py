@@ -217,7 +217,7 @@ def _text(world: World, value: Any) -> str:
     return value.s
 
 
-@TABLE.raw("+", least=1)
+@TABLE.raw("+", "+=", least=1)
 def plus(world: World) -> Any:
     """This string followed by the other's ``asString``."""
     string, text = world.string, world.text

@@ -1,0 +1,79 @@
+"""How a job is suspended: greenlets.  The only file that knows the mechanism.
+
+Beginning a greenlet costs ten times what a switch does (CPython maps a fresh stack chunk for it), and most jobs are
+short.  So jobs are run by *carriers*, greenlets that take one job after the other and rest in a pool in between.
+"""
+
+from __future__ import annotations
+
+from types import FrameType
+from typing import TYPE_CHECKING
+
+from greenlet import GreenletExit, getcurrent, greenlet
+
+if TYPE_CHECKING:
+    from urbihw.kernel.sched.job import Job
+
+POOL = 64
+"""How many carriers rest at most; more are let go."""
+
+
+class Carrier:
+    """A greenlet that runs jobs, one at a time."""
+
+    __slots__ = ("_coro", "_pool", "job")
+
+    def __init__(self, pool: Pool) -> None:
+        self._pool = pool
+        self.job: Job | None = None
+        self._coro = greenlet(self._run, pool.hub)
+
+    def switch(self) -> None:
+        """From the hub: run the job until it gives the processor back."""
+        self._coro.switch()
+
+    def frame(self) -> FrameType | None:
+        """Where the job stands, while it is suspended."""
+        return self._coro.gr_frame
+
+    def _run(self) -> None:
+        while True:
+            job = self.job
+            assert job is not None
+            job.main()
+            job.carrier = self.job = None
+            if isinstance(job.error, GreenletExit):  # the interpreter takes the greenlet away
+                return
+            del job
+            if not self._pool.rest(self):
+                return
+            self._pool.hub.switch()
+
+
+class Pool:
+    """The carriers of one scheduler, and the hub they give the processor back to."""
+
+    def __init__(self) -> None:
+        self.hub = getcurrent()
+        self._resting: list[Carrier] = []
+
+    def enter_hub(self) -> None:
+        """The greenlet that calls is the hub from now on."""
+        self.hub = getcurrent()
+
+    def take(self, job: Job) -> Carrier:
+        """A carrier for a job that begins."""
+        carrier = self._resting.pop() if self._resting else Carrier(self)
+        carrier.job = job
+        return carrier
+
+    def rest(self, carrier: Carrier) -> bool:
+        """A carrier's job is over; whether it may rest here."""
+        if len(self._resting) >= POOL:
+            return False
+        self._resting.append(carrier)
+        return True
+
+    def to_hub(self) -> None:
+        """From a job: give the processor back."""
+        self.hub.switch()
