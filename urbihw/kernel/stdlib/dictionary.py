@@ -10,7 +10,7 @@ from typing import Any
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
-from urbihw.kernel.runtime.values import Dictionary, List
+from urbihw.kernel.runtime.values import Dictionary, List, String
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.members import equal, same_members
 from urbihw.kernel.stdlib.string import escaped
@@ -29,6 +29,12 @@ def _dict(world: World, value: Any) -> dict[str, Any]:
     return value.d
 
 
+def _key(world: World, value: Any) -> str:
+    if not isinstance(value, String):
+        raise world.type_error(1, value, "String")
+    return value.s
+
+
 def missing(world: World, key: Any) -> errors.UrbiError:
     """``missing key: K``, an object with the slot ``key``."""
     error = Obj(world, [world.dictionary_proto.slots["KeyError"]])
@@ -43,7 +49,7 @@ def init(world: World, this: Dictionary, *args: Any) -> Any:
     if len(args) % 2:
         raise errors.primitive(f"expected an even number of arguments, given {len(args)}")
     for key, value in zip(args[::2], args[1::2], strict=True):
-        this.d[world.key(key)] = value
+        this.d[_key(world, key)] = value
     this.touch()
     return this
 
@@ -56,7 +62,7 @@ def get(world: World) -> Any:
     """The value of a key; raises Dictionary.KeyError if there is none."""
 
     def run(this: Any, key: Any) -> Any:
-        value = _dict(world, this).get(world.key(key))
+        value = _dict(world, this).get(_key(world, key))
         if value is None:
             raise missing(world, key)
         return value
@@ -67,7 +73,7 @@ def get(world: World) -> Any:
 @TABLE.primitive("getWithDefault")
 def get_with_default(world: World, this: Dictionary, key: Any, default: Any) -> Any:
     """The value of a key, or the default if there is none."""
-    return this.d.get(world.key(key), default)
+    return this.d.get(_key(world, key), default)
 
 
 @TABLE.raw("[]=", least=2)
@@ -75,7 +81,7 @@ def set_item(world: World) -> Any:
     """Map a key to a value; gives the value."""
 
     def run(this: Any, key: Any, value: Any) -> Any:
-        _dict(world, this)[world.key(key)] = value
+        _dict(world, this)[_key(world, key)] = value
         this.touch()
         return value
 
@@ -85,7 +91,7 @@ def set_item(world: World) -> Any:
 @TABLE.primitive("set")
 def set_(world: World, this: Dictionary, key: Any, value: Any) -> Any:
     """Map a key to a value; gives this dictionary."""
-    this.d[world.key(key)] = value
+    this.d[_key(world, key)] = value
     this.touch()
     return this
 
@@ -93,9 +99,9 @@ def set_(world: World, this: Dictionary, key: Any, value: Any) -> Any:
 @TABLE.primitive("erase")
 def erase(world: World, this: Dictionary, key: Any) -> Any:
     """Forget a key; gives this dictionary.  Raises Dictionary.KeyError if there is none."""
-    if world.key(key) not in this.d:
+    if _key(world, key) not in this.d:
         raise missing(world, key)
-    del this.d[world.key(key)]
+    del this.d[_key(world, key)]
     this.touch()
     return this
 
@@ -103,13 +109,13 @@ def erase(world: World, this: Dictionary, key: Any) -> Any:
 @TABLE.primitive("has")
 def has(world: World, this: Dictionary, key: Any) -> bool:
     """Whether a key has a value."""
-    return world.key(key) in this.d
+    return _key(world, key) in this.d
 
 
 @TABLE.primitive("hasNot")
 def has_not(world: World, this: Dictionary, key: Any) -> bool:
     """Whether a key has no value."""
-    return world.key(key) not in this.d
+    return _key(world, key) not in this.d
 
 
 # ---------------------------------------------------------------- the whole

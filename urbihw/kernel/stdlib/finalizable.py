@@ -109,11 +109,11 @@ def set_(world: World, this: WeakDictionaryObject, key: str, value: Obj) -> Any:
 
 
 @DICTIONARY.primitive("get", "[]")
-def get(world: World, this: WeakDictionaryObject, key: Any) -> Any:
+def get(world: World, this: WeakDictionaryObject, key: str) -> Any:
     """The object of a key; raises Dictionary.KeyError if there is none (any more)."""
-    value = this.d.get(world.key(key))
+    value = this.d.get(key)
     if value is None:
-        raise missing(world, key)
+        raise missing(world, world.string(key))
     return value
 
 

@@ -220,9 +220,11 @@ def _text(world: World, value: Any) -> str:
 @TABLE.raw("+", "+=", least=1)
 def plus(world: World) -> Any:
     """This string followed by the other's ``asString``."""
-    string, text = world.string, world.text
+    string, text, void = world.string, world.text, world.void
 
     def run(this: Any, other: Any) -> String:
+        if other is void:
+            raise errors.unexpected_void()
         return string(_text(world, this) + text(other))
 
     return run
