@@ -22,7 +22,7 @@ from urbihw.kernel.syntax import ast
 class Local:
     """One local variable."""
 
-    __slots__ = ("assigned", "captured", "fresh", "frame", "late", "maybe_void", "name", "python")
+    __slots__ = ("assigned", "captured", "const", "fresh", "frame", "late", "maybe_void", "name", "python")
 
     def __init__(self, name: str, python: str, frame: Frame, fresh: bool) -> None:
         self.name = name
@@ -33,6 +33,7 @@ class Local:
         self.assigned = False
         self.maybe_void = False
         self.late = False
+        self.const = False
 
     @property
     def boxed(self) -> bool:
@@ -260,6 +261,7 @@ class Binder:
             self.use_this(node)
             return
         local = self.declare(node.name)
+        local.const = node.const
         local.maybe_void = node.value is None
         if node.value is None:
             local.assigned = True

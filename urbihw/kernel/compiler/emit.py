@@ -12,7 +12,7 @@ from typing import Any
 from urbihw.kernel.compiler.bind import Binding, Frame, Local
 from urbihw.kernel.compiler.linemap import Entry
 from urbihw.kernel.syntax import ast
-from urbihw.kernel.syntax.location import NOWHERE
+from urbihw.kernel.syntax.location import NOWHERE, Span
 
 Pos = dict[str, Any]
 LOAD, STORE = py.Load(), py.Store()
@@ -165,8 +165,12 @@ class Emitter:
 
     def mark(self, node: ast.Node, called: str | None = None) -> Pos:
         """The position for code that comes from a node; ``called`` is the name of the call made there."""
+        return self.mark_span(node.span, called)
+
+    def mark_span(self, span: Span, called: str | None = None) -> Pos:
+        """The position for code that comes from a stretch of text."""
         line = len(self.entries)
-        self.entries.append(Entry(node.span, called, self.outer_entry))
+        self.entries.append(Entry(span, called, self.outer_entry))
         return {"lineno": line, "col_offset": 0, "end_lineno": line, "end_col_offset": 0}
 
     def fresh(self, prefix: str = "_x") -> str:

@@ -29,6 +29,7 @@ from urbihw.kernel.compiler.emit import (
 )
 from urbihw.kernel.compiler.unit import FunctionInfo
 from urbihw.kernel.syntax import ast
+from urbihw.kernel.syntax.location import Span
 
 ARITHMETIC = {"+": py.Add, "-": py.Sub, "*": py.Mult, "/": py.Div}
 COMPARISONS = {"<": py.Lt, "<=": py.LtE, ">": py.Gt, ">=": py.GtE}
@@ -57,12 +58,12 @@ class Expressions(Emitter):
         """Write a node as a statement (see ``Statements``)."""
         raise NotImplementedError
 
-    def value(self, node: ast.Node) -> py.expr:
-        """The value of a node where void is an error."""
+    def value(self, node: ast.Node, where: Span | None = None) -> py.expr:
+        """The value of a node where void is an error, which points at the node or at ``where``."""
         made = self.expr(node)
         if self.never_void(node):
             return made
-        p = self.mark(node)
+        p = self.mark_span(node.span if where is None else where)
         is_value = is_(walrus("_v", made, p), name("VOID", p), p, negated=True)
         return choose(is_value, name("_v", p), call("no_void", [], p), p)
 

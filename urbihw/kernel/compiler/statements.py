@@ -10,7 +10,7 @@ import ast as py
 import dataclasses
 from typing import Any
 
-from urbihw.kernel.compiler.bind import binding_names
+from urbihw.kernel.compiler.bind import Local, binding_names
 from urbihw.kernel.compiler.emit import (
     LOAD,
     RETURN,
@@ -69,7 +69,8 @@ class Statements(Expressions):
         local = self.binding.locals.get(id(node))
         if local is not None:
             p = self.mark(node)
-            self.declare(local, self.value(node.value) if node.value is not None else name("VOID", p), p)
+            first = name("VOID", p) if node.value is None else self.value(node.value, node.span)
+            self.declare(local, first, p)
             if dest is not None:
                 self.finish(dest, self.read(local, p), p)
             return
@@ -78,9 +79,9 @@ class Statements(Expressions):
         makers = [holder]
         if node.value is not None:
             value = node.value
-            makers.append(lambda: self.value(value))
+            makers.append(lambda: self.value(value, node.place))
         made = self.sequence(makers)
-        p = self.mark(node, "createSlot" if node.value is None else "setSlot")
+        p = self.mark_span(node.place, "createSlot" if node.value is None else "setSlot")
         made.insert(1, const(node.name, p))
         if node.value is None:
             made.append(name("VOID", p))
@@ -102,14 +103,20 @@ class Statements(Expressions):
         if local is not None:
             value = self.value(node.value)
             p = self.mark(node)
+            self.constant_guard(local, p)
             self.write(local, value, p)
             if dest is not None:
                 self.finish(dest, self.read(local, p), p)
             return
         made = self.sequence([self.slot_holder(place, place), lambda: self.value(node.value)])
-        p = self.mark(node, "updateSlot")
+        p = self.mark(place, "updateSlot")
         made.insert(1, const(place.name, p))
         self.finish(dest, call("update", made, p), p)
+
+    def constant_guard(self, local: Local, p: Pos) -> None:
+        """Assigning a ``const`` local is an error when it happens."""
+        if local.const:
+            self.emit(do(call("constant", [], p), p))
 
     def assign_property(self, place: ast.Property, node: ast.Assign, dest: str | None) -> None:
         """``o.x->p = value``."""
@@ -145,6 +152,7 @@ class Statements(Expressions):
         if local is not None:
             value = self.value(node.value)
             p = self.mark(node, node.op)
+            self.constant_guard(local, p)
             if node.op in INPLACE and not self.generic and not local.late:
                 where: Any = py.Name(local.python, STORE, **p)
                 if local.boxed:
@@ -170,6 +178,7 @@ class Statements(Expressions):
         local = self.binding.locals.get(id(node.place))
         p = self.mark(node, node.op)
         if local is not None:
+            self.constant_guard(local, p)
             self.write(local, change(self.read(local, p), p), p)
         else:
             self.change_place(node.place, node, change, None)

@@ -1,4 +1,4 @@
-"""From statements to jobs: each lobby has one main job that runs its statements in order; ``,`` makes background jobs."""
+"""From statements to jobs: a lobby's main job runs its statements in order, ``,`` makes background jobs."""
 
 from __future__ import annotations
 
@@ -190,7 +190,10 @@ class Shell:
             passage.exit()
 
     def show(self, value: Any) -> None:
-        """Print the value of a top-level statement; void and nil are silent.  A lobby may have a ``topLevel`` of its own."""
+        """Print the value of a top-level statement; void and nil are silent.
+
+        A lobby may have a ``topLevel`` of its own.
+        """
         world = self._lobby.world
         channel = self._lobby.slots.get("topLevel")
         if channel is not None:

@@ -155,6 +155,10 @@ def _slots(world: World) -> dict[str, Any]:
         meta_of(world.as_obj(target), name).constant = True
         return value
 
+    def constant() -> None:
+        """A constant local is assigned."""
+        raise errors.constness()
+
     def get_property(target: Any, slot: str, name: str) -> Any:
         """``target.slot->name``."""
         return world.send(target, "getProperty", world.string(slot), world.string(name))
@@ -181,7 +185,7 @@ def _slots(world: World) -> dict[str, Any]:
             return old + 1.0 if operator == "++" else old - 1.0
         return world.send(old, operator)
 
-    return locals_of(declare, declare_const, get_property, set_property, get_item, set_item, in_place, step)
+    return locals_of(declare, declare_const, constant, get_property, set_property, get_item, set_item, in_place, step)
 
 
 def _flow(world: World) -> dict[str, Any]:

@@ -27,7 +27,12 @@ class Trajectory:
     """One movement of one place."""
 
     def __init__(
-        self, world: World, read: Callable[[], Any], write: Callable[[Any], Any], target: Any, attributes: dict[str, Any]
+        self,
+        world: World,
+        read: Callable[[], Any],
+        write: Callable[[Any], Any],
+        target: Any,
+        attributes: dict[str, Any],
     ) -> None:
         self._world = world
         self._read = read

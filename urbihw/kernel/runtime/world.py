@@ -282,7 +282,7 @@ class World:
         return f"tag_{self.tag_count}"
 
     def tag_by_name(self, holder: Any, implicit: bool, path: Sequence[str]) -> Any:
-        """The tag meant by ``a.b:``; a name not declared makes a tag, in Tag.tags (``a`` alone) or in its parent tag."""
+        """The tag meant by ``a.b:``; an undeclared name makes a tag, in Tag.tags (``a`` alone) or in its parent."""
         for index, name in enumerate(path):
             obj = self.as_obj(holder)
             if index == 0 and implicit and obj.find(name) is None:
@@ -379,7 +379,8 @@ class World:
         return self.text(content)
 
     def _exception(self, raised: errors.Raised) -> Obj:
-        kind = self.exception_proto if raised.kind == "Exception" else self.exception_proto.slots.get(raised.kind, self.exception_proto)
+        base = self.exception_proto
+        kind = base if raised.kind == "Exception" else base.slots.get(raised.kind, base)
         made = Obj(self, [kind])
         made.slots["message"] = self.string(raised.message)
         stack = stack_of(raised, self.hide_system)

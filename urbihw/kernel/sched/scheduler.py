@@ -68,8 +68,8 @@ class Scheduler:
     ) -> Job:
         """A new job at the end of the ready queue.
 
-        ``parent`` gives its tags, its context and its own time; without one, ``entries`` are the tags it begins under.  ``failed``
-        is called with whatever error ends a job that belongs to no group.
+        ``parent`` gives its tags, its context and its own time; without one, ``entries`` are the tags it begins under.
+        ``failed`` is called with whatever error ends a job that belongs to no group.
         """
         if parent is not None:
             context = parent.context if context is None else context

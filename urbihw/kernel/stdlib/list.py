@@ -141,7 +141,11 @@ def get_item(world: World) -> Any:
     """The member at an index; negative ones count from the end."""
 
     def run(this: Any, index: Any) -> Any:
-        members = _list(world, this)
+        members = this.l if this.__class__ is List else _list(world, this)
+        if index.__class__ is float and 0 <= index < len(members):
+            place = int(index)
+            if place == index:  # the usual case, without the checks
+                return members[place]
         return members[index_in(len(members), index, world)]
 
     return run
@@ -342,8 +346,9 @@ def insert_back(world: World) -> Any:
     """Add a member at the end; gives this list."""
 
     def run(this: Any, value: Any) -> Any:
-        _list(world, this).append(value)
-        this.touch()
+        (this.l if this.__class__ is List else _list(world, this)).append(value)
+        if this.meta is not None:
+            this.touch()
         return this
 
     return run

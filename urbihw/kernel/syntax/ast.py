@@ -111,13 +111,15 @@ class Property(Node):
 class Var(Node):
     """``var name``, ``var target.name``, with an optional value; as a pattern, a binding (target and value None).
 
-    ``function f() {...}`` is ``Var(None, "f", Function(...))``.
+    ``function f() {...}`` is ``Var(None, "f", Function(...))``.  ``place`` is where the name stands (the target, if
+    there is one): errors of the declaration point there.
     """
 
     target: Node | None
     name: str
     value: Node | None = None
     const: bool = False
+    place: Span = field(default=NOWHERE, compare=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,10 +28,11 @@ class Problem:
 
 
 class Place(NamedTuple):
-    """What ``var``, ``class`` or ``function`` declares: a plain name, or a slot of a target."""
+    """What ``var``, ``class`` or ``function`` declares: a name, or a slot of a target; errors point at ``span``."""
 
     target: Node | None
     name: str
+    span: Span
 
 
 class Expressions:
@@ -92,19 +93,19 @@ class Expressions:
         self.problem(f"unexpected {shown(operator.kind)}", operator.span)
 
     def declaration(self, span: Span, place: Place) -> Node:
-        return ast.Var(place.target, place.name, span=span)
+        return ast.Var(place.target, place.name, place=place.span, span=span)
 
     def declaration_const(self, span: Span, place: Place) -> Node:
-        return ast.Var(place.target, place.name, None, True, span=span)
+        return ast.Var(place.target, place.name, None, True, place.span, span=span)
 
     def declare(self, span: Span, variable: ast.Var, value: Node) -> Node:
         return replace(variable, value=value, span=span)
 
     def place_name(self, _span: Span, name: Token) -> Place:
-        return Place(None, name.text)
+        return Place(None, name.text, name.span)
 
     def place_member(self, _span: Span, target: Node, name: Token) -> Place:
-        return Place(target, name.text)
+        return Place(target, name.text, target.span)
 
     def owner(self, span: Span, name: Token) -> Node:
         return ast.Call(None, name.text, span=span)

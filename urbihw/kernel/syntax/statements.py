@@ -153,7 +153,7 @@ class Statements(Expressions):
     # ------------------------------------------------------------ functions and objects
 
     def function_named(self, span: Span, place: Place, formals: list[ast.Formal] | None, body: ast.Scope) -> Node:
-        return ast.Var(place.target, place.name, self.function(span, formals, body), span=span)
+        return ast.Var(place.target, place.name, self.function(span, formals, body), place=place.span, span=span)
 
     def class_(self, span: Span, place: Place, protos: Args | None, body: ast.Scope) -> Node:
         return ast.Class(place.target, place.name, tuple(protos or ()), body, span=span)
