@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import pytest
+
 from fakes.bioloid import Bioloid
 from fakes.endpoint import PtyEndpoint
 from urbihw.buses import messages as m

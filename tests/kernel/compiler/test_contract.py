@@ -1,4 +1,4 @@
-"""Compiler and runtime meet at one list: every name that generated code uses stands in ops, and none stands there in vain."""
+"""Compiler and runtime meet at one list: generated code uses the names in ops, all of them, and no others."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ def emitted() -> set[str]:
             if node.func.id in ("call", "name", "except_"):
                 first = node.args[0]
                 parts = [first.body, first.orelse] if isinstance(first, ast.IfExp) else [first]
-                found |= {part.value for part in parts if isinstance(part, ast.Constant) and isinstance(part.value, str)}
+                names = [part.value for part in parts if isinstance(part, ast.Constant)]
+                found |= {name for name in names if isinstance(name, str)}
     return found
 
 
