@@ -4,7 +4,9 @@ thread, which the owner hands on.
 
 from __future__ import annotations
 
+import os
 import queue
+import select
 import socket
 import threading
 from collections.abc import Callable
@@ -53,12 +55,24 @@ class TcpStream:
 
 
 class SerialStream:
-    """A serial port."""
+    """A serial port, eight bits and no parity, as the system has it: no library of buses is needed for so little."""
 
     def __init__(self, device: str, baud: int) -> None:
-        import serial
+        import termios
+        import tty
 
-        self._port = serial.Serial(device, baud, timeout=0.1)
+        speed = getattr(termios, f"B{baud}", None)
+        if speed is None:
+            raise OSError(f"the system knows no speed of {baud} baud")
+        self._file = os.open(device, os.O_RDWR | os.O_NOCTTY)
+        try:
+            tty.setraw(self._file)
+            modes = termios.tcgetattr(self._file)
+            modes[4] = modes[5] = speed
+            termios.tcsetattr(self._file, termios.TCSANOW, modes)
+        except (OSError, termios.error) as error:
+            os.close(self._file)
+            raise OSError(f"{device} is no serial port: {error}") from error
         self._open = True
         self.remote = (device, 0)
         self.local = (device, 0)
@@ -66,19 +80,20 @@ class SerialStream:
     def read(self) -> bytes:
         """What comes next."""
         while self._open:
-            data = bytes(self._port.read(max(1, self._port.in_waiting)))
-            if data:
-                return data
+            if select.select([self._file], [], [], 0.1)[0]:
+                return os.read(self._file, 65536)
         return b""
 
     def write(self, data: bytes) -> None:
         """Send bytes."""
-        self._port.write(data)
+        while data:
+            data = data[os.write(self._file, data) :]
 
     def close(self) -> None:
         """Close the port."""
-        self._open = False
-        self._port.close()
+        if self._open:
+            self._open = False
+            os.close(self._file)
 
 
 class Wire:
@@ -94,6 +109,7 @@ class Wire:
         self.stream = stream
         self._received = received
         self._closed = closed
+        self._ending = False
         self._pieces: queue.SimpleQueue[tuple[bytes, Callable[[], None] | None]] = queue.SimpleQueue()
 
     def start(self) -> None:
@@ -116,8 +132,8 @@ class Wire:
             while data:
                 self._received(data)
                 data = self.stream.read()
-        except (OSError, TypeError) as error:  # pyserial raises TypeError when closed under a reader
-            message = getattr(error, "strerror", None) or str(error)
+        except (OSError, ValueError) as error:  # ValueError: closed by this side while the reader waits
+            message = "" if self._ending else getattr(error, "strerror", None) or str(error)
         self._pieces.put((b"", None))
         self._closed(message)
 
@@ -126,6 +142,7 @@ class Wire:
         while True:
             data, sent = self._pieces.get()
             if not data:
+                self._ending = True
                 self.stream.close()
                 return
             if working:
