@@ -158,7 +158,7 @@ def offences(root: Path) -> list[str]:
     found = []
     for name, path in known.items():
         own = area(name, known)
-        for line, target in imports(path, known):
+        for line, target in dict.fromkeys(imports(path, known)):
             where = f"{path.relative_to(root)}:{line}: {name} imports {target}"
             library = target.partition(".")[0]
             if target.startswith("."):
