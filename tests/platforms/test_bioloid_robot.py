@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from bioloid_lab import BAUD, Lab
 
@@ -54,7 +56,7 @@ def test_a_link_that_cannot_be_opened_is_not_ready() -> None:
 
 
 @pytest.mark.parametrize("options", [{"protocol": 3}, {"ids": "all"}])
-def test_options_without_sense_are_bad_config(options: dict[str, object]) -> None:
+def test_options_without_sense_are_bad_config(options: dict[str, Any]) -> None:
     with pytest.raises(BadConfig, match=next(iter(options))):
         Lab(**options)
 

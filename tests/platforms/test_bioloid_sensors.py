@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import pytest
-from bioloid_lab import Lab
+from bioloid_lab import BAUD, Lab
+
+from fakes.bioloid import Bioloid as Kit
 
 
 @pytest.fixture
 def lab() -> Lab:
-    return Lab.ready()
+    return Lab.ready(Kit(servos=(6,), baud=BAUD))
 
 
 def test_distances_light_and_flags(lab: Lab) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.object import Plain
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.uobject.uvar import UVar
@@ -71,5 +71,5 @@ def install(world: World) -> None:
     for name, proto in (("UVar", world.uvar_proto), ("UObject", world.uobject_proto)):
         proto.slots["type"] = world.string(name)
         world.global_.slots[name] = proto
-    world.global_.slots["uobjects_handle"] = Obj(world, [world.object])
+    world.global_.slots["uobjects_handle"] = Plain(world, [world.object])
     world.flush()

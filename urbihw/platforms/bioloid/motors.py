@@ -151,15 +151,21 @@ class Servo(Device):
 
     def _limit_written(self, var: UVar) -> None:
         self._limits_wanted[var.name] = number(var)
+        least, most = self._wanted()
+        # A speed written behind the limits means the mode that they make.
+        self.set_range(self.speed, *self.speed_range(least == most == 0))
         # ``cwLimit = ccwLimit = 0`` is two writes that are one wish.
         self.wire.settle_later(self)
 
+    def _wanted(self) -> tuple[float, float]:
+        wanted = self._limits_wanted
+        return wanted.get("cwLimit", self.cw_limit.sensed), wanted.get("ccwLimit", self.ccw_limit.sensed)
+
     def settle(self) -> None:
         """The round in which limits were written is over: switch mode, or set them."""
-        wanted, self._limits_wanted = self._limits_wanted, {}
-        least = wanted.get("cwLimit", self.cw_limit.sensed)
-        most = wanted.get("ccwLimit", self.ccw_limit.sensed)
-        steps = self.plan_limits(least == 0 and most == 0, least, most)
+        least, most = self._wanted()
+        self._limits_wanted = {}
+        steps = self.plan_limits(least == most == 0, least, most)
         self._steps_left += len(steps)
         for item, raw in steps:
             self.write(item, raw, "cwLimit, ccwLimit", self._step_done)

@@ -79,7 +79,7 @@ class AXS1(Device):
     def _word_read(self, reply: Reply) -> None:
         self._asking = False
         # Reading the word cleared the flag, which may never be seen as 0 if the next word is quick.
-        self.raw.pop("remocon_arrived", None)
+        self.expect("remocon_arrived")
         if reply.ok and reply.value is not None:
             self.remocon.sense(float(reply.value))
             self.remoconReceived.emit(float(reply.value))
