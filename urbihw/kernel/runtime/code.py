@@ -29,6 +29,7 @@ class Executable(Obj):
     """Anything that runs when called."""
 
     __slots__ = ()
+    runs = True
     strict = True
 
     def call(self, this: Any, args: tuple[Any, ...]) -> Any:
@@ -263,9 +264,3 @@ def make_primitive(world: World, name: str, fn: Callable[..., Any], least: int, 
         made2.c2 = fn  # type: ignore[method-assign]
         return made2
     return Primitive(world, name, fn, least, most)
-
-
-RUNNABLE = frozenset(
-    (Code, LazyCode, Code0, Code1, Code2, Code3, Primitive, LazyPrimitive, Primitive0, Primitive1, Primitive2)
-)
-"""The usual classes of executables: asking for membership is quicker than ``isinstance``."""

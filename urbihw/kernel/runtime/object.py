@@ -30,6 +30,8 @@ class Obj:
     """Any urbiscript object but a float."""
 
     __slots__ = ("__weakref__", "cache", "meta", "number", "protos", "slots", "world")
+    runs = False
+    """Whether a message that finds such a value in a slot calls it."""
     bounces = False
     """Whether an assignment to a slot it does not have goes to its members (a Group)."""
     heirs_alike = False
@@ -49,20 +51,19 @@ class Obj:
         """The object that holds the slot ``name``, looking depth first from here, or None."""
         if name in self.slots:
             return self
-        protos = self.protos
-        if len(protos) != 1:
-            return self._search(name, {})
-        proto = protos[0]
-        if proto.__class__ is float:
-            proto = self.world.float_proto
-        cache = proto.cache
-        if cache is None:
-            cache = proto.make_cache()
+        if not self.protos:
+            return None
+        first = self.protos[0]
+        if first.__class__ is float:
+            first = self.world.float_proto
+        cache = first.make_cache() if first.cache is None else first.cache
         holder: Obj | None = cache.get(name)
         if holder is None:
-            holder = self._search(name, {})
+            holder = first._search(name, {id(self): None})
             if holder is not None:
                 cache[name] = holder
+            elif len(self.protos) > 1:
+                holder = self._search(name, {})
         return holder
 
     def make_cache(self) -> dict[str, Obj]:
@@ -105,7 +106,7 @@ class Obj:
 
     def clone(self) -> Obj:
         """A fresh object whose only prototype is this one; a value class copies its value."""
-        return Obj(self.world, [self])
+        return Plain(self.world, [self])
 
     # ---------------------------------------------------------------- Python's operators
 
@@ -177,6 +178,15 @@ class Obj:
 
     def __bool__(self) -> bool:
         return True
+
+
+class Plain(Obj):
+    """An object that is nothing but its slots.
+
+    The classes of values are its siblings and not its children: Python asks a child's operators first.
+    """
+
+    __slots__ = ()
 
 
 class Void(Obj):

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
-from urbihw.kernel.runtime.code import RUNNABLE, Executable, Getter
+from urbihw.kernel.runtime.code import Executable, Getter
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.slot import peek_meta
 from urbihw.kernel.runtime.values import Container, List
@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 OPERATORS = frozenset(("+", "-", "*", "/", "<", "<=", ">", ">=", "==", "!=", "++", "--", "!", "<<", "+="))
 """The operators that are not sent to numbers, strings and lists unless somebody redefines one of them there."""
 
+CACHE_MISS = (KeyError, TypeError, IndexError, AttributeError)
+"""What looking into the cache of the first prototype raises when there is no answer: no entry, no cache, no prototype,
+a number as prototype."""
+
 
 class SlotOps:
     """The slot verbs of one world."""
@@ -29,7 +33,7 @@ class SlotOps:
     def __init__(self, world: World) -> None:
         self.world = world
         recorder = world.recorder
-        runnable = RUNNABLE
+        float_proto = world.float_proto
 
         def get_slot(target: Any, name: str) -> Any:
             """The value of a slot, not called; raises ``lookup failed``."""
@@ -50,45 +54,51 @@ class SlotOps:
 
         def method(target: Any, name: str) -> Any:
             """What ``target.name`` means, as something with ``strict`` and ``c0`` to ``cn``."""
-            if target.__class__ is float or name not in target.slots:
+            if recorder.active is not None or target.__class__ is float:
                 value = found(target, name)
             else:
-                value = target.slots[name]
-                if recorder.active is not None:
-                    self.record(target, name, value)
-            if value.__class__ in runnable or isinstance(value, Executable):
-                return value
-            return Getter(world, value)
+                slots = target.slots
+                if name in slots:
+                    value = slots[name]
+                else:
+                    try:
+                        value = target.protos[0].cache[name].slots[name]
+                    except CACHE_MISS:
+                        value = found(target, name)
+            if value.__class__ is float or not value.runs:
+                return Getter(world, value)
+            return value
 
         def send0(target: Any, name: str) -> Any:
             """``target.name`` without arguments: the value, or what calling it gives."""
-            if target.__class__ is float or name not in target.slots:
+            if recorder.active is not None or target.__class__ is float:
                 value = found(target, name)
             else:
-                value = target.slots[name]
-                if recorder.active is not None:
-                    self.record(target, name, value)
-            if isinstance(value, Executable):
-                if value.strict:
-                    return value.c0(target)
-                return value.call_lazy(world.call_message(value, target, (), name))
-            return value
+                slots = target.slots
+                if name in slots:
+                    value = slots[name]
+                else:
+                    try:
+                        value = target.protos[0].cache[name].slots[name]
+                    except CACHE_MISS:
+                        value = found(target, name)
+            if value.__class__ is float or not value.runs:
+                return value
+            if value.strict:
+                return value.c0(target)
+            return value.call_lazy(world.call_message(value, target, (), name))
 
         def found(target: Any, name: str) -> Any:
             """What a message finds: a slot, the target's own or inherited, or the ``fallback``."""
             if recorder.active is not None:
                 return slow(target, name)
-            obj = world.peek_obj(target) if target.__class__ is float else target
-            if name in obj.slots:
-                return obj.slots[name]
-            protos = obj.protos
-            if len(protos) == 1 and protos[0].__class__ is not float:
-                cache = protos[0].cache
-                if cache is not None:
-                    holder = cache.get(name)
-                    if holder is not None:
-                        return holder.slots[name]
-            return slow(target, name)
+            if target.__class__ is float:
+                slots = float_proto.slots
+                return slots[name] if name in slots and not world.float_slots else slow(target, name)
+            try:
+                return target.slots[name] if name in target.slots else target.protos[0].cache[name].slots[name]
+            except CACHE_MISS:
+                return slow(target, name)
 
         def slow(target: Any, name: str) -> Any:
             try:
@@ -103,7 +113,7 @@ class SlotOps:
         def send1(target: Any, name: str, argument: Any) -> Any:
             """``target.name(argument)`` with an evaluated argument: the usual operator."""
             value: Any = found(target, name)
-            if isinstance(value, Executable) and value.strict:
+            if value.__class__ is not float and value.runs and value.strict:
                 return value.c1(target, argument)
             return world.invoke(value, target, (argument,), name)
 
@@ -111,12 +121,16 @@ class SlotOps:
             """``a == b``: a Python bool for numbers, what ``'=='`` gives for others."""
             if a.__class__ is float and b.__class__ is float:
                 return a == b
+            if b is world.void:
+                raise errors.unexpected_void()
             return send1(a, "==", b)
 
         def unequal(a: Any, b: Any) -> Any:
             """``a != b``."""
             if a.__class__ is float and b.__class__ is float:
                 return a != b
+            if b is world.void:
+                raise errors.unexpected_void()
             return send1(a, "!=", b)
 
         self.equal = equal

@@ -15,7 +15,7 @@ from urbihw.kernel.runtime import convert
 from urbihw.kernel.runtime.backtrace import Stack, stack_of
 from urbihw.kernel.runtime.code import Executable, make_primitive
 from urbihw.kernel.runtime.event import Event
-from urbihw.kernel.runtime.object import Nil, Obj, Truth, Void
+from urbihw.kernel.runtime.object import Nil, Obj, Plain, Truth, Void
 from urbihw.kernel.runtime.passage import TagObject
 from urbihw.kernel.runtime.slots import SlotOps
 from urbihw.kernel.runtime.values import CallMessage, Dictionary, FloatObject, Lazy, List, String, Tuple
@@ -47,8 +47,8 @@ class World:
         self.lazy_names: set[str] = set()
         self.generic_floats = False
 
-        self.object = Obj(self, [])
-        self.global_ = Obj(self, [self.object])
+        self.object = Plain(self, [])
+        self.global_ = Plain(self, [self.object])
         self.object.protos = [self.global_]
         self.void = Void(self, [])
         self.float_proto = FloatObject(self, [self.object], 0.0)
@@ -91,7 +91,7 @@ class World:
 
     def proto(self, *protos: Obj) -> Obj:
         """A bare object with these prototypes (Object if none)."""
-        return Obj(self, list(protos) or [self.object])
+        return Plain(self, list(protos) or [self.object])
 
     def string(self, s: str) -> String:
         """A String; characters beyond latin-1 become their UTF-8 bytes."""
@@ -136,7 +136,7 @@ class World:
         if len(protos) == 1 and protos[0].__class__ is not float:
             made: Obj = protos[0].clone()
         else:
-            made = Obj(self, list(protos) or [self.object])
+            made = Plain(self, list(protos) or [self.object])
         made.slots["type"] = self.string(name)
         made.slots["as" + name] = self.object.slots["acceptVoid"]
         return made
@@ -176,7 +176,7 @@ class World:
             return value
         known = self.float_slots.get(id(value))
         if known is None:
-            known = self.float_slots[id(value)] = (value, Obj(self, [self.float_proto]))
+            known = self.float_slots[id(value)] = (value, Plain(self, [self.float_proto]))
         return known[1]
 
     def peek_obj(self, value: Any) -> Obj:
@@ -381,7 +381,7 @@ class World:
     def _exception(self, raised: errors.Raised) -> Obj:
         base = self.exception_proto
         kind = base if raised.kind == "Exception" else base.slots.get(raised.kind, base)
-        made = Obj(self, [kind])
+        made = Plain(self, [kind])
         made.slots["message"] = self.string(raised.message)
         stack = stack_of(raised, self.hide_system)
         routine = stack.routine if raised.routine == "" else raised.routine

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from urbihw.kernel import errors
-from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.object import Obj, Plain
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import Dictionary, List, String
 from urbihw.kernel.runtime.world import World
@@ -96,7 +96,7 @@ def install(world: World, programs: Any) -> None:
     proto.slots.update({"name": world.string(""), "quote": world.true, "enabled": world.true})
 
     def made(name: str, **slots: Any) -> Obj:
-        channel = Obj(world, [proto])
+        channel = Plain(world, [proto])
         channel.slots.update({"name": world.string(name), **slots})
         return channel
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from urbihw.kernel import errors
-from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.object import Plain
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import Dictionary, List, String
 from urbihw.kernel.runtime.world import World
@@ -37,7 +37,7 @@ def _key(world: World, value: Any) -> str:
 
 def missing(world: World, key: Any) -> errors.UrbiError:
     """``missing key: K``, an object with the slot ``key``."""
-    error = Obj(world, [world.dictionary_proto.slots["KeyError"]])
+    error = Plain(world, [world.dictionary_proto.slots["KeyError"]])
     error.slots["key"] = key
     error.slots["message"] = world.string(f"missing key: {world.text(key)}")
     return errors.UrbiError(error)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from urbihw.kernel.runtime.backtrace import Stack
-from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.object import Obj, Plain
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib import prototype
@@ -106,7 +106,7 @@ def make_frames(world: World, stack: Stack) -> Any:
     proto: Any = world.global_.slots["StackFrame"]
     frames: list[Any] = []
     for step in stack.calls:
-        frame = Obj(world, [proto])
+        frame = Plain(world, [proto])
         init_frame(world, frame, world.string(step.name or ""), make_location(world, step.location))
         frames.append(frame)
     return world.new_list(frames)

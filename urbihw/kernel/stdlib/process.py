@@ -13,7 +13,7 @@ import threading
 from typing import IO, Any
 
 from urbihw.kernel import errors
-from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.object import Obj, Plain
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import String
 from urbihw.kernel.runtime.world import World
@@ -223,7 +223,7 @@ def done(world: World, this: ProcessObject) -> bool:
 @PROCESS.primitive("status")
 def status(world: World, this: ProcessObject) -> Any:
     """An object that tells what became of the program: ``exitStatus`` or ``signal`` once it is over."""
-    made = Obj(world, [world.global_.slots["Process"].slots["Status"]])
+    made = Plain(world, [world.global_.slots["Process"].slots["Status"]])
     text = "not started" if this.inner is None else "running"
     if this.code is not None and this.code >= 0:
         text = f"exited with status {this.code}"

@@ -19,8 +19,6 @@ PROTOS = {"String": ("Comparable", "Orderable", "RangeIterable")}
 
 NUMBER = re.compile(r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|inf|nan)\Z")
 ESCAPES = {"\b": "\\b", "\f": "\\f", "\n": "\\n", "\r": "\\r", "\t": "\\t", "\v": "\\v", '"': '\\"', "\\": "\\\\"}
-FIRST_FRESH = 5
-"""The number of the first ``fresh``: the manual's session begins there, its library had used up the ones before."""
 
 
 def escaped(text: str) -> str:
@@ -42,6 +40,12 @@ def as_string(world: World, this: String) -> Any:
 def as_printable(world: World, this: str) -> str:
     """This string as a literal, with quotes and escapes."""
     return escaped(this)
+
+
+@TABLE.primitive("empty")
+def empty(world: World, this: str) -> bool:
+    """Whether this string has no character."""
+    return this == ""
 
 
 @TABLE.primitive("asBool")
@@ -325,13 +329,13 @@ def closest(world: World, this: str, among: Any) -> Any:
 def install(world: World, programs: Any) -> None:
     """``fresh`` counts, so it is made per world."""
     numbers = Table("String")
-    used = FIRST_FRESH
+    used = 0
 
     @numbers.primitive("fresh")
     def fresh(world: World, this: str) -> str:
         """A string beginning with this one that was never given before."""
         nonlocal used
         used += 1
-        return f"{this}_{used - 1}"
+        return f"{this}_{used}"
 
     numbers.install(world, world.string_proto)

@@ -5,7 +5,7 @@ Source: manual, specs/tuple, specs/pair, specs/triplet.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.object import Obj
@@ -20,17 +20,55 @@ TRIPLET = Table("Triplet")
 TABLES = [TUPLE, PAIR, TRIPLET]
 
 
-def _empty(size: int) -> Any:
-    return lambda world, protos: Tuple(world, protos, [world.nil] * size)
+class Named(Tuple):
+    """A tuple whose members are slots, so that a clone shares those of its prototype until it is written to."""
+
+    __slots__ = ()
+    NAMES: ClassVar[tuple[str, ...]] = ()
+
+    def __init__(self, world: World, protos: list[Obj], members: list[Any] | None = None) -> None:
+        super().__init__(world, protos, members or [])
+
+    @property
+    def l(self) -> list[Any]:  # noqa: E743
+        """The members."""
+        return [self.world.get_slot(self, name) for name in self.NAMES]
+
+    @l.setter
+    def l(self, members: list[Any]) -> None:  # noqa: E743
+        for name, member in zip(self.NAMES, members, strict=False):
+            self.world.ops.put(self, name, member)
+
+    def clone(self) -> Named:
+        """A fresh one that shares the members of this one."""
+        return type(self)(self.world, [self])
 
 
-CLASSES = {"Pair": _empty(2), "Triplet": _empty(3)}
+class Pair(Named):
+    """Two values."""
+
+    __slots__ = ()
+    NAMES = ("first", "second")
+
+
+class Triplet(Named):
+    """Three values."""
+
+    __slots__ = ()
+    NAMES = ("first", "second", "third")
+
+
+def _nothing(kind: type[Named]) -> Any:
+    return lambda world, protos: kind(world, protos, [world.nil] * len(kind.NAMES))
+
+
+CLASSES = {"Pair": _nothing(Pair), "Triplet": _nothing(Triplet)}
 PROTOS = {"Pair": ("Tuple",), "Triplet": ("Tuple",)}
 
 
 def pair(world: World, first: Any, second: Any) -> Obj:
     """A Pair."""
-    return Tuple(world, [world.global_.slots["Pair"]], [first, second])
+    return Pair(world, [world.global_.slots["Pair"]], [first, second])
 
 
 # ---------------------------------------------------------------- Tuple
@@ -114,32 +152,37 @@ def match_against(world: World, this: Tuple, handler: Any, pattern: Any) -> bool
 
 
 @PAIR.primitive("init")
-def init_pair(world: World, this: Tuple, first: Any, second: Any) -> None:
+def init_pair(world: World, this: Pair, first: Any, second: Any) -> None:
     """A pair of two values."""
     this.l = [first, second]
 
 
 @TRIPLET.primitive("init")
-def init_triplet(world: World, this: Tuple, first: Any, second: Any, third: Any) -> None:
+def init_triplet(world: World, this: Triplet, first: Any, second: Any, third: Any) -> None:
     """A triplet of three values."""
     this.l = [first, second, third]
 
 
-@PAIR.primitive("first")
-@TRIPLET.primitive("first")
-def first(world: World, this: Tuple) -> Any:
-    """The first member."""
-    return this.l[0]
+@PAIR.primitive("[]=")
+@TRIPLET.primitive("[]=")
+def set_member(world: World, this: Named, index: Any, value: Any) -> Any:
+    """Put a value at an index; gives the value."""
+    world.ops.put(this, this.NAMES[index_in(len(this.NAMES), index, world)], value)
+    this.touch()
+    return value
 
 
-@PAIR.primitive("second")
-@TRIPLET.primitive("second")
-def second(world: World, this: Tuple) -> Any:
-    """The second member."""
-    return this.l[1]
+@PAIR.primitive("asString", "asPrintable")
+def pair_string(world: World, this: Any) -> str:
+    """The members in parentheses; of anything that has a ``first`` and a ``second``."""
+    return _written(world, this, Pair.NAMES)
 
 
-@TRIPLET.primitive("third")
-def third(world: World, this: Tuple) -> Any:
-    """The third member."""
-    return this.l[2]
+@TRIPLET.primitive("asString", "asPrintable")
+def triplet_string(world: World, this: Any) -> str:
+    """The members in parentheses; of anything that has a ``first``, a ``second`` and a ``third``."""
+    return _written(world, this, Triplet.NAMES)
+
+
+def _written(world: World, this: Any, names: tuple[str, ...]) -> str:
+    return f"({', '.join([world.printable(world.send(this, name)) for name in names])})"

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.object import Plain
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.support import native
 
 
 def install(world: World, programs: Any) -> None:
     """Give void and its stand-in the slots they answer to."""
-    accepted = Obj(world, [])
+    accepted = Plain(world, [])
     for void in (world.void, accepted):
         void.slots["isVoid"] = native(world, "isVoid", lambda this: world.true, 0)
         void.slots["acceptVoid"] = native(world, "acceptVoid", lambda this: accepted, 0)
