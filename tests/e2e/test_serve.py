@@ -1,0 +1,297 @@
+"""The real daemon on a real port with a fake robot on a pty, as a user meets it.  Few, and on the real clock."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from fakes.bioloid import Bioloid
+from fakes.dynamixel.ax12 import Ax12
+from fakes.endpoint import PtyEndpoint
+
+pytestmark = pytest.mark.e2e
+
+PATIENCE = 20.0
+URBIHW = (sys.executable, "-m", "urbihw.cli.main")
+
+
+class Client:
+    """Like telnet: says lines, remembers all it hears."""
+
+    def __init__(self, port: int) -> None:
+        self._socket = socket.create_connection(("127.0.0.1", port), PATIENCE)
+        self.heard = ""
+        self.ended = False
+
+    def say(self, text: str) -> None:
+        self._socket.sendall(text.encode() + b"\r\n")
+
+    def listen(self, seconds: float) -> str:
+        """What comes within some time."""
+        start = len(self.heard)
+        self._listen(lambda: False, seconds)
+        return self.heard[start:]
+
+    def ask(self, text: str, seconds: float = PATIENCE) -> str:
+        """The one line that answers, without its time stamp."""
+        start = len(self.heard)
+        self.say(text)
+        assert self._listen(lambda: "\n" in self.heard[start:], seconds), f"no answer to {text}"
+        return self.heard[start:].splitlines()[0].partition("] ")[2]
+
+    def wait(self, text: str, seconds: float = PATIENCE) -> None:
+        assert self._listen(lambda: text in self.heard, seconds), f"{text!r} did not come, but: {self.heard}"
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def _listen(self, enough: Callable[[], bool], seconds: float) -> bool:
+        end = time.monotonic() + seconds
+        while not enough() and not self.ended and (left := end - time.monotonic()) > 0:
+            self._socket.settimeout(left)
+            try:
+                data = self._socket.recv(65536)
+            except TimeoutError:
+                break
+            except ConnectionResetError:
+                data = b""
+            self.ended = not data
+            self.heard += data.decode("latin-1")
+        return enough()
+
+
+class Daemon:
+    """``urbihw serve`` in a process of its own."""
+
+    def __init__(self, folder: Path, *arguments: str) -> None:
+        self._port_file = folder / "port"
+        self._log = (folder / "log").open("w+")
+        self.process = subprocess.Popen(
+            (*URBIHW, "serve", "--platform", "bioloid", "--port", "0", "--port-file", str(self._port_file), *arguments),
+            stdin=subprocess.DEVNULL,
+            stderr=self._log,
+        )
+        end = time.monotonic() + PATIENCE
+        while not (self._port_file.exists() and self._port_file.read_text().endswith("\n")):
+            assert self.process.poll() is None and time.monotonic() < end, self.log()
+            time.sleep(0.01)
+        self.port = int(self._port_file.read_text())
+        self._clients: list[Client] = []
+
+    def client(self) -> Client:
+        """One more client."""
+        self._clients.append(Client(self.port))
+        return self._clients[-1]
+
+    def log(self) -> str:
+        self._log.seek(0)
+        return self._log.read()
+
+    def close(self) -> None:
+        for client in self._clients:
+            client.close()
+        with contextlib.suppress(ProcessLookupError):
+            self.process.kill()
+        self.process.wait(PATIENCE)
+        self._log.close()
+
+
+@pytest.fixture
+def robot() -> Iterator[PtyEndpoint]:
+    with PtyEndpoint(Bioloid(baud=1_000_000)) as endpoint:
+        endpoint.start()
+        yield endpoint
+
+
+@pytest.fixture
+def serve(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
+    made: list[Daemon] = []
+
+    def start(*arguments: str) -> Daemon:
+        made.append(Daemon(tmp_path, *arguments))
+        return made[-1]
+
+    yield start
+    for daemon in made:
+        daemon.close()
+
+
+def goal(robot: PtyEndpoint, number: int = 6) -> int:
+    kit = robot.device
+    assert isinstance(kit, Bioloid)
+    return robot.call(lambda: kit.servo(number).registers.get("goal_position"))
+
+
+def until(done: Callable[[], bool], seconds: float = PATIENCE) -> None:
+    end = time.monotonic() + seconds
+    while not done():
+        assert time.monotonic() < end, "it did not happen in time"
+        time.sleep(0.02)
+
+
+def test_the_session_of_the_manual_with_the_built_in_fake(serve: Callable[..., Daemon]) -> None:
+    daemon = serve("--fake")
+    one, two = daemon.client(), daemon.client()
+    one.wait("urbihw")
+    one.listen(0.3)
+    assert one.heard.count("\n") == 10
+    two.listen(0.3)
+    began = time.monotonic()
+    one.say("motor6.val = 90deg time:2s; echo(\"there\");")
+    time.sleep(1)
+    assert 0.4 < float(two.ask("motor6.val;")) < 1.1
+    one.wait("there")
+    assert 1.9 < time.monotonic() - began < 2.6
+    time.sleep(0.3)
+    assert float(one.ask("motor6.val;")) == pytest.approx(1.571, abs=0.02)
+    two.say('at (motor6.val > 0) echo("tick") onleave echo("tack");')
+    two.say("clock: motor6.val = 0 sin:1s ampli:20deg,")
+    heard = re.findall("tick|tack", two.listen(4))
+    assert 6 <= len(heard) <= 9
+    assert all(a != b for a, b in zip(heard, heard[1:], strict=False))
+    two.say("clock.stop;")
+    two.listen(0.5)
+    assert not re.findall("tick|tack", two.listen(1.5))
+
+
+def test_quiet_serves_without_a_banner(serve: Callable[..., Daemon]) -> None:
+    daemon = serve("--fake", "--quiet")
+    assert daemon.client().ask("1+1;") == "2"
+
+
+def test_one_silent_servo_and_seventeen_as_before(serve: Callable[..., Daemon], robot: PtyEndpoint) -> None:
+    daemon = serve("--url", robot.url, "--quiet")
+    client = daemon.client()
+    client.say('at (bioloid.lost?(var m)) echo("lost " + m.id.asString) & at (bioloid.back?(var m)) echo("back");')
+    client.listen(0.3)
+    robot.call(lambda: robot.device.faults.start("silence", 6))
+    client.wait("lost 6")
+    assert client.ask("motor6.state;") == '"lost"'
+    client.say("for| (var m : motors) m.val = 20deg;")
+    client.listen(1.0)
+    for number in (5, 7, 18):
+        assert float(client.ask(f"motor{number}.val;")) == pytest.approx(0.349, abs=0.03)
+        assert float(client.ask(f"motor{number}.age;")) < 0.2
+    robot.call(lambda: robot.device.faults.stop())
+    client.wait("back")
+    assert daemon.log().count("motor 6 is lost") == daemon.log().count("motor 6 is back") == 1
+
+
+def test_the_adapter_pulled_and_put_back_during_the_swing(serve: Callable[..., Daemon], robot: PtyEndpoint) -> None:
+    daemon = serve("--url", robot.url, "--quiet")
+    client = daemon.client()
+    client.say('at (motor6.val > 0) echo("tick") onleave echo("tack");')
+    client.say("motor6.val = 0 sin:1s ampli:20deg,")
+    client.listen(1.5)
+    before = len(daemon.log().splitlines())
+    robot.unplug()
+    client.listen(1.5)
+    assert client.ask("bioloid.link;") == "false"
+    robot.plug()
+    until(lambda: "is back" in daemon.log())
+    client.listen(1.0)
+    assert len(re.findall("tick|tack", client.listen(3.0))) >= 4
+    news = daemon.log().splitlines()[before:]
+    assert len(news) == 2
+    assert "link lost" in news[0]
+    assert "is back" in news[1]
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_stop_is_clean_and_quick(serve: Callable[..., Daemon], robot: PtyEndpoint, number: signal.Signals) -> None:
+    daemon = serve("--url", robot.url, "--quiet")
+    client = daemon.client()
+    client.say("motor6.speed = 0.5 | motor6.val = 100deg;")
+    client.listen(0.5)
+    moving = goal(robot)
+    began = time.monotonic()
+    daemon.process.send_signal(number)
+    assert daemon.process.wait(PATIENCE) == 0
+    assert time.monotonic() - began < 2
+    client.wait("shutting down")
+    assert goal(robot) != moving
+    kit = robot.device
+    assert isinstance(kit, Bioloid)
+    assert robot.call(lambda: kit.servo(6).registers.get("torque_enable")) == 1
+
+
+def test_a_killed_daemon_leaves_a_stopped_robot(serve: Callable[..., Daemon], robot: PtyEndpoint) -> None:
+    daemon = serve("--url", robot.url, "--quiet")
+    client = daemon.client()
+    client.say("motor6.speed = 0.5 | motor6.val = 100deg;")
+    client.listen(0.5)
+    moving = goal(robot)
+    daemon.process.kill()
+    until(lambda: goal(robot) != moving, 3)
+
+
+def test_systemd_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        manager.settimeout(PATIENCE)
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        daemon = Daemon(tmp_path, "--fake", "--quiet")
+        try:
+            said = ""
+            while not re.search(r"STATUS=bioloid: 18 servos, 1 sensor, \d+ Hz", said):
+                said += manager.recv(4096).decode() + "\n"
+            assert "READY=1" in said
+            daemon.process.terminate()
+            while "STOPPING=1" not in said:
+                said += manager.recv(4096).decode() + "\n"
+        finally:
+            daemon.close()
+
+
+def refused(*arguments: str) -> str:
+    """The one line with which ``urbihw serve`` refuses to start."""
+    done = subprocess.run((*URBIHW, "serve", *arguments), capture_output=True, text=True, timeout=PATIENCE)
+    assert done.returncode == 78
+    lines = done.stderr.splitlines()
+    assert len(lines) == 1
+    return lines[0]
+
+
+def test_what_is_wrong_with_the_set_up_is_said_in_one_line(tmp_path: Path) -> None:
+    assert "no such port: /dev/ttyNONE" in refused("--platform", "bioloid", "--url", "/dev/ttyNONE", "--port", "0")
+    assert "there are: bioloid" in refused("--platform", "roomba")
+    assert "no port" in refused("--platform", "bioloid", "--port", "70000")
+    config = tmp_path / "bad.toml"
+    config.write_text('platform = "bioloid"\nprot = 1\n')
+    assert "bad.toml" in refused("--config", str(config))
+    script = tmp_path / "bad.u"
+    script.write_text("var x = 1;\nx +;\n")
+    config.write_text(f'platform = "bioloid"\nfake = true\nport = 0\nload = ["{script}"]\n')
+    assert re.search(r"bad\.u:2\.\d.*syntax error", refused("--config", str(config)))
+
+
+def test_a_port_in_use_names_who_has_it() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        line = refused("--platform", "bioloid", "--fake", "--port", str(port))
+    assert f"port {port} is in use by " in line
+    assert f"(process {os.getpid()})" in line
+
+
+def test_a_robot_in_use_names_who_has_it(serve: Callable[..., Daemon], robot: PtyEndpoint) -> None:
+    serve("--url", robot.url, "--quiet")
+    assert "is in use by" in refused("--platform", "bioloid", "--url", robot.url, "--port", "0")
+
+
+def test_nobody_on_the_bus_and_two_with_one_id() -> None:
+    with PtyEndpoint(Bioloid(servos=(), sensors=(), baud=1_000_000)) as empty:
+        empty.start()
+        assert "no servo found" in refused("--platform", "bioloid", "--url", empty.url, "--port", "0")
+    with PtyEndpoint(Bioloid(units=[Ax12(1), Ax12(3), Ax12(3)], baud=1_000_000)) as crowd:
+        crowd.start()
+        assert "id 3" in refused("--platform", "bioloid", "--url", crowd.url, "--port", "0")
