@@ -44,6 +44,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.kernel.boot",
         "urbihw.kernel.lobby",
         "urbihw.kernel.sched",
+        "urbihw.kernel.uobject",
     ),
     "urbihw.kernel.stages": ("urbihw.kernel.errors", "urbihw.kernel.compiler", "urbihw.kernel.syntax"),
     "urbihw.kernel": ("urbihw.kernel.facade",),

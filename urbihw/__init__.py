@@ -1,0 +1,5 @@
+"""urbihw: a gateway daemon that serves the hardware of robot kits as live urbiscript objects.
+
+What to read, in order: ``kernel`` (the language), ``buses`` (wires), ``platforms`` (robots), ``daemon`` and ``cli``
+(the ways in).  The robots in software are beside this package, in ``fakes``.
+"""

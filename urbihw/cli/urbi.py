@@ -12,13 +12,12 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import NoReturn
 
 from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby
-from urbihw.kernel.runtime.backtrace import describe_frame
-from urbihw.kernel.sched.clock import RealClock, SimClock
 from urbihw.kernel.server.loop import Driver
 from urbihw.kernel.server.tcp import Server
 
@@ -56,7 +55,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("-w", "--port-file", metavar="FILE", help="write the port to FILE when ready")
     made.add_argument("-q", "--quiet", action="store_true", help="no banner")
     made.add_argument("-F", "--fast", action="store_true", help="simulated time: sleeping costs nothing")
-    made.add_argument("--version", action="version", version="urbihw 0.1.0")
+    made.add_argument("--version", action="version", version=f"urbihw {version('urbihw')}")
     made.add_argument("script", nargs="?", help="a file to run; what follows is System.arguments")
     made.add_argument("arguments", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
     return made
@@ -90,8 +89,8 @@ def _text(kind: str, value: str) -> bytes:
 
 
 async def _serve(options: argparse.Namespace, texts: list[bytes]) -> int:
-    kernel = Kernel(SimClock() if options.fast else RealClock())
-    driver = Driver(kernel.scheduler, describe_frame)
+    kernel = Kernel(fast=options.fast)
+    driver = Driver(kernel.scheduler)
     stopped = asyncio.get_running_loop().create_future()
 
     def stop(code: int = 0) -> None:

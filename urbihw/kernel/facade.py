@@ -14,13 +14,15 @@ from urbihw.kernel.uobject import Host
 class Kernel:
     """One urbiscript world with its scheduler.
 
-    ``clock`` decides about time: a ``RealClock`` under the daemon, a ``SimClock`` in tests and for ``--fast``.  Drive
+    ``clock`` decides about time: a ``RealClock`` under the daemon, a ``SimClock`` in tests and with ``fast``.  Drive
     it by ``run()``, which returns when to call again; hand in bytes with ``feed``; take a lobby's output from
     ``lobby.output.take()``.  ``host`` is what device code gets.  ``post`` is the one call allowed from other threads.
     """
 
-    def __init__(self, clock: Clock | None = None, wake_host: Callable[[], None] = lambda: None) -> None:
-        self.clock = clock if clock is not None else RealClock()
+    def __init__(
+        self, clock: Clock | None = None, wake_host: Callable[[], None] = lambda: None, *, fast: bool = False
+    ) -> None:
+        self.clock = clock if clock is not None else SimClock() if fast else RealClock()
         self.scheduler = Scheduler(self.clock, wake_host)
         self.programs = build(self.scheduler)
         self.world = self.programs.world

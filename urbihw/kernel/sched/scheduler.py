@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable
+from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel.sched import job as states
@@ -50,6 +51,8 @@ class Scheduler:
         self.jobs: dict[Job, None] = {}
         self.tracer: Tracer | None = None
         self.frozen_tags = 0
+        self.place: Callable[[FrameType], str] = lambda frame: ""
+        """Says for the log where in its program a Python frame stands; the layer above knows."""
         self.failed: Callable[[Job, Exception], None] = lambda job, error: None
         self._round_hooks: list[Callable[[], None]] = []
         self._posted: deque[Callable[[], None]] = deque()

@@ -16,8 +16,6 @@ import logging
 import sys
 import threading
 import time
-from collections.abc import Callable
-from types import FrameType
 
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.sched.scheduler import Scheduler
@@ -33,13 +31,13 @@ HELD = 1.0
 class Driver:
     """Runs one scheduler inside one asyncio loop."""
 
-    def __init__(self, scheduler: Scheduler, describe: Callable[[FrameType], str] | None = None) -> None:
+    def __init__(self, scheduler: Scheduler) -> None:
         self.scheduler = scheduler
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.Handle | None = None
         self._driving = False
         self._closed = False
-        self._watchdog = Watchdog(scheduler, describe)
+        self._watchdog = Watchdog(scheduler)
         scheduler.set_wake_host(self._wake)
 
     def _wake(self) -> None:
@@ -82,9 +80,8 @@ class Driver:
 class Watchdog:
     """The thread that looks while the scheduler is busy."""
 
-    def __init__(self, scheduler: Scheduler, describe: Callable[[FrameType], str] | None) -> None:
+    def __init__(self, scheduler: Scheduler) -> None:
         self._scheduler = scheduler
-        self._describe = describe
         self._main = threading.get_ident()
         self._busy = threading.Event()
         self._runs = 0
@@ -124,5 +121,5 @@ class Watchdog:
                 named = True
                 job = self._scheduler.current
                 frame = sys._current_frames().get(self._main)
-                where = self._describe(frame) if self._describe is not None and frame is not None else ""
+                where = "" if frame is None else self._scheduler.place(frame)
                 log.warning("job %s holds the interpreter for more than a second%s", job.name if job else "?", where)
