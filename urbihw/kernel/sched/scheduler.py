@@ -91,18 +91,35 @@ class Scheduler:
 
     def start_now(self, made: Job) -> None:
         """Run a job just spawned before its maker goes on; the maker queues up behind it."""
-        self.ready.remove(made)
+        self._take_back(made)
         self.ready.appendleft(made)
         self.yield_()
 
     def run_first(self, made: Job) -> None:
         """Run a job just spawned before its maker goes on; the maker goes on as soon as it yields."""
         maker = self.running()
-        self.ready.remove(made)
+        self._take_back(made)
         self.ready.appendleft(maker)
         self.ready.appendleft(made)
         maker.state = states.READY
         self._leave(maker)
+
+    def prefer(self, made: Job) -> None:
+        """Let a job just spawned take its turn before those that have begun, behind others as new as itself."""
+        self._take_back(made)
+        place = 0
+        for waiting in self.ready:
+            if isinstance(waiting, _Interrupt) or waiting.started:
+                break
+            place += 1
+        self.ready.insert(place, made)
+
+    def _take_back(self, made: Job) -> None:
+        """Out of the ready queue again; a job just spawned is its last entry unless a thread interrupted."""
+        if self.ready[-1] is made:
+            self.ready.pop()
+        else:
+            self.ready.remove(made)
 
     def running(self) -> Job:
         """The job that runs; only a job may call what needs this."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -167,22 +166,13 @@ def starter(world: World) -> Callable[[Callable[[], Any], bool], JobObject]:
         entries: Iterable[Any] = () if clear else maker.entries
         name = maker.context.shell.next_name() if maker.context is not None else maker.name
         made = world.scheduler.spawn(body, name, context=maker.context, entries=entries)
-        _first_in_turn(world.scheduler.ready, made)
+        world.scheduler.prefer(made)
         value = job_value(world, made)
         stack = current_stack()
         value.origin = (Frame(stack.location, stack.routine), *stack.calls)
         return value
 
     return start
-
-
-def _first_in_turn(ready: deque[Any], made: Job) -> None:
-    """A new job takes its turn before those that have begun, behind others as new as itself."""
-    ready.remove(made)
-    place = 0
-    while place < len(ready) and not getattr(ready[place], "started", True):
-        place += 1
-    ready.insert(place, made)
 
 
 @CONTROL.lazy("finally", least=2, most=2)
