@@ -9,9 +9,8 @@ from typing import Any
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
-from urbihw.kernel.stdlib import prototype
+from urbihw.kernel.stdlib import members, prototype
 from urbihw.kernel.stdlib.float import float_text, whole
-from urbihw.kernel.stdlib.range_iterable import each_at_once, each_of
 from urbihw.kernel.stdlib.support import native
 
 TABLE = Table("Float")
@@ -26,7 +25,7 @@ def seq(world: World, this: float) -> list[Any]:
 @TABLE.primitive("each")
 def each(world: World, this: float, function: Any) -> None:
     """Call the function on each integer from 0 up to this one; other jobs may run in between; raises BadInteger."""
-    each_of(world, this, seq(world, this), function)
+    members.each(world, this, seq(world, this), function)
 
 
 @TABLE.primitive("each|")
@@ -39,7 +38,7 @@ def each_pipe(world: World, this: float, function: Any) -> None:
 @TABLE.primitive("each&")
 def each_and(world: World, this: float, function: Any) -> None:
     """Call the function on all integers from 0 up to this one at once; raises BadInteger."""
-    each_at_once(world, this, seq(world, this), function)
+    members.each_apart(world, this, seq(world, this), function)
 
 
 @TABLE.primitive("times")

@@ -7,16 +7,16 @@ from typing import Any
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import List
 from urbihw.kernel.runtime.world import World
-from urbihw.kernel.sched.group import Group
+from urbihw.kernel.stdlib import members
 
 TABLE = Table("RangeIterable")
 
 
 def _members(world: World, this: Any) -> list[Any]:
-    members = world.send(this, "asList")
-    if not isinstance(members, List):
-        raise world.type_error(None, members, "List", "asList")
-    return [*members.l]
+    found = world.send(this, "asList")
+    if not isinstance(found, List):
+        raise world.type_error(None, found, "List", "asList")
+    return [*found.l]
 
 
 @TABLE.primitive("all")
@@ -34,33 +34,16 @@ def any_(world: World, this: Any, function: Any) -> bool:
 @TABLE.primitive("each")
 def each(world: World, this: Any, function: Any) -> None:
     """Call the function on each member in turn; other jobs may run in between."""
-    each_of(world, this, _members(world, this), function)
+    members.each(world, this, _members(world, this), function)
 
 
 @TABLE.primitive("each|")
 def each_pipe(world: World, this: Any, function: Any) -> None:
     """Call the function on each member in turn, without a pause."""
-    for member in _members(world, this):
-        world.invoke(function, this, (member,))
+    members.each_tight(world, this, _members(world, this), function)
 
 
 @TABLE.primitive("each&")
 def each_and(world: World, this: Any, function: Any) -> None:
     """Call the function on all members at once, and wait until all calls are over."""
-    each_at_once(world, this, _members(world, this), function)
-
-
-def each_of(world: World, this: Any, members: list[Any], function: Any) -> None:
-    """``each`` over these members."""
-    scheduler = world.scheduler
-    for index, member in enumerate(members):
-        if index and scheduler.ready:
-            scheduler.yield_()
-        world.invoke(function, this, (member,))
-
-
-def each_at_once(world: World, this: Any, members: list[Any], function: Any) -> None:
-    """``each&`` over these members."""
-    with Group(world.scheduler) as group:
-        for member in members:
-            group.launch(lambda member=member: world.invoke(function, this, (member,)))  # type: ignore[misc]
+    members.each_apart(world, this, _members(world, this), function)
