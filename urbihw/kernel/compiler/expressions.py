@@ -268,6 +268,9 @@ class Expressions(Emitter):
         left, right = node.target, node.args[0]
         if node.name in COMPARISONS:
             return self.truth(self.comparison(node, left, right), node)
+        if node.name == "+" and isinstance(right, ast.String):
+            text = const(right.value, self.mark(right))
+            return call("join", [self.operand(left), text], self.mark(node, node.name))
         if node.name in ARITHMETIC:
             a, b = self.sequence([lambda: self.operand(left), lambda: self.operand(right)])
             if isinstance(a, py.Constant) and isinstance(b, py.Constant):

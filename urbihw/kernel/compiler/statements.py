@@ -150,9 +150,15 @@ class Statements(Expressions):
         place = node.place
         local = self.binding.locals.get(id(place))
         if local is not None:
-            value = self.value(node.value)
             p = self.mark(node, node.op)
             self.constant_guard(local, p)
+            if node.op == "+=" and isinstance(node.value, ast.String) and not self.generic:
+                joined = call("join_in_place", [self.read(local, p), const(node.value.value, p)], p)
+                self.write(local, joined, p)
+                self.finish(dest, self.read(local, p), p)
+                return
+            value = self.value(node.value)
+            p = self.mark(node, node.op)
             if node.op in INPLACE and not self.generic and not local.late:
                 where: Any = py.Name(local.python, STORE, **p)
                 if local.boxed:

@@ -5,7 +5,8 @@ Each takes Python functions compiled from the urbiscript clauses.  Bodies run as
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel.runtime.event import Accept, Emission, Event, Handlers, Subscription, Waiter
@@ -16,6 +17,11 @@ if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
 Thunk = Callable[[], Any]
+
+
+def bound(body: Callable[..., Any], match: Sequence[Any]) -> Thunk:
+    """A handler with the values of its pattern."""
+    return partial(body, *match) if match else body
 
 
 class AtExpression(Handlers):
@@ -133,10 +139,10 @@ class Conditions:
         """``at (event?(...) ~ duration) body onleave leave``; bodies take the bound values."""
 
         def left(match: Any) -> Thunk | None:
-            return None if leave is None else lambda: leave(*match)
+            return None if leave is None else bound(leave, match)
 
         Subscription(
-            self.world, self._event(event), accept, lambda match, _: lambda: body(*match), left, duration
+            self.world, self._event(event), accept, lambda match, _: bound(body, match), left, duration
         )
 
     def whenever_expr(self, condition: Thunk, duration: Any, body: Thunk, otherwise: Thunk | None) -> None:

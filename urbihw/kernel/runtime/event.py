@@ -231,7 +231,8 @@ class Subscription(Handlers):
             self._timers[emission] = self.world.scheduler.call_at(deadline, lambda: self._begin(emission, match))
 
     def _begin(self, emission: Emission, match: Any) -> None:
-        self._timers.pop(emission, None)
+        if self._timers:
+            self._timers.pop(emission, None)
         self._on[emission] = match
         body = self._enter(match, emission)
         if body is not None:
@@ -239,7 +240,7 @@ class Subscription(Handlers):
 
     def ended(self, emission: Emission, match: Any) -> None:
         """An emission that was accepted is over."""
-        timer = self._timers.pop(emission, None)
+        timer = self._timers.pop(emission, None) if self._timers else None
         if timer is not None:
             timer.cancel()
         if self._on.pop(emission, None) is None or self.frozen():

@@ -20,7 +20,7 @@ from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.passage import ConditionPassage, EventPassage, ScopeTag, TagObject, TimeoutPassage
 from urbihw.kernel.runtime.slot import meta_of
 from urbihw.kernel.runtime.trajectory import Trajectory
-from urbihw.kernel.runtime.values import Dictionary, Lazy
+from urbihw.kernel.runtime.values import Dictionary, Lazy, String
 from urbihw.kernel.runtime.watch import Box
 from urbihw.kernel.sched.group import Group
 from urbihw.kernel.sched.signals import Leave, StopTag
@@ -179,13 +179,29 @@ def _slots(world: World) -> dict[str, Any]:
         """What ``old operator= value`` makes of ``old``."""
         return world.send(old, operator, value)
 
+    def join(left: Any, text: str) -> Any:
+        """``left + "text"``, where nobody but the operator sees the literal."""
+        if left.__class__ is String and left.protos is world.quick_strings:
+            return String(world, left.protos, left.s + text)
+        return left + world.string(text)
+
+    def join_in_place(left: Any, text: str) -> Any:
+        """``left += "text"``."""
+        if left.__class__ is String and left.protos is world.quick_strings:
+            return String(world, left.protos, left.s + text)
+        left += world.string(text)
+        return left
+
     def step(old: Any, operator: str) -> Any:
         """The successor or predecessor of ``old``."""
         if old.__class__ is float and not world.generic_floats:
             return old + 1.0 if operator == "++" else old - 1.0
         return world.send(old, operator)
 
-    return locals_of(declare, declare_const, constant, get_property, set_property, get_item, set_item, in_place, step)
+    return locals_of(
+        *(declare, declare_const, constant, get_property, set_property, get_item, set_item),
+        *(in_place, join, join_in_place, step),
+    )
 
 
 def _flow(world: World) -> dict[str, Any]:

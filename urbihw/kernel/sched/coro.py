@@ -51,7 +51,7 @@ class Carrier:
 
 
 class Pool:
-    """The carriers of one scheduler, and the hub they give the processor back to."""
+    """The carriers of one scheduler, and the hub: ``hub.switch()`` in a job gives the processor back to it."""
 
     def __init__(self) -> None:
         self.hub = getcurrent()
@@ -73,7 +73,3 @@ class Pool:
             return False
         self._resting.append(carrier)
         return True
-
-    def to_hub(self) -> None:
-        """From a job: give the processor back."""
-        self.hub.switch()

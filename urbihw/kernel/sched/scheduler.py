@@ -134,7 +134,10 @@ class Scheduler:
         job = self.running()
         self.ready.append(job)
         job.state = states.READY
-        self._leave(job)
+        self._pool.hub.switch()
+        if job.pending is not None:
+            error, job.pending = job.pending, None
+            raise error
 
     def sleep(self, seconds: float) -> None:
         """Come back after this much time, less what is spent frozen; zero or less is a yield."""
@@ -251,10 +254,10 @@ class Scheduler:
             self.now = now = self.clock.round()
             while self._posted:
                 self._posted.popleft()()
-            action = self.timers.pop_due(now)
-            while action is not None:
-                action()
+            while self.timers.soonest <= now:
                 action = self.timers.pop_due(now)
+                if action is not None:
+                    action()
             ready = self.ready
             if not ready:
                 self._round_over()
@@ -309,8 +312,7 @@ class Scheduler:
 
     def _leave(self, job: Job) -> None:
         """Give the processor back to the hub; throw what somebody wants thrown when the job is resumed."""
-        self._pool.to_hub()
-        job.state = states.RUNNING
+        self._pool.hub.switch()
         if job.pending is not None:
             error, job.pending = job.pending, None
             raise error

@@ -4,6 +4,7 @@ when more than half of the heap is such litter it is rebuilt, so that cancelling
 from __future__ import annotations
 
 import heapq
+import math
 from collections.abc import Callable
 
 
@@ -35,6 +36,8 @@ class TimeQueue:
         self._heap: list[Timer] = []
         self._order = 0
         self._cancelled = 0
+        self.soonest = math.inf
+        """No timer is due before this time; asked at every round, so it is kept and not computed."""
 
     def __len__(self) -> int:
         return len(self._heap) - self._cancelled
@@ -44,6 +47,7 @@ class TimeQueue:
         self._order += 1
         timer = Timer(deadline, self._order, action, self)
         heapq.heappush(self._heap, timer)
+        self.soonest = min(self.soonest, deadline)
         return timer
 
     def forget(self) -> None:
@@ -59,7 +63,11 @@ class TimeQueue:
         while self._heap and self._heap[0].action is None:
             heapq.heappop(self._heap)
             self._cancelled -= 1
-        return self._heap[0].deadline if self._heap else None
+        if not self._heap:
+            self.soonest = math.inf
+            return None
+        self.soonest = self._heap[0].deadline
+        return self.soonest
 
     def pop_due(self, now: float) -> Callable[[], None] | None:
         """Take the first action that is due at ``now``, or None."""
@@ -68,4 +76,5 @@ class TimeQueue:
             return None
         timer = heapq.heappop(self._heap)
         action, timer.action = timer.action, None
+        self.next_deadline()
         return action
