@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import ast as py
 
-from urbihw.kernel.compiler.bind import Binding
 from urbihw.kernel.compiler.concurrency import Concurrency
 from urbihw.kernel.compiler.emit import RETURN, function
 from urbihw.kernel.compiler.late import LateSites
+from urbihw.kernel.compiler.scopes import Binding
 from urbihw.kernel.compiler.unit import Syntax
 from urbihw.kernel.syntax import ast
 

@@ -6,7 +6,6 @@ import ast as py
 from collections.abc import Callable
 from typing import Any
 
-from urbihw.kernel.compiler.bind import Local
 from urbihw.kernel.compiler.emit import (
     RETURN,
     STORE,
@@ -26,6 +25,7 @@ from urbihw.kernel.compiler.emit import (
     try_,
     tuple_,
 )
+from urbihw.kernel.compiler.scopes import Local
 from urbihw.kernel.compiler.statements import Statements
 from urbihw.kernel.syntax import ast
 

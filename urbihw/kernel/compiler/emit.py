@@ -9,8 +9,8 @@ import ast as py
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from urbihw.kernel.compiler.bind import Binding, Frame, Local
 from urbihw.kernel.compiler.linemap import Entry
+from urbihw.kernel.compiler.scopes import Binding, Frame, Local
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.location import NOWHERE, Span
 

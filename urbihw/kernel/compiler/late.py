@@ -14,7 +14,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Any
 
-from urbihw.kernel.compiler.bind import Binding
+from urbihw.kernel.compiler.scopes import Binding
 from urbihw.kernel.syntax import ast
 
 
