@@ -9,5 +9,6 @@ instruction's "line number" back to urbiscript), ``unit`` (the result, and how t
 """
 
 from urbihw.kernel.compiler.unit import Unit, compile_node
+from urbihw.kernel.syntax.printer import print_node
 
-__all__ = ["Unit", "compile_node"]
+__all__ = ["Unit", "compile_node", "print_node"]
