@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 
 from urbihw.kernel.boot import build
@@ -9,6 +10,10 @@ from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.sched.clock import Clock, RealClock, SimClock
 from urbihw.kernel.sched.scheduler import Scheduler
 from urbihw.kernel.uobject import Host
+
+DEPTH = 5000
+"""How deep calls may nest, in Python frames: a good four thousand urbiscript calls.  Operators of objects and callbacks
+of the library also take C stack; with 6000 the worst of them still fit into the usual 8 MB."""
 
 
 class Kernel:
@@ -22,6 +27,7 @@ class Kernel:
     def __init__(
         self, clock: Clock | None = None, wake_host: Callable[[], None] = lambda: None, *, fast: bool = False
     ) -> None:
+        sys.setrecursionlimit(max(DEPTH, sys.getrecursionlimit()))
         self.clock = clock if clock is not None else SimClock() if fast else RealClock()
         self.scheduler = Scheduler(self.clock, wake_host)
         self.programs = build(self.scheduler)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from types import CodeType, FunctionType
 from typing import Any
 
+from urbihw.kernel import errors
 from urbihw.kernel.compiler.late import LateSites
 from urbihw.kernel.compiler.linemap import Entry, LineMap
 from urbihw.kernel.syntax import ast
@@ -115,13 +116,16 @@ def compile_node(
 
     ``lazy_names`` are the names known to belong to lazy functions; ``late`` are local variables reached through
     ``FrameLocals`` (see ``late``); ``generic`` sends arithmetic as messages, because somebody redefined an operator of
-    Float.
+    Float.  Raises ``statement too deeply nested``.
     """
     from urbihw.kernel.compiler.bind import bind
     from urbihw.kernel.compiler.codegen import Codegen
 
-    generator = Codegen(bind(node, lazy_names, late), generic)
-    module = generator.statement(node)
-    code = compile(module, "<urbiscript>", "exec", dont_inherit=True)
+    try:
+        generator = Codegen(bind(node, lazy_names, late), generic)
+        module = generator.statement(node)
+        code = compile(module, "<urbiscript>", "exec", dont_inherit=True)
+    except RecursionError:
+        raise errors.Raised("Scheduling", "statement too deeply nested", None) from None
     inner = next(const for const in code.co_consts if isinstance(const, CodeType))
     return Unit(inner, generator.entries, generator.constants, generator.syntax, module if keep_tree else None)
