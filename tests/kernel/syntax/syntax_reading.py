@@ -54,7 +54,7 @@ def plain(value: Any) -> Any:
     if isinstance(value, ast.Float):
         return f"{value.value:g}"
     if isinstance(value, ast.Node):
-        fields = [field.name for field in dataclasses.fields(value) if field.name != "span"]
+        fields = [field.name for field in dataclasses.fields(value) if field.compare]
         return type(value).__name__, *(plain(getattr(value, name)) for name in fields)
     if isinstance(value, tuple):
         return tuple(plain(member) for member in value)
