@@ -1,12 +1,20 @@
-"""The documents against what they speak of: dependencies, adapters, links, paths."""
+"""The documents against what they speak of: dependencies, adapters, links, paths, and the dialogues that they show.
+
+Dialogues with a Bioloid are played in ``tests/platforms/test_bioloid_docs.py``.
+"""
 
 from __future__ import annotations
 
+import importlib
 import re
 import tomllib
 from pathlib import Path
 
 import pytest
+from doc_sessions import blocks, differences
+from lang.transcript import Player
+
+from urbihw.kernel.lobby.lobby import Lobby
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "urbihw").rglob("*.md")])
@@ -14,6 +22,7 @@ PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "ur
 _NAME = re.compile(r"[A-Za-z0-9-]+")
 _LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
 _PATH = re.compile(r"`((?:urbihw|fakes|tests|docs|bench|share)/[\w./-]+)`")
+_KINDS = ("added", "changed", "fixed", "removed")
 
 
 def requirements() -> dict[str, str]:
@@ -59,3 +68,73 @@ def test_the_udev_rules_name_the_adapters_of_the_manifests() -> None:
     row = re.compile(r'^ATTRS\{idVendor\}=="(\w+)", ATTRS\{idProduct\}=="(\w+)", SYMLINK\+="([\w-]+)"', re.MULTILINE)
     assert wanted
     assert set(row.findall(rules)) == wanted
+
+
+def test_news_are_fragments_of_a_known_kind() -> None:
+    names = [path.name for path in (ROOT / "docs" / "news").iterdir()]
+    assert names
+    assert [name for name in names if name.split(".")[1:] not in [[kind, "md"] for kind in _KINDS]] == []
+
+
+# ---------------------------------------------------------------- dialogues
+
+
+class Windows:
+    """Some connections to one kernel on a simulated clock."""
+
+    def __init__(self) -> None:
+        self.player = Player()
+        self._lobbies: dict[str, Lobby] = {}
+
+    def play(self, window: str, text: str) -> bytes:
+        """Type a text into a window and wait until its last statement is over; what the window then shows."""
+        if window not in self._lobbies:
+            self._lobbies[window] = self.player.kernel.open_lobby()
+        lobby = self._lobbies[window]
+        assert self.player.run(lobby, text) == ""
+        return lobby.output.take()
+
+
+def no_robot(words: str) -> None:
+    """A page without a robot cannot do anything to one."""
+    raise AssertionError(f"there is no robot here to {words}")
+
+
+def pages_with(world: str) -> list[Path]:
+    return [page for page in PAGES if any(block.world == world for block in blocks(page))]
+
+
+def test_there_are_dialogues_to_play() -> None:
+    assert ROOT / "docs" / "urbiscript.md" in pages_with("")
+    assert ROOT / "docs" / "uobject.md" in pages_with("servo")
+
+
+@pytest.mark.parametrize("page", pages_with(""), ids=lambda page: str(page.relative_to(ROOT)))
+def test_answers_of_urbiscript_are_those_given(page: Path) -> None:
+    assert differences(page, "", Windows().play, no_robot, stamps=True) == ""
+
+
+@pytest.mark.parametrize("page", pages_with("servo"), ids=lambda page: str(page.relative_to(ROOT)))
+def test_answers_of_the_servo_example_are_those_given(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(ROOT / "docs" / "examples")
+    windows = Windows()
+    importlib.import_module("servo_demo").register(windows.player.kernel)
+    assert differences(page, "servo", windows.play, no_robot, stamps=True) == ""
+
+
+def test_a_block_in_an_unknown_world_is_a_mistake(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("```urbiscript nowhere\n1;\n```\n")
+    with pytest.raises(ValueError, match="no world 'nowhere'"):
+        blocks(page)
+    page.write_text("```urbiscript\n1;\n")
+    with pytest.raises(ValueError, match="not closed"):
+        blocks(page)
+
+
+def test_an_answer_never_given_is_noticed(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("```urbiscript\n1 + 1;\n[00000000] 3\n```\n")
+    assert differences(page, "", Windows().play, no_robot, stamps=True) == (
+        "line 2:\n--- expected\n+++ answered\n@@ -1 +1 @@\n-[00000000] 3\n+[00000000] 2"
+    )
