@@ -156,7 +156,7 @@ def wait_for(world: World, job: Job) -> None:
 class Handlers:
     """What runs handler jobs for something set up by urbiscript code: remembers context and tags of its maker."""
 
-    __slots__ = ("_context", "_entries", "live", "name", "world")
+    __slots__ = ("__weakref__", "_context", "_entries", "live", "name", "world")
 
     def __init__(self, world: World, name: str) -> None:
         maker = world.scheduler.running()

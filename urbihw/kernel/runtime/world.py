@@ -28,6 +28,8 @@ log = logging.getLogger("urbihw.kernel")
 
 UID_BASE, UID_STEP = 0x10000000, 0x10
 """Unique identifiers look like addresses, as in the manual, but the same program gives the same ones."""
+FLOATS_NUMBERED = 1000
+"""How many numbers without slots keep the identifier they were asked for; they are kept alive meanwhile."""
 
 
 class World:
@@ -43,6 +45,7 @@ class World:
         self.period = 0.02
         self.tag_count = 0
         self._numbered = 0
+        self._float_numbers: dict[int, tuple[float, int]] = {}
         self.float_slots: dict[int, tuple[float, Obj]] = {}
         self.lazy_names: set[str] = set()
         self.generic_floats = False
@@ -177,6 +180,9 @@ class World:
         known = self.float_slots.get(id(value))
         if known is None:
             known = self.float_slots[id(value)] = (value, Plain(self, [self.float_proto]))
+            numbered = self._float_numbers.pop(id(value), None)
+            if numbered is not None and numbered[0] is value:
+                known[1].number = numbered[1]
         return known[1]
 
     def peek_obj(self, value: Any) -> Obj:
@@ -241,11 +247,21 @@ class World:
 
     def uid(self, value: Any) -> str:
         """What tells a value from all others: ``0x`` and hexadecimal digits, given out in the order of the asking."""
+        if value.__class__ is float and id(value) not in self.float_slots:
+            known = self._float_numbers.get(id(value))
+            if known is None or known[0] is not value:
+                if len(self._float_numbers) >= FLOATS_NUMBERED:
+                    self._float_numbers.pop(next(iter(self._float_numbers)))
+                known = self._float_numbers[id(value)] = (value, self._next_number())
+            return hex(known[1])
         obj = self.as_obj(value)
         if not obj.number:
-            self._numbered += 1
-            obj.number = UID_BASE + UID_STEP * self._numbered
+            obj.number = self._next_number()
         return hex(obj.number)
+
+    def _next_number(self) -> int:
+        self._numbered += 1
+        return UID_BASE + UID_STEP * self._numbered
 
     # ---------------------------------------------------------------- calling
 

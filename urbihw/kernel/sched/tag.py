@@ -42,7 +42,10 @@ class TagEntry:
 
 
 class Hook(Protocol):
-    """Something set up under a tag that is no job: told when the tag is stopped."""
+    """Something set up under a tag that is no job: told when the tag is stopped.
+
+    The tag does not keep it alive: an ``at`` on an event that nobody holds any more is gone with the event.
+    """
 
     def stopped(self) -> None:
         """The tag was stopped."""
@@ -62,7 +65,7 @@ class Tag:
         self.face: Any = None
         self.live: dict[TagEntry, None] = {}
         self._children: list[weakref.ref[Tag]] = []
-        self.hooks: dict[Hook, None] = {}
+        self.hooks: weakref.WeakKeyDictionary[Hook, None] = weakref.WeakKeyDictionary()
         if parent is not None:
             parent._children.append(weakref.ref(self, parent._children.remove))
 
