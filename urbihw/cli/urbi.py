@@ -99,6 +99,7 @@ async def _serve(options: argparse.Namespace, texts: list[bytes]) -> int:
 
     programs = kernel.programs
     programs.shutdown = stop
+    programs.name = sys.argv[0]
     programs.arguments = list(options.arguments)
     programs.quiet = options.quiet
     server = Server(driver, kernel.open_lobby)

@@ -28,7 +28,7 @@ log = logging.getLogger("urbihw.kernel")
 
 class Programs:
     """What all lobbies of a kernel share: caches of read and compiled statements, the verbs of generated code, and what
-    the host says of itself (``arguments``, ``listen_port``, ``quiet``; ``shutdown()`` ends the process)."""
+    the host says of itself (``name``, ``arguments``, ``listen_port``, ``quiet``; ``shutdown()`` ends the process)."""
 
     def __init__(self, world: World, ops: dict[str, Any]) -> None:
         self.world = world
@@ -37,6 +37,7 @@ class Programs:
         self.units = UnitCache()
         self._lobbies = 0
         self.lobbies: dict[Lobby, None] = {}
+        self.name = "urbi"
         self.arguments: list[str] = []
         self.quiet = True
         self.listen_port = -1

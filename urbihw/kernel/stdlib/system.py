@@ -222,7 +222,7 @@ def install(world: World, programs: Any) -> None:
     put("maybeLoad", maybe_load, 1, 2)
     put("shutdown", shutdown, 0)
     put("arguments", lambda this: world.from_python(list(programs.arguments)), 0)
-    system.slots["programName"] = world.string("urbi")
+    put("programName", lambda this: world.string(programs.name), 0)
     put("redefinitionMode", redefinition_mode(world), 0)
     _fields(world, system)
 
