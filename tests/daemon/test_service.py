@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from urbihw.daemon.banner import banner
 from urbihw.daemon.config import Config
 from urbihw.daemon.holders import holder_of_file, holder_of_port
 from urbihw.daemon.service import Service, StartError
@@ -48,14 +47,6 @@ def test_a_url_without_sense_is_refused() -> None:
 
 def test_options_without_sense_are_refused() -> None:
     assert "protocol must be" in refusal(Config(platform="bioloid", url="/dev/x", port=0, options={"protocol": 7}))
-
-
-def test_the_banner_is_ten_lines_as_the_protocol_says() -> None:
-    lines = banner("1.2.3")
-    assert len(lines) == 10
-    assert lines[0] == lines[-1] == "*** " + "*" * 56
-    assert "urbihw 1.2.3" in lines[1]
-    assert all(line.startswith("*** ") or line == "***" for line in lines)
 
 
 # ---------------------------------------------------------------- who holds what

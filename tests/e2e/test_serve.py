@@ -211,8 +211,9 @@ def test_the_adapter_pulled_and_put_back_during_the_swing(serve: Callable[..., D
 def test_a_stop_is_clean_and_quick(serve: Callable[..., Daemon], robot: PtyEndpoint, number: signal.Signals) -> None:
     daemon = serve("--url", robot.url, "--quiet")
     client = daemon.client()
+    before = goal(robot)
     client.say("motor6.speed = 0.5 | motor6.val = 100deg;")
-    client.listen(0.5)
+    until(lambda: goal(robot) != before, 3)
     moving = goal(robot)
     began = time.monotonic()
     daemon.process.send_signal(number)
@@ -228,8 +229,9 @@ def test_a_stop_is_clean_and_quick(serve: Callable[..., Daemon], robot: PtyEndpo
 def test_a_killed_daemon_leaves_a_stopped_robot(serve: Callable[..., Daemon], robot: PtyEndpoint) -> None:
     daemon = serve("--url", robot.url, "--quiet")
     client = daemon.client()
+    before = goal(robot)
     client.say("motor6.speed = 0.5 | motor6.val = 100deg;")
-    client.listen(0.5)
+    until(lambda: goal(robot) != before, 3)
     moving = goal(robot)
     daemon.process.kill()
     until(lambda: goal(robot) != moving, 3)

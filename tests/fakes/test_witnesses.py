@@ -10,7 +10,7 @@ import select
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -45,25 +45,35 @@ def port(robot: PtyEndpoint) -> Iterator[Any]:
     port.closePort()
 
 
+def patient(ask: Callable[[], tuple[int, ...]]) -> tuple[int, ...]:
+    """What the SDK answers; it waits for 34 ms only, which a busy machine may need for other things: ask again then."""
+    answer = ask()
+    for _ in range(9):
+        if dynamixel_sdk.COMM_RX_TIMEOUT not in answer:
+            break
+        answer = ask()
+    return answer
+
+
 def test_dynamixel_sdk_protocol_1(port: Any) -> None:
     handler = dynamixel_sdk.PacketHandler(1.0)
-    assert handler.ping(port, 1) == (12, 0, 0)
-    assert handler.read2ByteTxRx(port, 2, 36) == (512, 0, 0)
-    assert handler.write1ByteTxRx(port, 2, 25, 1) == (0, 0)
-    assert handler.read1ByteTxRx(port, 2, 25) == (1, 0, 0)
+    assert patient(lambda: handler.ping(port, 1)) == (12, 0, 0)
+    assert patient(lambda: handler.read2ByteTxRx(port, 2, 36)) == (512, 0, 0)
+    assert patient(lambda: handler.write1ByteTxRx(port, 2, 25, 1)) == (0, 0)
+    assert patient(lambda: handler.read1ByteTxRx(port, 2, 25)) == (1, 0, 0)
     # A value out of range: error bit 3.
-    assert handler.write1ByteTxRx(port, 2, 25, 2) == (0, 8)
+    assert patient(lambda: handler.write1ByteTxRx(port, 2, 25, 2)) == (0, 8)
 
 
 def test_dynamixel_sdk_protocol_2(port: Any, robot: PtyEndpoint) -> None:
     handler = dynamixel_sdk.PacketHandler(2.0)
-    assert handler.ping(port, 11) == (1200, 0, 0)
+    assert patient(lambda: handler.ping(port, 11)) == (1200, 0, 0)
     found, result = handler.broadcastPing(port)
     assert result == 0 and sorted(found) == [11, 12, 13]
-    assert handler.write1ByteTxRx(port, 12, 65, 1) == (0, 0)
-    assert handler.write1ByteTxRx(port, 12, 0, 1) == (0, 7)
-    assert handler.reboot(port, 12) == (0, 0)
-    assert handler.read1ByteTxRx(port, 12, 65) == (0, 0, 0)
+    assert patient(lambda: handler.write1ByteTxRx(port, 12, 65, 1)) == (0, 0)
+    assert patient(lambda: handler.write1ByteTxRx(port, 12, 0, 1)) == (0, 7)
+    assert patient(lambda: handler.reboot(port, 12)) == (0, 0)
+    assert patient(lambda: handler.read1ByteTxRx(port, 12, 65)) == (0, 0, 0)
 
 
 @pytest.mark.parametrize("fast", [False, True])

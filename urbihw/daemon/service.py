@@ -17,20 +17,17 @@ import os
 import signal
 import socket
 from collections.abc import Callable
-from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
 
 from urbihw import platforms
 from urbihw.buses.errors import BadUrl
 from urbihw.buses.link import Url
-from urbihw.daemon.banner import banner
 from urbihw.daemon.config import Config
 from urbihw.daemon.fake import Fake
 from urbihw.daemon.holders import holder_of_file, holder_of_port
 from urbihw.daemon.notify import Notifier
 from urbihw.kernel import Kernel
-from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.server.loop import Driver
 from urbihw.kernel.server.tcp import Server
 from urbihw.kernel.uobject import BadConfig, DeviceError, Robot, RobotSettings
@@ -206,7 +203,7 @@ class Service:
     async def _listen(self) -> None:
         config = self._config
         assert self._driver is not None
-        self._server = Server(self._driver, self._open_lobby, config.unread_limit)
+        self._server = Server(self._driver, self._kernel.open_lobby, config.unread_limit)
         try:
             self._port = await self._server.listen(config.host, config.port)
         except OSError as error:
@@ -219,13 +216,6 @@ class Service:
                 raise StartError(f"cannot write the port to {config.port_file}: {error.strerror}") from error
         log.info("port %d of %s: %s", self._port, config.host, self._status())
         self._notifier.ready(self._status())
-
-    def _open_lobby(self, remote: str, wanted: Callable[[Lobby], None], limit: int) -> Lobby:
-        lobby = self._kernel.open_lobby(remote, wanted, limit)
-        if not self._config.quiet:
-            for line in banner(version("urbihw")):
-                lobby.output.line(line)
-        return lobby
 
     # ---------------------------------------------------------------- serve
 

@@ -37,8 +37,14 @@ class Kernel:
     def open_lobby(
         self, remote: str | None = None, wanted: Callable[[Lobby], None] = lambda lobby: None, limit: int = 8 << 20
     ) -> Lobby:
-        """A lobby for a new connection; ``wanted(lobby)`` is called when it has something to say."""
-        return Lobby(self.world, self.programs, wanted, remote, limit)
+        """A lobby for a new connection; ``wanted(lobby)`` is called when it has something to say.
+
+        It is greeted with the banner unless ``programs.quiet``.
+        """
+        lobby = Lobby(self.world, self.programs, wanted, remote, limit)
+        if not self.programs.quiet:
+            self.world.send(lobby, "banner")
+        return lobby
 
     def feed(self, lobby: Lobby, data: bytes) -> None:
         """Bytes from a client, cut anywhere."""

@@ -1,0 +1,34 @@
+"""The kernel's door: greeting, feeding, running."""
+
+from __future__ import annotations
+
+import re
+
+from urbihw.kernel import Kernel
+
+
+def test_a_connection_is_greeted_with_the_ten_lines_of_the_protocol() -> None:
+    kernel = Kernel(fast=True)
+    kernel.programs.quiet = False
+    lines = kernel.open_lobby("127.0.0.1").output.take().decode().splitlines()
+    texts = [re.sub(r"^\[\d{8}\] ", "", line) for line in lines]
+    assert len(texts) == 10
+    assert texts[0] == texts[-1] == "*** " + "*" * 56
+    assert re.match(r"\*\*\* urbihw \d", texts[1])
+    assert all(text.startswith("*** ") or text == "***" for text in texts)
+
+
+def test_a_quiet_one_says_nothing() -> None:
+    kernel = Kernel(fast=True)
+    lobby = kernel.open_lobby("127.0.0.1")
+    kernel.run()
+    assert lobby.output.take() == b""
+
+
+def test_bytes_may_be_cut_anywhere() -> None:
+    kernel = Kernel(fast=True)
+    lobby = kernel.open_lobby()
+    for byte in b'var x = "a;b"; x.size;':
+        kernel.feed(lobby, bytes([byte]))
+        kernel.run()
+    assert lobby.output.take() == b'[00000000] "a;b"\n[00000000] 3\n'
