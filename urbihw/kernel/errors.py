@@ -5,6 +5,7 @@
     UrbiError                an urbiscript value on its way up: thrown by ``throw`` or by native code
       Raised                 made by native code: a kind of Exception and its arguments, built into an object only if
                              somebody looks at it
+        TooDeep              a statement that cannot be compiled
     KernelBug                our own fault, reported as such
 
 ``sched.signals`` holds what unwinds a job without being an error.
@@ -35,6 +36,16 @@ class Raised(UrbiError):
         self.message = message
         self.routine = routine
         self.slots = slots
+
+
+class TooDeep(Raised):
+    """A statement nests deeper than can be compiled; who knows where it stands makes a syntax error of it."""
+
+    def __init__(self) -> None:
+        super().__init__("Scheduling", TOO_DEEP, None)
+
+
+TOO_DEEP = "statement too deeply nested"
 
 
 class KernelBug(Exception):

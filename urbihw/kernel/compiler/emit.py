@@ -159,6 +159,7 @@ class Emitter:
         self.syntax: Any = None
         self.outer_entry = 0
         self.counter = 0
+        self.copies = 1
         self.w = Writer(binding.top, None)
 
     # ---------------------------------------------------------------- positions and names

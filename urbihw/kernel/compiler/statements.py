@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast as py
 from typing import Any
 
+from urbihw.kernel import errors
 from urbihw.kernel.compiler.emit import (
     RETURN,
     STORE,
@@ -25,6 +26,10 @@ from urbihw.kernel.compiler.emit import (
 )
 from urbihw.kernel.compiler.functions import Functions
 from urbihw.kernel.syntax import ast
+from urbihw.kernel.syntax.check import children
+
+MOST_COPIED = 20_000
+"""The most nodes that all copies of a ``finally`` clause may have; compiling that many takes a fifth of a second."""
 
 
 class Statements(Functions):
@@ -247,13 +252,27 @@ class Statements(Functions):
             handled = self.block(lambda: self.catches(list(node.catches), caught, dest, p))
             handlers.append(except_("Exception", caught, handled or [py.Pass(**p)], p))
         otherwise = [] if node.otherwise is None else self.block(lambda: self.stmt(node.otherwise, dest))
-        final = [] if node.final is None else self.block(lambda: self.stmt(node.final, None))
+        final = [] if node.final is None else self.final(node, node.final)
         if not handlers and not final:
             self.emit(*body, *otherwise)
             return
         if not handlers:
             final = final or [py.Pass(**p)]
         self.emit(try_(body, handlers, otherwise, final, p))
+
+    def final(self, node: ast.Try, clause: ast.Node) -> list[py.stmt]:
+        """The ``finally`` clause.
+
+        CPython compiles one copy of it for each way out of the ``try``, and copies of these for clauses nested in it:
+        a short text could grow without end.
+        """
+        outer = self.copies
+        self.copies = outer * (2 + count(node, (ast.Return, ast.Break, ast.Continue)))
+        if self.copies * count(clause, (ast.Node,)) > MOST_COPIED:
+            raise errors.TooDeep
+        made = self.block(lambda: self.stmt(clause, None))
+        self.copies = outer
+        return made
 
     def catches(self, catches: list[ast.Catch], caught: str, dest: str | None, p: Pos) -> None:
         """The first catch clause, and the others in its else."""
@@ -277,6 +296,16 @@ class Statements(Functions):
             self.emit(raise_(None, p))
         else:
             self.emit(raise_(call("thrown", [self.value(node.value)], p), p))
+
+
+def count(node: ast.Node, kinds: tuple[type[ast.Node], ...]) -> int:
+    """How many nodes of these kinds there are in a node, itself included."""
+    found, todo = 0, [node]
+    while todo:
+        each = todo.pop()
+        found += isinstance(each, kinds)
+        todo.extend(children(each))
+    return found
 
 
 def _continues(node: Any) -> bool:

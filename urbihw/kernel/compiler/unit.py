@@ -116,7 +116,8 @@ def compile_node(
 
     ``lazy_names`` are the names known to belong to lazy functions; ``late`` are local variables reached through
     ``FrameLocals`` (see ``late``); ``generic`` sends arithmetic as messages, because somebody redefined an operator of
-    Float.  Raises ``statement too deeply nested``.
+    Float.  Raises ``TooDeep``: beyond some hundreds of levels of expressions, or 20 of loops and ``try`` in one
+    function (a tag counts twice), which is what CPython takes.
     """
     from urbihw.kernel.compiler.bind import bind
     from urbihw.kernel.compiler.codegen import Codegen
@@ -125,7 +126,7 @@ def compile_node(
         generator = Codegen(bind(node, lazy_names, late), generic)
         module = generator.statement(node)
         code = compile(module, "<urbiscript>", "exec", dont_inherit=True)
-    except RecursionError:
-        raise errors.Raised("Scheduling", "statement too deeply nested", None) from None
+    except (RecursionError, SyntaxError):
+        raise errors.TooDeep from None
     inner = next(const for const in code.co_consts if isinstance(const, CodeType))
     return Unit(inner, generator.entries, generator.constants, generator.syntax, module if keep_tree else None)

@@ -17,6 +17,7 @@ from urbihw.kernel.sched.group import Group
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.signals import StopTag
 from urbihw.kernel.sched.waiting import WaitQueue
+from urbihw.kernel.syntax.location import Location
 from urbihw.kernel.syntax.reader import Item, Reader, Statement, StatementCache, SyntaxProblem, parse_program
 
 if TYPE_CHECKING:
@@ -51,7 +52,10 @@ class Programs:
     def function(self, statement: Statement) -> Callable[[Any], Any]:
         """A statement as a Python function of ``this``."""
         world = self.world
-        unit = self.units.get(statement.text, statement.node, world.lazy_names, world.generic_floats)
+        try:
+            unit = self.units.get(statement.text, statement.node, world.lazy_names, world.generic_floats)
+        except errors.TooDeep as error:
+            raise too_deep(error, statement) from None
         return unit.function(self.ops, statement.base)
 
     def evaluate(self, text: str, this: Any, file: str | None = None) -> Any:
@@ -91,7 +95,10 @@ class Programs:
         world = self.world
         for item in items:
             if isinstance(item, Statement):
-                unit = compile_node(item.node, world.lazy_names, generic=world.generic_floats)
+                try:
+                    unit = compile_node(item.node, world.lazy_names, generic=world.generic_floats)
+                except errors.TooDeep as error:
+                    raise too_deep(error, item) from None
                 yield library.Compiled(unit, item.base, item.separator)
 
     def _warn(self, problem: SyntaxProblem) -> None:
@@ -117,6 +124,12 @@ class Programs:
                     if scheduler.ready:
                         scheduler.yield_()
         return value
+
+
+def too_deep(error: errors.TooDeep, statement: Statement) -> errors.Raised:
+    """The syntax error that tells of a statement that nests too deep, and where it stands."""
+    place = Location.of(statement.node.span, statement.base)
+    return errors.Raised("Syntax", error.message, None, loc=str(place), input=statement.text)
 
 
 class Shell:
