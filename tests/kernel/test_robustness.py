@@ -111,3 +111,73 @@ def test_deep_nesting_in_a_file_or_eval_is_an_exception(talk: Talk) -> None:
 
 def test_a_long_statement_of_many_lines_is_fine(talk: Talk) -> None:
     assert talk.say("[" + ",\n".join(["1"] * 3000) + "].size;") == ["[] 3000"]
+
+
+# ---------------------------------------------------------------- recursion without end
+
+ENDLESS = {
+    "function": ("function f() { f() };", "f();"),
+    "argument": ("function f(x) { f(x + 1) };", "f(1);"),
+    "mutual": ("function f() { g() }; function g() { f() };", "f();"),
+    "lazy": ("function f { f };", "f;"),
+    "method": ("class A { function m() { this.m() } };", "A.m();"),
+    "operator": ("class B { function '+'(x) { this + x } };", "B.new + 1;"),
+    "comparison": ("class B { function '<'(x) { this < x } };", "B.new < 1;"),
+    "equality": ("class B { function '=='(x) { this == x } };", "B.new == 1;"),
+    "negation": ("class B { function '-'() { -this } }; var b = B.new|;", "-b;"),
+    "printing a result": ("class C { function asString() { this.asString } };", "C.new;"),
+    "echoing": ("class C { function asString() { this.asString } };", "echo(C.new);"),
+    "printing inside": ("class C { function asPrintable() { this.asPrintable } };", "[C.new];"),
+    "printing an error": ("class C { function asString() { this.asString } };", "throw C.new;"),
+    "formatting": ('class G { function asString() { "%s" % this } };', "G.new;"),
+    "finally": ("function f() { try { f() } finally { 1 } };", "f();"),
+    "getter": ("var Global.D = Object.new|; function D.y() { this.y };", "D.y;"),
+    "map": ("function f(x) { [1].map(closure (y) { f(y) }) };", "f(1);"),
+    "sort": ("function f() { [2, 1].sort(closure (a, b) { f() }) };", "f();"),
+    "for": ("function f() { for (var x: [1]) f() };", "f();"),
+    "eval": ('function f() { eval("f()") };', "f();"),
+    "tag": ("var t = Tag.new|; function f() { t: f() };", "f();"),
+    "fallback": ("class E { function fallback() { this.foo } };", "E.bar;"),
+    "init": ("class Global.F { function init() { F.new } };", "F.new;"),
+    "default": ("function f(x = f()) { x };", "f();"),
+    "sleeping": ("function f() { sleep(0) | f() };", "f();"),
+    "waituntil": ("function f() { waituntil (f()) };", "f();"),
+    "list in itself": ("var l = []|; l << l|;", "l;"),
+    "dictionary in itself": ('var d = ["a" => 1]|; d["a"] = d|;', "d;"),
+    "list of depth 20000": ("var l = []|; for| (20000) l = [l];", "l;"),
+    "comparing deep lists": ("var l = []|; var m = []|; for| (20000) { l = [l] | m = [m] };", "l == m;"),
+    "forking": ("function f() { f() & f() };", "f();"),
+    "in the background": ("function f() { f(), };", "f();"),
+}
+
+
+@pytest.mark.parametrize("kind", ENDLESS)
+def test_endless_recursion_ends_that_job_only(talk: Talk, caplog: pytest.LogCaptureFixture, kind: str) -> None:
+    setup, start = ENDLESS[kind]
+    jobs, timers = len(talk.kernel.scheduler.jobs), len(talk.kernel.scheduler.timers)
+    talk.kernel.scheduler.most_jobs = 2000
+    talk.say(setup)
+    answer = talk.say(start)
+    told = [line for line in answer if "called from" not in line]
+    assert len(told) == 1
+    assert told[0].startswith("[:error] !!! ")
+    assert told[0].endswith("too many jobs" if "f()," in setup or "&" in setup else "stack exhausted")
+    assert len(talk.kernel.scheduler.jobs) == jobs
+    assert len(talk.kernel.scheduler.timers) == timers
+    check(talk, caplog)
+
+
+def test_endless_recursion_can_be_caught(talk: Talk) -> None:
+    talk.say("function f(n) { 1 + f(n) };")
+    assert talk.say("try { f(1) } catch (var e) { e.message };") == ['[] "stack exhausted"']
+
+
+def test_a_few_thousand_calls_deep_is_fine(talk: Talk) -> None:
+    talk.say("var Global.depth = function (n) { if (n == 0) 0 else 1 + Global.depth(n - 1) }|;")
+    assert talk.say("Global.depth(2000);") == ["[] 2000"]
+
+
+def test_an_error_that_cannot_be_printed_is_still_told(talk: Talk, caplog: pytest.LogCaptureFixture) -> None:
+    talk.say("class Global.Bad { function asString() { throw Bad.new } };")
+    assert talk.say("throw Global.Bad.new;") == ["[:error] !!! error while printing an error: UrbiError"]
+    check(talk, caplog)

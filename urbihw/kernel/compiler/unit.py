@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast as pyast
 import pickle
+import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from types import CodeType, FunctionType
@@ -126,7 +127,19 @@ def compile_node(
         generator = Codegen(bind(node, lazy_names, late), generic)
         module = generator.statement(node)
         code = compile(module, "<urbiscript>", "exec", dont_inherit=True)
-    except (RecursionError, SyntaxError):
+    except SyntaxError:
+        raise errors.TooDeep from None
+    except RecursionError:
+        if _depth() > sys.getrecursionlimit() // 2:  # it is the program that has gone deep, by ``eval``
+            raise
         raise errors.TooDeep from None
     inner = next(const for const in code.co_consts if isinstance(const, CodeType))
     return Unit(inner, generator.entries, generator.constants, generator.syntax, module if keep_tree else None)
+
+
+def _depth() -> int:
+    """How many calls Python is in."""
+    depth, frame = 0, sys._getframe()
+    while frame.f_back is not None:
+        depth, frame = depth + 1, frame.f_back
+    return depth

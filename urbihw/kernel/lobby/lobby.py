@@ -56,9 +56,20 @@ class Lobby(Obj):
             self.shell.feed(data)
 
     def report(self, error: BaseException) -> None:
-        """Tell the client of an uncaught error."""
-        for line in self.world.describe(error):
+        """Tell the client of an uncaught error; never fails, though describing one may run the client's functions."""
+        try:
+            lines = self.world.describe(error)
+        except Exception as second:
+            lines = self._describe_plainly(second)
+        for line in lines:
             self.output.line(f"!!! {line}", "error")
+
+    def _describe_plainly(self, error: Exception) -> list[str]:
+        """What went wrong while an error was described; if that cannot be described either, only that there was one."""
+        try:
+            return self.world.describe(error)
+        except Exception as third:
+            return [f"error while printing an error: {type(self.world.normalized(third)).__name__}"]
 
     def close(self) -> None:
         """The connection is gone: what it runs ends, its ``finally`` clauses run, ``Lobby.onDisconnect`` is emitted."""

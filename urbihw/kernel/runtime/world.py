@@ -20,6 +20,7 @@ from urbihw.kernel.runtime.passage import TagObject
 from urbihw.kernel.runtime.slots import SlotOps
 from urbihw.kernel.runtime.values import CallMessage, Dictionary, FloatObject, Lazy, List, String, Tuple
 from urbihw.kernel.runtime.watch import Recorder
+from urbihw.kernel.sched.errors import TooManyJobs
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.scheduler import Scheduler
 from urbihw.kernel.sched.tag import Tag
@@ -341,6 +342,8 @@ class World:
             raised: errors.UrbiError = errors.primitive("division by 0", "/")
         elif isinstance(error, RecursionError):
             raised = errors.Raised("Scheduling", "stack exhausted", None)
+        elif isinstance(error, TooManyJobs):
+            raised = errors.Raised("Scheduling", "too many jobs", None)
         elif isinstance(error, MemoryError):
             raised = errors.Raised("Scheduling", "memory exhausted", None)
         else:

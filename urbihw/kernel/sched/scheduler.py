@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 from urbihw.kernel.sched import job as states
 from urbihw.kernel.sched.clock import Clock
 from urbihw.kernel.sched.coro import Pool
+from urbihw.kernel.sched.errors import TooManyJobs
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.signals import JobKilled, StopTag
 from urbihw.kernel.sched.timequeue import TimeQueue, Timer
@@ -30,8 +31,13 @@ if TYPE_CHECKING:
     from urbihw.kernel.sched.tag import TagEntry
 
 
+MOST_JOBS = 150_000
+"""How many jobs there may be; each takes about 8 kB once it has begun, and a program that forks without end gets there
+within seconds."""
+
+
 class _Interrupt:
-    """A mark in the ready queue at which ``run`` returns."""
+    """A mark in the ready queue: it makes a job that runs alone look up from its loop."""
 
 
 _INTERRUPT = _Interrupt()
@@ -51,6 +57,8 @@ class Scheduler:
         self.jobs: dict[Job, None] = {}
         self.tracer: Tracer | None = None
         self.frozen_tags = 0
+        self.most_jobs = MOST_JOBS
+        self._interrupted = False
         self.place: Callable[[FrameType], str] = lambda frame: ""
         """Says for the log where in its program a Python frame stands; the layer above knows."""
         self.failed: Callable[[Job, Exception], None] = lambda job, error: None
@@ -72,8 +80,11 @@ class Scheduler:
         """A new job at the end of the ready queue.
 
         ``parent`` gives its tags, its context and its own time; without one, ``entries`` are the tags it begins under.
-        ``failed`` is called with whatever error ends a job that belongs to no group.
+        ``failed`` is called with whatever error ends a job that belongs to no group.  Raises TooManyJobs, but never for
+        a job without parent and tags: those are the kernel's own.
         """
+        if len(self.jobs) >= self.most_jobs and (parent is not None or entries):
+            raise TooManyJobs
         if parent is not None:
             context = parent.context if context is None else context
             entries = parent.entries
@@ -241,7 +252,8 @@ class Scheduler:
         self._round_hooks.append(hook)
 
     def interrupt(self) -> None:
-        """From any thread: make a running ``run`` return at the end of its present turn."""
+        """From any thread: make a running ``run`` return at the end of the present job's turn."""
+        self._interrupted = True
         self.ready.append(_INTERRUPT)
 
     def run(self) -> float | None:
@@ -267,10 +279,12 @@ class Scheduler:
             self.cycle += 1
             for _ in range(len(ready)):
                 job = ready.popleft()
-                if job is _INTERRUPT:
+                if job is not _INTERRUPT:
+                    self._resume(job)  # type: ignore[arg-type]
+                if self._interrupted:
+                    self._interrupted = False
                     self._round_over()
                     return now
-                self._resume(job)  # type: ignore[arg-type]
             self._round_over()
 
     def run_simulated(self, until: float | None = None) -> None:
