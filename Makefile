@@ -49,7 +49,7 @@ clean:
 
 # The project is installed in place: an edited file needs no new installation, an edited pyproject.toml does.
 .venv/installed: .venv/made pyproject.toml
-	$(PIP) -e .
+	$(PIP) -e '.[all]'
 	@touch $@
 
 .venv/installed-dev: .venv/installed

@@ -35,6 +35,8 @@ def requirements() -> dict[str, str]:
     for row in named:
         name = _NAME.match(row)
         assert name is not None, row
+        if name[0] == project["name"]:  # an extra made of other extras
+            continue
         found[name[0]] = row[name.end() :]
     return found
 
