@@ -19,7 +19,7 @@ from urbihw.kernel.lobby.lobby import Lobby
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "urbihw").rglob("*.md")])
 
-_NAME = re.compile(r"[A-Za-z0-9-]+")
+_NAME = re.compile(r"[A-Za-z0-9_-]+")
 _LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
 _PATH = re.compile(r"`((?:urbihw|fakes|tests|docs|bench|share)/[\w./-]+)`")
 _KINDS = ("added", "changed", "fixed", "removed")
