@@ -70,7 +70,7 @@ class Fake:
         assert self._process.stdout is not None
         self.url = f"{self._process.stdout.readline().strip()}?baud={BAUD}"
         self.path = self.url.removeprefix("serial://").partition("?")[0]
-        with buses.open(self.url) as link:
+        with buses.open_link(self.url) as link:
             bus = DynamixelBus(link, 1 if protocol == 1 else 2)
             for device in IDS:
                 bus.write(device, 5 if protocol == 1 else 9, b"\x00")
@@ -235,7 +235,7 @@ def aim(cycle: Cycle, protocol: int, count: int) -> None:
 @contextlib.contextmanager
 def ours(kit: Fake, protocol: int, fast: bool = False) -> Iterator[Loop]:
     """Our cycle, with new targets for all each time."""
-    with buses.open(kit.url) as link:
+    with buses.open_link(kit.url) as link:
         cycle = cycle_of(link, protocol, fast, 1 / FLAT_OUT)
 
         def loop(count: int) -> bool:
@@ -317,7 +317,7 @@ def worker_numbers(kit: Fake, protocol: int, rate: float, seconds: float) -> tup
                 values |= {(device, "moving_speed"): 100 + full % 3 for device in IDS}
             worker.send(m.Targets(values))
 
-    settings = m.Configure(rate=rate, protocol=1 if protocol == 1 else 2, ids=tuple(IDS), dead_man=0, fast_read=False)
+    settings = m.Configure(rate=rate, dead_man=0, options={"protocol": protocol, "ids": IDS, "fast_read": False})
     with Worker.start(kit.url, post=post, settings=settings) as worker:
         if not found.wait(5):
             raise SystemExit("the worker does not find all: this machine is too busy to measure anything")
@@ -372,7 +372,7 @@ def throughput(protocol: int, seconds: float) -> None:
 
 def scans(protocol: int) -> None:
     """Print how long looking for all ids takes."""
-    with fake(protocol) as kit, buses.open(kit.url) as link:
+    with fake(protocol) as kit, buses.open_link(kit.url) as link:
         times = []
         for _ in range(3):
             start = time.perf_counter()
@@ -383,7 +383,7 @@ def scans(protocol: int) -> None:
 
 def silent(protocol: int, seconds: float) -> None:
     """Print what silent servos cost the others, at full speed, each beside a healthy run right before it."""
-    with fake(protocol) as kit, buses.open(kit.url) as link:
+    with fake(protocol) as kit, buses.open_link(kit.url) as link:
         for dead in ((6,), (6, 13), (1, 6, 7, 13, 18)):
             cycle = cycle_of(link, protocol, False, 1 / FLAT_OUT)
             healthy, _ = living_rate(link, cycle, protocol, 18, seconds)

@@ -52,7 +52,10 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.buses": (),
     # The loader and the daemon hold a robot by its base class, and know the kinds of its failures.
     "urbihw.platforms": ("urbihw.kernel.uobject",),
-    ROBOT: ("urbihw.kernel.uobject", "urbihw.buses"),
+    # What the robots share: a robot on one wire.
+    "urbihw.platforms.base": ("urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.wire"),
+    "urbihw.platforms.wire": ("urbihw.buses",),
+    ROBOT: ("urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.base", "urbihw.platforms.wire"),
     # The ways in.  "urbihw.kernel" alone is its door, Kernel; "urbihw.platforms" alone is the loader.
     "urbihw.daemon": (
         "urbihw.kernel",

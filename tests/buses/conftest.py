@@ -27,7 +27,7 @@ class Rig:
         self._sent: list[str] = []
         self.context = Context(self.clock, {"robot": self.end})
         self.url = f"pipe://robot?baud={BAUD}"
-        self.link: Link = buses.open(self.url, self.context)
+        self.link: Link = buses.open_link(self.url, self.context)
         kit.pace(BAUD)
         for unit in kit:
             # As a gateway should set it; the factory value of 0.5 ms is a matter of its own tests.

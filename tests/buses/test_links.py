@@ -99,7 +99,7 @@ def peer(request: pytest.FixtureRequest) -> Iterator[Peer]:
 
 @pytest.fixture
 def link(peer: Peer) -> Iterator[Link]:
-    with buses.open(peer.url, peer.context) as opened:
+    with buses.open_link(peer.url, peer.context) as opened:
         yield opened
 
 
@@ -164,7 +164,7 @@ def test_closing_twice_is_fine_and_use_after_it_is_an_error(peer: Peer, link: Li
 
 def test_opening_again_works(peer: Peer) -> None:
     for _ in range(2 if "socket" not in peer.url else 1):
-        with buses.open(peer.url, peer.context) as opened:
+        with buses.open_link(peer.url, peer.context) as opened:
             opened.write(b"x")
             assert peer.take(1) == b"x"
 
@@ -264,7 +264,7 @@ def test_pipe_takes_wire_time() -> None:
     arrived: list[float] = []
     clock = SimClock()
     end = PipeEnd(lambda data, at: arrived.append(at))
-    with buses.open("pipe://x?baud=1000", Context(clock, {"x": end})) as link:
+    with buses.open_link("pipe://x?baud=1000", Context(clock, {"x": end})) as link:
         link.write(b"ab")
         link.write(b"c")
     assert arrived == pytest.approx([0.02, 0.03])

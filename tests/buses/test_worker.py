@@ -14,6 +14,7 @@ import pytest
 from fakes.bioloid import Bioloid
 from urbihw.buses import messages as m
 from urbihw.buses.clock import SimClock
+from urbihw.buses.dynamixel.device import DeviceInfo
 from urbihw.buses.engine import Engine, driver_of
 from urbihw.buses.errors import BadUrl, BadValue, LinkGone
 from urbihw.buses.link import Context
@@ -85,7 +86,7 @@ def test_start_finds_all_and_writes_nothing(bench: Bench) -> None:
     assert heard[0] == m.LinkState(True)
     (found,) = of(m.Found, heard)
     assert [info.id for info in found.devices] == [*range(1, 19), 100]
-    assert found.devices[5] == m.DeviceInfo(6, 12, "AX-12A", "AX-12", 24, 1, "joint")
+    assert found.devices[5] == DeviceInfo(6, 12, "AX-12A", "AX-12", 24, 1, "joint")
     # Instructions of protocol 1.0: only pings and reads.
     assert {line.split()[4] for line in bench.rig.sent()} == {"01", "02"}
 

@@ -37,7 +37,8 @@ def post(message):
         worker.send(m.Targets({(6, "moving_speed"): 50, (6, "goal_position"): 1000}))
     elif isinstance(message, m.Samples) and message.values[6]["present_position"] > 560:
         print("moving", flush=True)
-worker = Worker.start(sys.argv[1], post=post, settings=m.Configure(dead_man=float(sys.argv[2]), protocol=1))
+settings = m.Configure(dead_man=float(sys.argv[2]), options={"protocol": 1})
+worker = Worker.start(sys.argv[1], post=post, settings=settings)
 threading.Event().wait()
 """
 
@@ -109,7 +110,7 @@ def test_a_parent_that_dies_or_hangs_leaves_a_stopped_robot(robot: PtyEndpoint, 
 def test_life_of_a_worker_process(robot: PtyEndpoint) -> None:
     heard = Heard()
     begin = time.monotonic()
-    with Worker.start(robot.url, post=heard.queue.put, settings=m.Configure(protocol=1)) as worker:
+    with Worker.start(robot.url, post=heard.queue.put, settings=m.Configure(options={"protocol": 1})) as worker:
         heard.wait(m.LinkState, lambda state: state.up)
         found = heard.wait(m.Found)
         assert time.monotonic() - begin < 2.0
@@ -134,7 +135,7 @@ def test_life_of_a_worker_process(robot: PtyEndpoint) -> None:
 
 def test_sigint_is_for_the_parent_and_sigterm_stops_the_robot(robot: PtyEndpoint) -> None:
     heard = Heard()
-    worker = Worker.start(robot.url, post=heard.queue.put, settings=m.Configure(protocol=1, dead_man=0))
+    worker = Worker.start(robot.url, post=heard.queue.put, settings=m.Configure(dead_man=0, options={"protocol": 1}))
     heard.wait(m.Found)
     worker.send(m.Targets({(6, "moving_speed"): 50, (6, "goal_position"): 1000}))
     worker.send(m.Watch(6, ("present_position",)))
@@ -151,7 +152,7 @@ def test_sigint_is_for_the_parent_and_sigterm_stops_the_robot(robot: PtyEndpoint
 
 def test_a_worker_that_is_killed_is_reported(robot: PtyEndpoint) -> None:
     heard = Heard()
-    worker = Worker.start(robot.url, post=heard.queue.put, settings=m.Configure(protocol=1))
+    worker = Worker.start(robot.url, post=heard.queue.put, settings=m.Configure(options={"protocol": 1}))
     heard.wait(m.Found)
     (child,) = children()
     os.kill(child, signal.SIGKILL)

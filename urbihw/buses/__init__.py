@@ -19,7 +19,7 @@ import importlib
 from typing import Final
 
 from urbihw.buses.errors import BadUrl, Unavailable
-from urbihw.buses.link import Context, Link, Url
+from urbihw.buses.link import Context, Link, Port, Url, byte_link
 
 # scheme -> "module:Class". Strings, so that listing costs no import and a missing library breaks only its own row.
 BUSES: Final = {
@@ -31,23 +31,28 @@ BUSES: Final = {
 ENTRY_POINTS: Final = "urbihw.buses"  # group under which other packages add rows: name = scheme, value = module:Class
 
 
-def open(url: str, context: Context | None = None) -> Link:
-    """Return the link named by `url`, opened.
+def open(url: str, context: Context | None = None) -> Port:
+    """Return the port named by `url`, opened.
 
     Raises BadUrl when the url cannot be understood, Unavailable when the port cannot be opened now.
     """
-    link = link_for(url, context if context is not None else Context())
-    link.open()
-    return link
+    port = port_for(url, context if context is not None else Context())
+    port.open()
+    return port
 
 
-def link_for(url: str, context: Context) -> Link:
-    """Return the link named by `url`, still closed. Raises BadUrl, or Unavailable when its library is missing."""
+def open_link(url: str, context: Context | None = None) -> Link:
+    """The same for who needs bytes. Raises BadUrl also when the port moves something else."""
+    return byte_link(open(url, context))
+
+
+def port_for(url: str, context: Context) -> Port:
+    """Return the port named by `url`, still closed. Raises BadUrl, or Unavailable when its library is missing."""
     parsed = Url.parse(url)
-    return _link_class(parsed)(parsed, context)
+    return _port_class(parsed)(parsed, context)
 
 
-def _link_class(url: Url) -> type[Link]:
+def _port_class(url: Url) -> type[Port]:
     row = BUSES.get(url.scheme)
     if row is None:
         # Imported here because it costs a worker 15 ms of its start, and most never need it.
@@ -62,6 +67,8 @@ def _link_class(url: Url) -> type[Link]:
     try:
         module = importlib.import_module(module_name)
     except ImportError as error:
-        raise Unavailable(f"{url.scheme}:// needs the Python package {error.name}; install it with pip") from error
-    found: type[Link] = getattr(module, class_name)
+        # What not everybody has is an extra with the name of the scheme.
+        package = f"'urbihw[{url.scheme}]'" if url.scheme in BUSES else error.name
+        raise Unavailable(f"{url.scheme}:// needs the Python package {error.name}: pip install {package}") from error
+    found: type[Port] = getattr(module, class_name)
     return found

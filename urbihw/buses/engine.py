@@ -18,8 +18,8 @@ from collections.abc import Callable
 from typing import Final, Protocol
 
 from urbihw import buses
-from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
-from urbihw.buses.link import Context, Link
+from urbihw.buses.errors import BadUrl, BadValue, LinkGone, Unavailable
+from urbihw.buses.link import Context, Port
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import (
     Alive,
@@ -38,7 +38,7 @@ from urbihw.buses.messages import (
 )
 from urbihw.buses.ticker import Ticker
 
-# Protocol family of a wire -> what drives it.
+# Protocol family of a wire -> what drives it. A family of one robot lives with it, and is named "module:Class".
 FAMILIES: Final = {"dynamixel": "urbihw.buses.dynamixel.driver:DynamixelDriver"}
 
 _FIRST_BACK_OFF = 0.2
@@ -51,13 +51,19 @@ _TIME_TO_POST = 0.0005
 class Driver(Protocol):
     """What the engine needs of a protocol family; each method returns the messages to post.
 
-    `attach` is handed an open link and finds the devices; `detach` is told that it is gone. In between come `tick`,
-    `targets`, `watch`, `request` and `safe_stop`; all but `detach` may raise LinkGone. `errors` counts failures since
-    `attach`. Watches must outlive the link, targets must not. `tick` should call `meanwhile` when the wire is busy.
+    `attach` is handed an open port and finds the devices, or raises Unavailable (nobody answers, wrong firmware), after
+    which it is tried again later; `detach` is told that the port is gone. In between come `tick`, `targets`, `watch`,
+    `request` and `safe_stop`; all but `detach` may raise LinkGone. `targets`, `watch` and `request` may also come
+    while there is no port. `configure` comes first, and again for new settings; it raises BadValue. `errors` counts
+    failures since `attach`. Watches must outlive the port, targets must not. `tick` should call `meanwhile` when the
+    wire is busy, and must not wait for longer than a tick lasts. `slow_verbs` are the requests for which the cycle
+    rests on purpose.
     """
 
+    slow_verbs: frozenset[str]
+
     def configure(self, settings: Configure) -> None: ...
-    def attach(self, link: Link) -> list[FromWorker]: ...
+    def attach(self, port: Port) -> list[FromWorker]: ...
     def detach(self) -> None: ...
     def tick(self, now: float, meanwhile: Callable[[], None]) -> list[FromWorker]: ...
     def targets(self, message: Targets) -> list[FromWorker]: ...
@@ -68,8 +74,10 @@ class Driver(Protocol):
 
 
 def driver_of(family: str) -> Driver:
-    """Return a fresh driver of a row of FAMILIES."""
-    module_name, _, class_name = FAMILIES[family].partition(":")
+    """Return a fresh driver of a row of FAMILIES, or of "module:Class". Raises BadValue when there is none."""
+    module_name, colon, class_name = FAMILIES.get(family, family).partition(":")
+    if not colon:
+        raise BadValue(f"unknown protocol family {family!r}; known: {', '.join(sorted(FAMILIES))}")
     found: Driver = getattr(importlib.import_module(module_name), class_name)()
     return found
 
@@ -94,7 +102,7 @@ class Engine:
         self._asked_to_end = asked_to_end
         self._clock = context.clock
         now = self._clock.now()
-        self._link: Link | None = None
+        self._link: Port | None = None
         self._announced: bool | None = None
         self._back_off = _FIRST_BACK_OFF
         self._retry_at = now
@@ -195,7 +203,7 @@ class Engine:
         for request in requests:
             if not self._guarded(lambda request=request: self._post_all(self._driver.request(request))):  # type: ignore[misc]
                 self._post_all([Reply(request.reply_id, False, error="the link went down")])
-            if request.verb == "scan":
+            if request.verb in self._driver.slow_verbs:
                 # Those ticks were given away on purpose; they are not late.
                 self._ticker = Ticker(self._ticker.period, self._clock.now())
 
@@ -211,7 +219,11 @@ class Engine:
             return
         self._link = link
         messages: list[FromWorker] = []
-        if not self._guarded(lambda: messages.extend(self._driver.attach(link))):
+        try:
+            if not self._guarded(lambda: messages.extend(self._driver.attach(link))):
+                return
+        except (BadUrl, Unavailable) as error:
+            self._down(str(error))
             return
         self._back_off = _FIRST_BACK_OFF
         self._announced = True
@@ -271,7 +283,7 @@ class _Tally:
         self._errors: dict[str, int] = {}
         self._bytes = 0
 
-    def close(self, now: float, link: Link | None, errors: dict[str, int], dropped: int) -> Statistics:
+    def close(self, now: float, link: Port | None, errors: dict[str, int], dropped: int) -> Statistics:
         """Return the second that ends now and begin the next; `errors` are totals since the link opened."""
         elapsed = now - self.since
         total = 0 if link is None else link.bytes_read + link.bytes_written

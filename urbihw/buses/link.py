@@ -1,7 +1,8 @@
-"""A byte link: what every way of reaching a robot has in common.
+"""Ports and byte links: what every way of reaching a robot has in common.
 
-A link moves bytes, knows no protocol, and is named by a url (`Url`). Add one by subclassing `Link` and adding a row
-to `urbihw.buses.BUSES`; the contract tests then run over it by themselves.
+A port is named by a url (`Url`), opened, closed and counted. Most are links: a `Link` moves bytes and knows no
+protocol. Add one by subclassing `Link` and adding a row to `urbihw.buses.BUSES`; the contract tests then run over it by
+themselves. What moves something else than bytes (frames of a CAN bus) is another subclass of `Port`.
 """
 
 from __future__ import annotations
@@ -81,18 +82,11 @@ class Context:
     pipes: Mapping[str, PipeEnd] = field(default_factory=dict)
 
 
-class Link(ABC):
-    """An open or closed byte link. The base does states, counting and `with`; subclasses move the bytes.
+class Port(ABC):
+    """Something to open by its url. The base does states, counting and `with`.
 
-    A subclass MUST
-      - implement `_open`, `_close`, `_read`, `_write`;
-      - raise Unavailable from `_open`, LinkGone from `_read` and `_write` when the other side is gone;
-      - return from `_read` as soon as at least one byte is there, and b"" at the deadline;
-      - send all of `data` in `_write`, in one piece where the system allows it (a servo gives up on a pause).
-    A subclass MAY
-      - set `baud` when the url does not decide it;
-      - override `discard` when its system can throw input away faster than by reading it.
-    It MUST NOT sleep otherwise, start threads, or know what the bytes mean.
+    A subclass MUST implement `_open`, which raises Unavailable, and `_close`, and count what it moves; it MAY set
+    `baud` (bits per second on the wire) when the url does not decide it. `close` twice is fine and it never raises.
     """
 
     def __init__(self, url: Url, context: Context) -> None:
@@ -114,16 +108,43 @@ class Link(ABC):
         return _BITS_PER_BYTE / self.baud
 
     def open(self) -> None:
-        """Open the link; nothing happens if it is open. Raises Unavailable."""
+        """Open it; nothing happens if it is open. Raises Unavailable."""
         if not self._is_open:
             self._open()
             self._is_open = True
 
     def close(self) -> None:
-        """Close the link; calling it twice is fine and it never raises."""
+        """Close it; calling it twice is fine and it never raises."""
         if self._is_open:
             self._is_open = False
             self._close()
+
+    def __enter__(self) -> Self:
+        self.open()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @abstractmethod
+    def _open(self) -> None: ...
+
+    @abstractmethod
+    def _close(self) -> None: ...
+
+
+class Link(Port):
+    """A port for bytes. The base does the counting; subclasses move the bytes.
+
+    A subclass MUST
+      - implement `_open`, `_close`, `_read`, `_write`;
+      - raise Unavailable from `_open`, LinkGone from `_read` and `_write` when the other side is gone;
+      - return from `_read` as soon as at least one byte is there, and b"" at the deadline;
+      - send all of `data` in `_write`, in one piece where the system allows it (a servo gives up on a pause).
+    A subclass MAY
+      - override `discard` when its system can throw input away faster than by reading it.
+    It MUST NOT sleep otherwise, start threads, or know what the bytes mean.
+    """
 
     def read(self, size: int, deadline: float) -> bytes:
         """Return 1 to `size` bytes as soon as some are there, or b"" when `deadline` passes.
@@ -150,21 +171,15 @@ class Link(ABC):
             count += len(data)
         return count
 
-    def __enter__(self) -> Self:
-        self.open()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    @abstractmethod
-    def _open(self) -> None: ...
-
-    @abstractmethod
-    def _close(self) -> None: ...
-
     @abstractmethod
     def _read(self, size: int, deadline: float) -> bytes: ...
 
     @abstractmethod
     def _write(self, data: bytes) -> None: ...
+
+
+def byte_link(port: Port) -> Link:
+    """The port, if it moves bytes. Raises BadUrl when it does not."""
+    if not isinstance(port, Link):
+        raise BadUrl(f"{port.url.text} moves no bytes: this robot needs a url such as /dev/ttyUSB0 or socket://host:port")
+    return port

@@ -1,17 +1,19 @@
 """What a bus worker and its parent tell each other. All of them are frozen and can cross a process border.
 
 To the worker: Targets, Watch, Request, Stop, Alive, Configure.
-From the worker: Found, Samples, DeviceState, LinkState, Reply, Refused, Stopped, Statistics, Ended.
+From the worker: Found, Samples, Happened, DeviceState, LinkState, Reply, Refused, Stopped, Statistics, Ended.
 
-Values are raw counts (`urbihw.buses.dynamixel.units` turns them into SI and back); items are names of the control
-tables; times are seconds of the machine's monotonic clock (`time.monotonic()`), the same in all processes.
+They are the same for every family of wires; what a device is called (a number, a name, a port), which items it has,
+and which verbs it takes is for the family's driver to say. Values are raw counts, turned into SI and back by those who
+know the device; times are seconds of the machine's monotonic clock (`time.monotonic()`), the same in all processes.
+All that is in a message can be pickled.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +25,7 @@ class Targets:
     is forgotten: a robot never moves by itself because a plug went back in.
     """
 
-    values: Mapping[tuple[int, str], int]
+    values: Mapping[tuple[Any, str], Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,28 +35,24 @@ class Watch:
     A watch lasts until it is replaced, also while the device is lost and while the link is down.
     """
 
-    device: int
+    device: Any
     items: tuple[str, ...]
     period: float | None = 0.0
-
-
-Verb = Literal["read", "write", "ping", "reboot", "scan"]
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
     """Something to do once, behind the next tick; a `Reply` with the same `reply_id` answers it.
 
-    "read" gives the value of `item`, "write" writes `value` and waits for the confirmation, "ping" gives the model
-    number, "reboot" restarts a protocol 2.0 device, "scan" looks for devices on all ids (0.5 s, in which the cycle
-    rests: not while the robot moves), posts `Found` and gives the number of devices.
+    Every family has the verbs "read", which gives the value of `item`, and "write", which writes `value` and waits for
+    the confirmation where there is one; its driver lists the others.
     """
 
     reply_id: int
-    verb: Verb
-    device: int = 0
+    verb: str
+    device: Any = 0
     item: str = ""
-    value: int = 0
+    value: Any = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,38 +73,21 @@ class Configure:
         rate: ticks a second.
         dead_man: seconds of silence of the parent after which the robot is stopped; 0 for never.
         torque_off_on_stop: every stop also switches the motors off: the robot falls.
-        protocol: 1, 2 or "auto"; read when the link opens.
-        ids: devices to look for when the link opens, None for all.
-        fast_read: use FAST SYNC READ where all devices of a group can do it.
+        options: what else the family knows, by name.
     """
 
     rate: float = 100.0
     dead_man: float = 1.5
     torque_off_on_stop: bool = False
-    protocol: Literal[1, 2, "auto"] = "auto"
-    ids: tuple[int, ...] | None = None
-    fast_read: bool = True
-
-
-@dataclass(frozen=True, slots=True)
-class DeviceInfo:
-    """One device as found: `family` is its control table ("AX-12", ... or "" for an unknown model), `mode` a name."""
-
-    id: int
-    model: int
-    name: str
-    family: str
-    firmware: int
-    protocol: int
-    mode: str
+    options: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """The devices that are there, after a scan; `conflicts` are ids that several devices answer to."""
+    """The devices that are there, each as its family describes one; `conflicts` are ids that several answer to."""
 
-    devices: tuple[DeviceInfo, ...]
-    conflicts: tuple[int, ...] = ()
+    devices: tuple[Any, ...]
+    conflicts: tuple[Any, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,14 +96,13 @@ class Samples:
 
     Attributes:
         time: when the tick's last answer was in.
-        values: device -> item -> raw count. The item "state" comes with the lasting error bits of the answers when
-            they change (`urbihw.buses.dynamixel.status.state_words` says them).
+        values: device -> item -> raw count.
         times: device -> when its answer was in.
     """
 
     time: float
-    values: Mapping[int, Mapping[str, int]]
-    times: Mapping[int, float]
+    values: Mapping[Any, Mapping[str, Any]]
+    times: Mapping[Any, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,10 +112,19 @@ class DeviceState:
     A device that comes back may have been without power: its RAM settings are then gone, so set them again.
     """
 
-    device: int
+    device: Any
     old: str
     new: str
     reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Happened:
+    """A device reports something that is no value: a button, a fault, a text; `what` is a name of the family's."""
+
+    device: Any
+    what: str
+    value: Any = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +141,7 @@ class Reply:
 
     reply_id: int
     ok: bool
-    value: int | None = None
+    value: Any = None
     error: str = ""
 
 
@@ -160,7 +149,7 @@ class Reply:
 class Refused:
     """A target or a watch that makes no sense, and why; nothing was written for it."""
 
-    device: int
+    device: Any
     item: str
     reason: str
 
@@ -201,4 +190,4 @@ class Ended:
 
 
 ToWorker = Targets | Watch | Request | Stop | Alive | Configure
-FromWorker = Found | Samples | DeviceState | LinkState | Reply | Refused | Stopped | Statistics | Ended
+FromWorker = Found | Samples | Happened | DeviceState | LinkState | Reply | Refused | Stopped | Statistics | Ended

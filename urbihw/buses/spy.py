@@ -10,14 +10,14 @@ import sys
 from typing import TextIO
 
 from urbihw import buses
-from urbihw.buses.link import Context, Link, Url
+from urbihw.buses.link import Context, Link, Url, byte_link
 
 
 class SpyLink(Link):
     """Passes everything on to the link it wraps and prints it with the time since opening."""
 
     def __init__(self, url: Url, context: Context, output: TextIO | None = None) -> None:
-        self._inner = buses.link_for(url.target, context)
+        self._inner = byte_link(buses.port_for(url.target, context))
         super().__init__(url, context)
         self.baud = self._inner.baud
         self._output = output if output is not None else sys.stderr

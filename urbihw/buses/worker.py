@@ -36,7 +36,7 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from urbihw.buses.engine import FAMILIES, Engine, driver_of
+from urbihw.buses.engine import Engine, driver_of
 from urbihw.buses.errors import BadValue, LinkGone
 from urbihw.buses.link import Context, Url
 from urbihw.buses.mailbox import Mailbox
@@ -74,12 +74,12 @@ class Worker:
         `post` is called in a thread of this handle. `process`: give it a process of its own, as the daemon does;
         otherwise it runs in a thread, and only then may `context` bring a clock and pipes.
         A port that cannot be opened is no error here: LinkState says why, and the worker keeps trying.
-        Raises BadUrl for a url without sense, BadValue for an unknown family or a context with a process.
+        Raises BadUrl for a url without sense, BadValue for an unknown family, for settings that it does not understand,
+        or a context with a process.
         """
         Url.parse(url)
-        if family not in FAMILIES:
-            raise BadValue(f"unknown protocol family {family!r}; known: {', '.join(sorted(FAMILIES))}")
         settings = settings if settings is not None else Configure()
+        driver_of(family).configure(settings)
         if not process:
             return cls._start_thread(url, post, settings, family, context if context is not None else Context())
         if context is not None:

@@ -1,7 +1,8 @@
 """The robots: one folder each, found by its manifest, loaded only when it is asked for.
 
-Where to start: ``manifest`` (what a platform says of itself), then ``bioloid`` (the first, and the example).  A
-platform imports ``urbihw.kernel.uobject`` and ``urbihw.buses``, never another platform.
+Where to start: ``manifest`` (what a platform says of itself), ``base`` (what every robot on one wire does with its
+worker), ``wire`` (how devices reach the worker), then ``bioloid`` (the first, and the example).  A platform imports
+those two, ``urbihw.kernel.uobject`` and ``urbihw.buses``, never another platform.
 """
 
 from __future__ import annotations

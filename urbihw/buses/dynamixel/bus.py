@@ -1,6 +1,6 @@
 """Errands on a Dynamixel wire: ping, read, write, with retries and with refusals raised.
 
-with buses.open("/dev/ttyUSB0?baud=1000000") as link:
+with buses.open_link("/dev/ttyUSB0?baud=1000000") as link:
     bus = DynamixelBus(link, "auto")
     for device in scan(bus).devices:                    # urbihw.buses.dynamixel.scan
         print(device.id, device.name, bus.read(device.id, 36, 2))

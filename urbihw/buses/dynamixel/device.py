@@ -52,6 +52,29 @@ class Device:
         return f"model {self.model}" if table is None else table.models[self.model]
 
 
+@dataclass(frozen=True, slots=True)
+class DeviceInfo:
+    """One device as a worker's `Found` tells of it.
+
+    Attributes:
+        id: on the bus.
+        model: number.
+        name: of the model.
+        family: its control table ("AX-12", ...), "" for an unknown model.
+        firmware: version.
+        protocol: 1 or 2.
+        mode: name of the operating mode, "" if there is none.
+    """
+
+    id: int
+    model: int
+    name: str
+    family: str
+    firmware: int
+    protocol: int
+    mode: str
+
+
 @dataclass(frozen=True)
 class Scan:
     """Outcome of a scan.

@@ -8,17 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import asdict
+from typing import Any
 
 from urbihw.buses.dynamixel.bus import DynamixelBus
 from urbihw.buses.dynamixel.cycle import Cycle, Tick
-from urbihw.buses.dynamixel.device import Device, Scan
+from urbihw.buses.dynamixel.device import Device, DeviceInfo, Scan
+from urbihw.buses.dynamixel.options import Options
 from urbihw.buses.dynamixel.scan import identify, scan
 from urbihw.buses.dynamixel.stop import safe_stop
 from urbihw.buses.errors import BadValue, BusError, LinkGone
-from urbihw.buses.link import Link
+from urbihw.buses.link import Port, byte_link
 from urbihw.buses.messages import (
     Configure,
-    DeviceInfo,
     DeviceState,
     Found,
     FromWorker,
@@ -36,10 +37,19 @@ _GONE = "not there after the link came back"
 
 
 class DynamixelDriver:
-    """The Dynamixel half of a worker; see `urbihw.buses.engine.Driver` for who calls what."""
+    """The Dynamixel half of a worker; see `urbihw.buses.engine.Driver` for who calls what.
+
+    Verbs: "read", "write"; "ping" gives the model number, "reboot" restarts a protocol 2.0 device, "scan" looks for
+    devices on all ids (0.5 s, in which the cycle rests: not while the robot moves), posts `Found` and gives the number
+    of devices. The item "state" comes with the lasting error bits of the answers when they change
+    (`urbihw.buses.dynamixel.status.state_words` says them).
+    """
+
+    slow_verbs = frozenset({"scan"})
 
     def __init__(self) -> None:
         self._settings = Configure()
+        self._options = Options()
         self._cycle: Cycle | None = None
         self._known: dict[int, Device] = {}
         self._moved: set[int] = set()
@@ -47,16 +57,17 @@ class DynamixelDriver:
         self._next_look = 0.0
 
     def configure(self, settings: Configure) -> None:
-        """Take new settings; the protocol and the ids count from the next `attach` on."""
+        """Take new settings; the protocol and the ids count from the next `attach` on. Raises BadValue."""
+        self._options = Options.of(settings.options)
         self._settings = settings
         if self._cycle is not None:
             self._cycle.period = 1 / settings.rate
-            self._cycle.fast = settings.fast_read
+            self._cycle.fast = self._options.fast_read
 
-    def attach(self, link: Link) -> list[FromWorker]:
+    def attach(self, port: Port) -> list[FromWorker]:
         """Take an open link and find the devices: all (or the configured) the first time, the known ones later."""
-        bus = DynamixelBus(link, self._settings.protocol)
-        outcome = scan(bus, sorted(self._known) if self._known else self._settings.ids)
+        bus = DynamixelBus(byte_link(port), self._options.protocol)
+        outcome = scan(bus, sorted(self._known) if self._known else self._options.ids)
         lost = [device for number, device in self._known.items() if number not in {d.id for d in outcome.devices}]
         return self._begin(bus, outcome, lost)
 
@@ -130,7 +141,7 @@ class DynamixelDriver:
     def _begin(self, bus: DynamixelBus, outcome: Scan, lost: Iterable[Device]) -> list[FromWorker]:
         """Start a cycle over what a scan found and over those that should be there."""
         absent = list(lost)
-        cycle = Cycle(bus, [*outcome.devices, *absent], 1 / self._settings.rate, self._settings.fast_read)
+        cycle = Cycle(bus, [*outcome.devices, *absent], 1 / self._settings.rate, self._options.fast_read)
         self._cycle = cycle
         self._known = {number: member.device for number, member in cycle.members.items()}
         messages: list[FromWorker] = [Found(tuple(map(_info, outcome.devices)), outcome.conflicts)]
@@ -155,12 +166,12 @@ class DynamixelDriver:
 
     def _rescan(self, cycle: Cycle) -> list[FromWorker]:
         self.detach()
-        cycle.bus.auto = self._settings.protocol == "auto"
-        outcome = scan(cycle.bus, self._settings.ids)
+        cycle.bus.auto = self._options.protocol == "auto"
+        outcome = scan(cycle.bus, self._options.ids)
         self._known = {}
         return self._begin(cycle.bus, outcome, ())
 
-    def _errand(self, cycle: Cycle, message: Request) -> int:
+    def _errand(self, cycle: Cycle, message: Request) -> Any:
         bus = cycle.bus
         member = cycle.member(message.device)
         if message.verb == "ping":

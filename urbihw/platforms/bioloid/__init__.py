@@ -1,7 +1,6 @@
 """The Bioloid: AX-12 servos and AX-S1 sensors, or X-series servos, on one Dynamixel bus.
 
 Reading order: ``platform.toml`` (what the daemon knows without importing this), ``slots`` (which register is which
-slot, in which unit), ``wire`` (what a device holds of the bus), ``devices`` (what all devices share), ``motors`` and
-``sensors`` (the classes AX12, XServo and AXS1), ``robot`` (the object ``bioloid``), ``bioloid.u`` (what is said more
-easily in urbiscript).  Imports ``urbihw.kernel.uobject`` and ``urbihw.buses`` only.
+slot, in which unit), ``devices`` (what all devices share), ``motors`` and ``sensors`` (the classes AX12, XServo and
+AXS1), ``robot`` (the object ``bioloid``), ``bioloid.u`` (what is said more easily in urbiscript).  Imports ``urbihw.kernel.uobject`` and ``urbihw.buses`` only.
 """

@@ -11,12 +11,13 @@ from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 from urbihw.buses.dynamixel import units
+from urbihw.buses.dynamixel.device import DeviceInfo
 from urbihw.buses.dynamixel.item import Table
 from urbihw.buses.dynamixel.tables import table_of
-from urbihw.buses.messages import DeviceInfo, Reply
+from urbihw.buses.messages import Reply
 from urbihw.kernel.uobject import UObject, UVar, event, function, reading
 from urbihw.platforms.bioloid.slots import Facts, Kind, Slot, facts_of
-from urbihw.platforms.bioloid.wire import Wire
+from urbihw.platforms.wire import Wire
 
 log = logging.getLogger("urbihw.bioloid")
 

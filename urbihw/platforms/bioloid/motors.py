@@ -14,13 +14,14 @@ from __future__ import annotations
 from typing import ClassVar
 
 from urbihw.buses.dynamixel import units
+from urbihw.buses.dynamixel.device import DeviceInfo
 from urbihw.buses.dynamixel.status import state_words
-from urbihw.buses.messages import DeviceInfo, Reply
+from urbihw.buses.messages import Reply
 from urbihw.kernel.uobject import UVar, function, reading
 from urbihw.platforms.bioloid import slots
 from urbihw.platforms.bioloid.devices import Device, Refused, Take, number
 from urbihw.platforms.bioloid.slots import Slot
-from urbihw.platforms.bioloid.wire import Wire
+from urbihw.platforms.wire import Wire
 
 Step = tuple[str, int]
 """One write of a switch of mode: item and raw count."""

@@ -1,0 +1,163 @@
+"""A kernel, a platform and its fake, all in simulated time: what the tests of a platform drive.
+
+The bus worker is the real engine, stepped by hand between the rounds of the kernel; no thread, no real clock.  Each
+platform has its own `<name>_lab.py` with a subclass of ``RobotLab`` called ``Lab``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from multiprocessing import Pipe
+from typing import Any, ClassVar, Self
+
+from urbihw.buses import messages as m
+from urbihw.buses.clock import SimClock as BusClock
+from urbihw.buses.engine import Engine, driver_of
+from urbihw.buses.link import Context
+from urbihw.buses.mailbox import Mailbox
+from urbihw.kernel import Kernel
+from urbihw.kernel.sched.clock import SimClock
+from urbihw.kernel.uobject import DeviceError, RobotSettings
+from urbihw.platforms import find, load
+from urbihw.platforms.base import WiredRobot
+
+START = 100.0
+"""The bus begins at another time than the kernel, as in life."""
+
+
+class HandWorker:
+    """The worker's engine in this thread, with the face of a ``Worker``."""
+
+    def __init__(self, engine: Callable[[Mailbox], Engine], post: Callable[[m.FromWorker], None]) -> None:
+        self.pipe, theirs = Pipe()
+        self._engine = engine(Mailbox(theirs))
+        self._post = post
+        self.sent: list[m.ToWorker] = []
+
+    def send(self, message: m.ToWorker) -> None:
+        """Hand a message to the engine, and remember it."""
+        self.sent.append(message)
+        self.pipe.send(message)
+
+    def step(self) -> None:
+        """One step of the engine; what it says is posted."""
+        self._engine.step()
+        with contextlib.suppress(EOFError):
+            while self.pipe.poll():
+                self._post(self.pipe.recv())
+
+    def stop(self) -> None:
+        """The platform lets go."""
+        self.pipe.close()
+
+
+class RobotLab:
+    """``lab.say("motor6.val;")`` gives what a client would read; ``lab.run(2)`` lets two seconds pass.
+
+    A subclass names the ``platform`` and says in ``context`` what the worker finds at ``url``.
+    """
+
+    platform: ClassVar[str]
+    url: ClassVar[str] = "pipe://robot"
+    tick: ClassVar[float] = 0.01
+    """Seconds between two looks at both clocks: a tick of the worker."""
+
+    def __init__(self, **options: Any) -> None:
+        """``options`` are those of the platform."""
+        self.clock = SimClock()
+        self.bus_clock = BusClock(START)
+        self.kernel = Kernel(self.clock)
+        self.lobby = self.kernel.open_lobby()
+        self.observer = self.kernel.open_lobby()
+        self.opened: list[DeviceError | None] = []
+        self.worker: HandWorker | None = None
+        host = self.kernel.host
+        manifest = find(self.platform)
+        kind = load(manifest)
+        assert issubclass(kind, WiredRobot)
+        for known in (kind, *kind.classes):
+            host.register(known)
+        for name in manifest.library:
+            host.run((manifest.folder / name).read_text("latin-1"), name, self._loaded)
+        self.robot = host.create(kind, manifest.slot)
+        self.robot.start_worker = self._start
+        self.robot.bus_time = self.bus_clock.now
+        self.robot.open(RobotSettings(self.url, 1 / self.tick, dead_man=0, options=options), self.opened.append)
+
+    def context(self) -> Context:
+        """The clock and the pipes of the worker."""
+        raise NotImplementedError
+
+    @classmethod
+    def ready(cls, *arguments: Any, **options: Any) -> Self:
+        """A lab whose robot is open."""
+        lab = cls(*arguments, **options)
+        lab.until(lambda: bool(lab.opened))
+        assert lab.opened == [None]
+        return lab
+
+    def say(self, text: str, seconds: float = 0.0) -> str:
+        """Feed a program, let time pass (at least one tick), and give the answer without its time stamps."""
+        self.kernel.feed(self.lobby, text.encode("latin-1"))
+        self.run(seconds)
+        return self.heard()
+
+    def heard(self) -> str:
+        """What the client reads, without the time stamps."""
+        return _unstamped(self.lobby.output.take())
+
+    def look(self, text: str) -> str:
+        """The value of an expression, as a second client reads it at once, whatever the first is waiting for."""
+        self.kernel.feed(self.observer, text.encode("latin-1") + b";")
+        self.run(0)
+        return _unstamped(self.observer.output.take())
+
+    def number(self, text: str) -> float:
+        """The value of an expression that is a number."""
+        return float(self.look(text))
+
+    def run(self, seconds: float) -> None:
+        """Let time pass on both clocks."""
+        end = self.clock.now() + seconds
+        self.kernel.scheduler.run_simulated(self.clock.now())
+        while self.clock.now() < end - 1e-9:
+            self.step()
+
+    def step(self) -> None:
+        """One tick of the bus, and the kernel up to the same time."""
+        self.kernel.scheduler.run_simulated(self.clock.now() + self.tick)
+        if self.worker is not None:
+            while self.bus_clock.now() - START < self.clock.now():
+                self.worker.step()
+        self.kernel.scheduler.run_simulated(self.clock.now())
+
+    def until(self, done: Callable[[], bool], patience: float = 10.0) -> None:
+        """Let time pass until something holds."""
+        end = self.clock.now() + patience
+        while not done():
+            assert self.clock.now() < end, "it did not happen in time"
+            self.step()
+
+    def sent(self, kind: type[m.ToWorker]) -> list[Any]:
+        """The messages of one kind that the platform has sent to the worker since the last call."""
+        assert self.worker is not None
+        found = [message for message in self.worker.sent if isinstance(message, kind)]
+        self.worker.sent.clear()
+        return found
+
+    def _loaded(self, problem: str) -> None:
+        assert problem == ""
+
+    def _start(
+        self, url: str, *, post: Callable[[m.FromWorker], None], settings: m.Configure, family: str
+    ) -> HandWorker:
+        def engine(mailbox: Mailbox) -> Engine:
+            return Engine(url, driver_of(family), mailbox, settings, self.context())
+
+        self.worker = HandWorker(engine, post)
+        return self.worker
+
+
+def _unstamped(data: bytes) -> str:
+    return "\n".join(line.partition("] ")[2] for line in data.decode("latin-1").splitlines())

@@ -1,0 +1,265 @@
+"""What every robot on one wire does with its worker: start it, give it signs of life, pass on what it says, end it.
+
+A platform derives from ``WiredRobot``, names the family of its wire, and says what to do with what was found and
+measured.  The worker's messages come in a thread of the handle and are posted into the kernel's thread; what devices
+want is gathered in ``Wire`` and leaves once per scheduler round.  The sign of life is sent by the kernel's own timer:
+it is the kernel whose death, or whose being stuck in a script, must stop the robot.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from typing import ClassVar, Final, Protocol
+
+from urbihw.buses import messages as m
+from urbihw.buses.engine import driver_of
+from urbihw.buses.errors import BadUrl, BadValue, LinkGone
+from urbihw.buses.worker import Worker
+from urbihw.kernel.uobject import (
+    BadConfig,
+    DeviceError,
+    NotReady,
+    Opened,
+    Robot,
+    RobotSettings,
+    event,
+    function,
+    reading,
+)
+from urbihw.platforms.wire import Wire
+
+ALIVE: Final = 0.5
+"""Seconds between signs of life."""
+PATIENCE: Final = 2.0
+"""Seconds to wait for the first reading of all devices."""
+
+
+class Handle(Protocol):
+    """What is needed of a worker."""
+
+    def send(self, message: m.ToWorker) -> None:
+        """Hand a message to the worker."""
+        ...
+
+    def stop(self) -> None:
+        """Stop the robot and end the worker."""
+        ...
+
+
+class WiredRobot(Robot):
+    """A robot on one wire.
+
+    A subclass sets ``family`` and ``robot_name`` and implements ``status``, ``on_found``, ``on_samples`` and ``whole``;
+    the other hooks do nothing by themselves.  It aims, writes and reads through ``wire``.
+    """
+
+    family: ClassVar[str]
+    """What drives the wire: a row of ``urbihw.buses.engine.FAMILIES``, or "module:Class"."""
+    robot_name: ClassVar[str]
+    """What it is called in the log."""
+
+    url = reading("")
+    link = reading(False)
+    rate = reading(0.0)
+    busLoad = reading(0.0)  # noqa: N815 - names of slots
+    statistics = reading()
+    linkLost = event()  # noqa: N815
+    linkBack = event()  # noqa: N815
+    stopped = event()
+
+    start_worker: Callable[..., Handle] = staticmethod(Worker.start)
+    """Makes a worker; tests put another one here."""
+    bus_time: Callable[[], float] = staticmethod(time.monotonic)
+    """The clock of the worker's time stamps."""
+
+    def init(self) -> None:
+        """Called by ``new``; nothing happens before ``open``."""
+        self.log = logging.getLogger(f"urbihw.{self.robot_name}")
+        self.wire = Wire(self.send)
+        self.offset = 0.0
+        """Kernel's time = worker's time + offset, in seconds."""
+        self._worker: Handle | None = None
+        self._opened: Opened | None = None
+        self._missed_link = False
+
+    # ---------------------------------------------------------------- what the daemon calls
+
+    def open(self, settings: RobotSettings, opened: Opened) -> None:
+        """See ``Robot``.  The options go to the driver of the wire."""
+        self._opened = opened
+        self.offset = self.host.now() - self.bus_time()
+        self.url.sense(settings.url)
+        try:
+            self._worker = self.start_worker(
+                settings.url, post=self._post, settings=_for_worker(settings), family=self.family
+            )
+        except BadValue as error:
+            raise BadConfig(f"{self.robot_name}: {error}") from error
+        except BadUrl as error:
+            raise BadConfig(str(error)) from error
+        self.host.each_round(self.wire.flush)
+        self.set_timer(ALIVE, self._say_alive)
+
+    def configure(self, settings: RobotSettings) -> None:
+        """See ``Robot``."""
+        message = _for_worker(settings)
+        try:
+            driver_of(self.family).configure(message)
+        except BadValue as error:
+            raise BadConfig(f"{self.robot_name}: {error}") from error
+        self.send(message)
+
+    def close(self) -> None:
+        """See ``Robot``."""
+        worker, self._worker = self._worker, None
+        self.destroy()
+        if worker is not None:
+            worker.stop()
+
+    # ---------------------------------------------------------------- what urbiscript calls
+
+    @function
+    def stop(self) -> None:
+        """Stop now, as the safe stop of this robot is; what is written afterwards moves it again."""
+        self.wire.forget()
+        self.send(m.Stop())
+
+    # ---------------------------------------------------------------- what a subclass calls
+
+    def send(self, message: m.ToWorker) -> None:
+        """Hand a message to the worker, if there is one."""
+        if self._worker is not None:
+            try:
+                self._worker.send(message)
+            except LinkGone:
+                # Its Ended is on the way and says why.
+                pass
+
+    @property
+    def opening(self) -> bool:
+        """Whether the daemon still waits for the answer of ``open``."""
+        return self._opened is not None
+
+    def answer(self, error: DeviceError | None) -> None:
+        """Answer ``open``; later calls do nothing."""
+        opened, self._opened = self._opened, None
+        if opened is not None:
+            opened(error)
+
+    def wait_for_readings(self) -> None:
+        """Answer ``open`` when ``whole``, but do not wait for ever: a device may have died since it was found."""
+        handle = 0
+
+        def over() -> None:
+            self.remove_timer(handle)
+            self.answer(None)
+
+        handle = self.set_timer(PATIENCE, over)
+
+    # ---------------------------------------------------------------- hooks
+
+    def on_found(self, message: m.Found) -> None:
+        """The devices that are there, when the link has come up: also each time when it comes back."""
+        raise NotImplementedError
+
+    def on_samples(self, message: m.Samples) -> None:
+        """What was measured; add ``offset`` to its times."""
+        raise NotImplementedError
+
+    def whole(self) -> bool:
+        """Whether all that is there has been measured once, so that clients may come in."""
+        raise NotImplementedError
+
+    def on_happened(self, message: m.Happened) -> None:
+        """A device reported something."""
+
+    def on_device_state(self, message: m.DeviceState) -> None:
+        """A device was lost, or is back."""
+
+    def on_link_down(self, reason: str) -> None:
+        """The link is down: what is measured is stale from now on."""
+
+    def on_refused(self, message: m.Refused) -> None:
+        """A target or watch made no sense."""
+        self.log.warning("%s: %s: %s", message.device, message.item, message.reason)
+
+    # ---------------------------------------------------------------- the worker
+
+    def _post(self, message: m.FromWorker) -> None:
+        """Called in the worker handle's thread."""
+        self.host.post(lambda: self._heard(message))
+
+    def _say_alive(self) -> None:
+        self.send(m.Alive())
+
+    def _heard(self, message: m.FromWorker) -> None:
+        match message:
+            case m.Samples():
+                self.on_samples(message)
+                if self._opened is not None and self.whole():
+                    self.answer(None)
+            case m.Reply():
+                self.wire.replied(message)
+            case m.Happened():
+                self.on_happened(message)
+            case m.Found():
+                self.on_found(message)
+            case m.DeviceState():
+                self.on_device_state(message)
+            case m.LinkState():
+                self._link_state(message)
+            case m.Statistics():
+                self._statistics(message)
+            case m.Refused():
+                self.on_refused(message)
+            case m.Stopped():
+                self.log.info("%s stopped: %s", self.robot_name, message.reason)
+                self.stopped.emit(message.reason)
+            case m.Ended():
+                self._ended(message)
+
+    def _statistics(self, message: m.Statistics) -> None:
+        self.rate.sense(message.rate)
+        self.busLoad.sense(message.load)
+        self.statistics.sense(
+            {"rate": message.rate, "late": message.late, "busLoad": message.load, "dropped": message.dropped}
+            | {kind: float(count) for kind, count in message.errors.items()}
+        )
+
+    def _link_state(self, message: m.LinkState) -> None:
+        if self._opened is not None and not message.up:
+            self.answer(NotReady(message.reason))
+            return
+        if bool(self.link.sensed) == message.up:
+            return
+        self.link.sense(message.up)
+        if message.up:
+            if self._missed_link:
+                self.log.warning("link to %s is back", self.url.sensed)
+                self.linkBack.emit()
+            return
+        self._missed_link = True
+        self.log.warning("link lost: %s; trying again until it is back", message.reason)
+        self.on_link_down(message.reason)
+        self.linkLost.emit(message.reason)
+
+    def _ended(self, message: m.Ended) -> None:
+        if self._worker is None and not message.reason:
+            return
+        reason = message.reason or "the bus worker ended"
+        if self._opened is not None:
+            self.answer(NotReady(reason))
+        else:
+            self._worker = None
+            self._link_state(m.LinkState(False, reason))
+
+
+def _for_worker(settings: RobotSettings) -> m.Configure:
+    return m.Configure(
+        rate=settings.rate,
+        dead_man=settings.dead_man,
+        torque_off_on_stop=settings.torque_off_on_stop,
+        options=settings.options,
+    )
