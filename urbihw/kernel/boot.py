@@ -9,7 +9,7 @@ from typing import Any
 
 from urbihw.kernel.compiler import compile_node
 from urbihw.kernel.lobby.shell import Programs, report_failure
-from urbihw.kernel.runtime.backtrace import describe_frame
+from urbihw.kernel.runtime.backtrace import describe_frame, is_program
 from urbihw.kernel.runtime.ops import make_ops
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.scheduler import Scheduler
@@ -30,6 +30,7 @@ def build(scheduler: Scheduler) -> Programs:
     world.run_late = run_late
     scheduler.failed = report_failure
     scheduler.place = describe_frame
+    scheduler.is_program = is_program
     programs = Programs(world, ops)
     install(world, programs)
     install_uobject(world)

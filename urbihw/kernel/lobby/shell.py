@@ -15,7 +15,7 @@ from urbihw.kernel.compiler.cache import UnitCache
 from urbihw.kernel.runtime.backtrace import current_stack
 from urbihw.kernel.sched.group import Group
 from urbihw.kernel.sched.job import Job
-from urbihw.kernel.sched.signals import StopTag
+from urbihw.kernel.sched.signals import Interrupted, StopTag
 from urbihw.kernel.sched.waiting import WaitQueue
 from urbihw.kernel.syntax.location import Location
 from urbihw.kernel.syntax.reader import Item, Reader, Statement, StatementCache, SyntaxProblem, parse_program
@@ -157,6 +157,18 @@ class Shell:
         self._items.clear()
         self._scheduler.kill(self._job)
 
+    def is_running(self) -> bool:
+        """Whether the statement in the foreground holds the interpreter."""
+        return self._scheduler.current is self._job
+
+    def interrupt(self) -> None:
+        """Kill the statement in the foreground and drop what waits behind it, the half of a statement too.
+
+        Nothing happens when there is none.  To be called outside any job (``Kernel.post``).
+        """
+        if not self._more:
+            self._scheduler.throw(self._job, Interrupted())
+
     def next_name(self) -> str:
         """A name for the next job: statements and what they detach are numbered in one row."""
         return f"shell_{next(self._numbers)}"
@@ -167,6 +179,15 @@ class Shell:
         self._more.wake_one()
 
     def _run(self) -> None:
+        while True:
+            try:
+                self._serve()
+            except Interrupted:
+                self._items.clear()
+                self._reader = Reader(cache=self._lobby.programs.read)
+                self._lobby.output.line("!!! received interruption, killing foreground job.", "error")
+
+    def _serve(self) -> None:
         while True:
             while not self._items:
                 if self._when_idle is not None:

@@ -99,6 +99,11 @@ def _stack(steps: list[tuple[bool, list[Frame]]], hide_system: bool) -> Stack:
     return Stack(flat[0].location, flat[0].name, calls)
 
 
+def is_program(frame: FrameType) -> bool:
+    """Whether a Python frame is one of generated code."""
+    return LINE_MAP in frame.f_globals
+
+
 def describe_frame(frame: FrameType | None) -> str:
     """`` (file:line.col: name)`` of the innermost urbiscript call in a Python frame, for the log."""
     while frame is not None:

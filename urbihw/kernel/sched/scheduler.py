@@ -23,7 +23,7 @@ from urbihw.kernel.sched.clock import Clock
 from urbihw.kernel.sched.coro import Pool
 from urbihw.kernel.sched.errors import TooManyJobs
 from urbihw.kernel.sched.job import Job
-from urbihw.kernel.sched.signals import JobKilled, StopTag
+from urbihw.kernel.sched.signals import Interrupted, JobKilled, StopTag
 from urbihw.kernel.sched.timequeue import TimeQueue, Timer
 from urbihw.kernel.sched.trace import Tracer
 
@@ -61,6 +61,8 @@ class Scheduler:
         self._interrupted = False
         self.place: Callable[[FrameType], str] = lambda frame: ""
         """Says for the log where in its program a Python frame stands; the layer above knows."""
+        self.is_program: Callable[[FrameType], bool] = lambda frame: False
+        """Whether a Python frame is one of generated code."""
         self.failed: Callable[[Job, Exception], None] = lambda job, error: None
         self._round_hooks: list[Callable[[], None]] = []
         self._posted: deque[Callable[[], None]] = deque()
@@ -367,8 +369,8 @@ class Scheduler:
 
 
 def _goes_further(new: BaseException, old: BaseException) -> bool:
-    if isinstance(old, JobKilled):
-        return False
+    if isinstance(old, JobKilled | Interrupted):
+        return isinstance(new, JobKilled)
     if isinstance(new, StopTag) and isinstance(old, StopTag):
         return bool(new.entry.depth < old.entry.depth)
     return True

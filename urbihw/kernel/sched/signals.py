@@ -16,6 +16,10 @@ class JobKilled(Signal):
     """The job is to end: its connection closed, or somebody called ``terminate``."""
 
 
+class Interrupted(Signal):
+    """The user wants the prompt back: the foreground job of his lobby is to be left."""
+
+
 class StopTag(Signal):
     """The code under one tag entry is to be left, with a value."""
 
