@@ -4,9 +4,10 @@
 whoever brought news (a socket, a timer, a post from another thread), so an answer leaves in the same turn of the loop
 as the question came in.
 
-A watchdog thread looks every few milliseconds while the scheduler is busy.  It makes ``run`` come up for air, so that
-an endless loop of ``;`` does not starve the sockets, and it logs a job that holds the interpreter for more than a
-second.
+A watchdog thread looks on while the scheduler is busy.  It makes ``run`` come up for air, so that an endless loop of
+``;`` does not starve the sockets, and it logs a job that holds the interpreter for more than a second.  It is not woken
+for each run, which would cost more than a short command does: it looks from time to time, and rests only when nothing
+has run for a while.
 """
 
 from __future__ import annotations
@@ -23,7 +24,11 @@ from urbihw.kernel.sched.scheduler import Scheduler
 log = logging.getLogger("urbihw.kernel")
 
 AIR = 0.004
-"""Seconds of uninterrupted work after which the sockets get a turn."""
+"""Seconds of uninterrupted work after which the sockets get a turn, once the watchdog looks closely."""
+CALM = 0.02
+"""Seconds between two looks of the watchdog while all runs are short."""
+REST = 1.0
+"""Seconds without a run after which the watchdog rests."""
 HELD = 1.0
 """Seconds after which a job that does not yield is named in the log."""
 
@@ -78,44 +83,61 @@ class Driver:
 
 
 class Watchdog:
-    """The thread that looks while the scheduler is busy."""
+    """The thread that looks on while the scheduler is busy."""
 
     def __init__(self, scheduler: Scheduler) -> None:
         self._scheduler = scheduler
         self._main = threading.get_ident()
-        self._busy = threading.Event()
-        self._runs = 0
+        self._count = 0
+        """Beginnings and ends of runs so far: odd while one lasts."""
+        self._rests = False
+        self._wake = threading.Event()
         self._closed = False
         self._thread = threading.Thread(target=self._watch, name="urbihw-watchdog", daemon=True)
         self._thread.start()
 
     def begin(self) -> None:
         """The scheduler begins to run."""
-        self._runs += 1
-        self._busy.set()
+        self._count += 1
+        if self._rests:
+            self._wake.set()
 
     def end(self) -> None:
         """The scheduler is idle."""
-        self._busy.clear()
+        self._count += 1
 
     def close(self) -> None:
         """End the thread."""
         self._closed = True
-        self._busy.set()
+        self._wake.set()
 
     def _watch(self) -> None:
+        seen, quiet = -1, 0.0
         while not self._closed:
-            self._busy.wait()
-            run = self._runs
-            time.sleep(AIR)
-            if self._busy.is_set() and run == self._runs and not self._closed:
+            count = self._count
+            if count != seen:
+                seen, quiet = count, 0.0
+            elif count % 2:
                 self._scheduler.interrupt()
-                self._follow(run)
+                self._follow(count)
+            elif quiet < REST:
+                quiet += CALM
+            else:
+                self._rest(count)
+            time.sleep(AIR if count % 2 else CALM)
 
-    def _follow(self, run: int) -> None:
+    def _rest(self, count: int) -> None:
+        """Wait until something runs."""
+        self._wake.clear()
+        self._rests = True
+        if self._count == count and not self._closed:
+            self._wake.wait()
+        self._rests = False
+
+    def _follow(self, count: int) -> None:
         """The interruption waits for the end of a turn: how long does that turn last?"""
         began, named = time.monotonic(), False
-        while self._busy.is_set() and run == self._runs and not self._closed:
+        while self._count == count and not self._closed:
             time.sleep(AIR)
             if not named and time.monotonic() - began > HELD:
                 named = True
