@@ -112,36 +112,46 @@ class Watchdog:
         self._wake.set()
 
     def _watch(self) -> None:
-        seen, quiet = -1, 0.0
+        """Look, sleep, look.  What is found busy twice is interrupted, even if it is another run by then."""
+        last = _Look(0, 0.0)
         while not self._closed:
-            count = self._count
-            if count != seen:
-                seen, quiet = count, 0.0
-            elif count % 2:
-                self._scheduler.interrupt()
-                self._follow(count)
-            elif quiet < REST:
-                quiet += CALM
-            else:
-                self._rest(count)
-            time.sleep(AIR if count % 2 else CALM)
+            busy = self._count % 2 == 1
+            look = last if last.count == self._count else _Look(self._count, time.monotonic())
+            if busy and last.count % 2:
+                self._interrupt(look)
+            elif not busy and time.monotonic() - look.began > REST:
+                self._rest(look)
+            last = look
+            time.sleep(AIR if busy else CALM)
 
-    def _rest(self, count: int) -> None:
+    def _interrupt(self, look: _Look) -> None:
+        """Interrupt a run; it goes on to the end of the present job's turn, and if that takes long, name the job."""
+        if not look.interrupted:
+            look.interrupted = True
+            self._scheduler.interrupt()
+        elif not look.named and time.monotonic() - look.began > HELD:
+            look.named = True
+            job = self._scheduler.current
+            frame = sys._current_frames().get(self._main)
+            where = "" if frame is None else self._scheduler.place(frame)
+            log.warning("job %s holds the interpreter for more than a second%s", job.name if job else "?", where)
+
+    def _rest(self, look: _Look) -> None:
         """Wait until something runs."""
         self._wake.clear()
         self._rests = True
-        if self._count == count and not self._closed:
+        if self._count == look.count and not self._closed:
             self._wake.wait()
         self._rests = False
 
-    def _follow(self, count: int) -> None:
-        """The interruption waits for the end of a turn: how long does that turn last?"""
-        began, named = time.monotonic(), False
-        while self._count == count and not self._closed:
-            time.sleep(AIR)
-            if not named and time.monotonic() - began > HELD:
-                named = True
-                job = self._scheduler.current
-                frame = sys._current_frames().get(self._main)
-                where = "" if frame is None else self._scheduler.place(frame)
-                log.warning("job %s holds the interpreter for more than a second%s", job.name if job else "?", where)
+
+class _Look:
+    """What the watchdog saw: the count, when it saw it first, and what it did about it."""
+
+    __slots__ = ("began", "count", "interrupted", "named")
+
+    def __init__(self, count: int, began: float) -> None:
+        self.count = count
+        self.began = began
+        self.interrupted = False
+        self.named = False
