@@ -1,0 +1,142 @@
+"""The commands of ARCOS by name: number, what may follow it, and what it does.
+
+Sources: the ARCOS chapter of the Pioneer 3 manual, the P2OS command table, ARIA's ``ArCommands.h``, MobileSim.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from urbihw.buses.errors import BadValue
+from urbihw.platforms.p3dx.protocol import LARGEST, command
+
+NOTHING, NUMBER, WORD, STRING = "nothing", "a number", "a word of 16 bits", "bytes"
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One row: ``takes`` is what may follow the number."""
+
+    number: int
+    takes: str
+    meaning: str
+
+
+COMMANDS: Final[dict[str, Command]] = {
+    "PULSE": Command(0, NOTHING, "reset the watchdog"),
+    "OPEN": Command(1, NOTHING, "start the servers"),
+    "CLOSE": Command(2, NOTHING, "stop and close the connection"),
+    "POLLING": Command(3, STRING, "order in which the sonars fire, numbered from 1"),
+    "ENABLE": Command(4, NUMBER, "motors on (1), off (0)"),
+    "SETA": Command(5, NUMBER, "acceleration (+) or deceleration (-), mm/s2"),
+    "SETV": Command(6, NUMBER, "fastest translation, mm/s"),
+    "SETO": Command(7, NOTHING, "odometry to 0, 0, 0"),
+    "MOVE": Command(8, NUMBER, "translate, mm"),
+    "ROTATE": Command(9, NUMBER, "rotate, deg/s"),
+    "SETRV": Command(10, NUMBER, "fastest rotation, deg/s"),
+    "VEL": Command(11, NUMBER, "translate, mm/s"),
+    "HEAD": Command(12, NUMBER, "turn to a heading, deg"),
+    "DHEAD": Command(13, NUMBER, "turn by an angle, deg"),
+    "SAY": Command(15, STRING, "tones: pairs of duration in 20 ms and tone"),
+    "JOYREQUEST": Command(17, NUMBER, "joystick packets: 0 none, 1 one, 2 all"),
+    "CONFIG": Command(18, NOTHING, "ask for the configuration"),
+    "ENCODER": Command(19, NUMBER, "encoder packets: 0 none, 1 one, 2 all"),
+    "SETRVDIR": Command(20, NUMBER, "fastest rotation per direction, deg/s"),
+    "RVEL": Command(21, NUMBER, "rotate, deg/s"),
+    "DCHEAD": Command(22, NUMBER, "heading relative to the last set point, deg"),
+    "SETRA": Command(23, NUMBER, "rotational acceleration (+) or deceleration (-), deg/s2"),
+    "IMUREQUEST": Command(26, NUMBER, "inertial packets (Seekur)"),
+    "SONAR": Command(28, NUMBER, "sonars on (1), off (0)"),
+    "STOP": Command(29, NOTHING, "stop; the motors stay on"),
+    "DIGOUT": Command(30, WORD, "digital outputs: mask in the high byte, values in the low one"),
+    "VEL2": Command(32, WORD, "wheels: right in the low byte, left in the high one, 20 mm/s each"),
+    "GRIPPER": Command(33, NUMBER, "gripper action"),
+    "ADSEL": Command(35, NUMBER, "analog port to report"),
+    "GRIPPERVAL": Command(36, NUMBER, "gripper value"),
+    "GRIPPERPACREQUEST": Command(37, NUMBER, "gripper packets: 0 none, 1 one, 2 all"),
+    "GYROCALCW": Command(38, NUMBER, "gyro calibration, clockwise"),
+    "GYROCALCCW": Command(39, NUMBER, "gyro calibration, counterclockwise"),
+    "IOREQUEST": Command(40, NUMBER, "packets of inputs and outputs: 0 none, 1 one, 2 all"),
+    "PTUPOS": Command(41, WORD, "servo: port in the high byte, pulse width in the low one"),
+    "TTY2": Command(42, STRING, "bytes to the port AUX1"),
+    "TTY3": Command(66, STRING, "bytes to the port AUX2"),
+    "TTY4": Command(60, STRING, "bytes to the port AUX3"),
+    "GETAUX": Command(43, NUMBER, "ask for bytes from AUX1; 0 forgets those that wait"),
+    "GETAUX2": Command(67, NUMBER, "ask for bytes from AUX2; 0 forgets those that wait"),
+    "GETAUX3": Command(61, NUMBER, "ask for bytes from AUX3; 0 forgets those that wait"),
+    "BUMPSTALL": Command(44, NUMBER, "stall on a bump: 0 never, 1 front, 2 rear, 3 both"),
+    "TCM2": Command(45, NUMBER, "compass module"),
+    "JOYDRIVE": Command(47, NUMBER, "joystick may drive"),
+    "SONARCYCLE": Command(48, NUMBER, "time of one sonar, ms"),
+    "MOVINGBLINK": Command(49, NUMBER, "lamp while moving (PatrolBot)"),
+    "HOSTBAUD": Command(50, NUMBER, "speed of this line: 0..4 for 9600..115200"),
+    "AUX1BAUD": Command(51, NUMBER, "speed of AUX1"),
+    "AUX2BAUD": Command(52, NUMBER, "speed of AUX2"),
+    "AUX3BAUD": Command(53, NUMBER, "speed of AUX3"),
+    "E_STOP": Command(55, NOTHING, "stop as hard as it can"),
+    "E_STALL": Command(56, NUMBER, "the STOP button counts as a stall"),
+    "GYRO": Command(58, NUMBER, "gyro packets on, off"),
+    "BATTERYINFO": Command(62, NUMBER, "battery packets: 0 none, 1 one, 2 all"),
+    "CHARGE": Command(68, NUMBER, "docking: 1 deploy, 0 release"),
+    "ROTKP": Command(82, NUMBER, "rotation: proportional gain"),
+    "ROTKV": Command(83, NUMBER, "rotation: differential gain"),
+    "ROTKI": Command(84, NUMBER, "rotation: integral gain"),
+    "TRANSKP": Command(85, NUMBER, "translation: proportional gain"),
+    "TRANSKV": Command(86, NUMBER, "translation: differential gain"),
+    "TRANSKI": Command(87, NUMBER, "translation: integral gain"),
+    "REVCOUNT": Command(88, NUMBER, "differential encoder count of a revolution"),
+    "DRIFTFACTOR": Command(89, NUMBER, "drift factor"),
+    "SOUND": Command(90, NUMBER, "play a sound (AmigoBot)"),
+    "PLAYLIST": Command(91, NUMBER, "play a list of sounds (AmigoBot)"),
+    "SOUNDTOG": Command(92, NUMBER, "buzzer on, off"),
+    "TICKSMM": Command(93, NUMBER, "encoder ticks per mm"),
+    "POWER_PC": Command(95, NUMBER, "power of the computer"),
+    "POWER_LRF": Command(96, NUMBER, "power of the laser"),
+    "POWER_5V": Command(97, NUMBER, "auxiliary 5 V"),
+    "POWER_12V": Command(98, NUMBER, "auxiliary 12 V"),
+    "LATVEL": Command(110, NUMBER, "sideways speed (Seekur), mm/s"),
+    "LATACCEL": Command(113, NUMBER, "sideways acceleration (Seekur), mm/s2"),
+    "SIM_RESET": Command(225, NOTHING, "simulator: to the start"),
+    "SIM_LRF_ENABLE": Command(230, NUMBER, "simulator: laser packets 0 none, 1 short, 2 long"),
+    "SIM_STAT": Command(237, NOTHING, "simulator: where the robot really is"),
+    "BATTEST": Command(250, NUMBER, "pretend this battery voltage, 0.1 V; 0 for the real one"),
+    "RESET": Command(253, NOTHING, "reset the controller"),
+}
+"""All but the arm's, and MAINTENANCE (255), which is never to be sent."""
+
+DRIVING: Final = frozenset(
+    {"OPEN", "CLOSE", "ENABLE", "MOVE", "ROTATE", "VEL", "HEAD", "DHEAD", "RVEL", "DCHEAD", "VEL2"}
+    | {"HOSTBAUD", "RESET", "LATVEL"}
+)
+"""What only the driver itself sends: it must know how fast the robot shall go and whether it is connected."""
+
+_LEAST_AND_MOST: Final = {NUMBER: (-LARGEST, LARGEST), WORD: (0, 0xFFFF)}
+
+
+def encode(name: str, value: int | bytes | None = None) -> bytes:
+    """The packet of a command by name.  Raises BadValue when there is none or its argument is of another kind."""
+    row = COMMANDS.get(name)
+    if row is None:
+        raise BadValue(f"ARCOS has no command {name!r}; there are: {', '.join(sorted(COMMANDS))}")
+    fits = {
+        NOTHING: value is None,
+        STRING: isinstance(value, bytes),
+        NUMBER: isinstance(value, int),
+        WORD: isinstance(value, int),
+    }[row.takes]
+    if not fits:
+        raise BadValue(f"{name} ({row.meaning}) takes {row.takes}, not {value!r}")
+    if isinstance(value, int):
+        least, most = _LEAST_AND_MOST[row.takes]
+        if not least <= value <= most:
+            raise BadValue(f"{name} ({row.meaning}) takes {row.takes} from {least} to {most}, not {value}")
+    return command(row.number, value)
+
+
+def wheels(left: int, right: int) -> int:
+    """The argument of VEL2 for two wheels in units of the robot's Vel2Divisor (-126..126).  Raises BadValue."""
+    for name, value in (("left", left), ("right", right)):
+        if not -126 <= value <= 126:
+            raise BadValue(f"VEL2: {name} wheel {value} is not from -126 to 126")
+    return (left & 0xFF) << 8 | right & 0xFF

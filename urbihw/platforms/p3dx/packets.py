@@ -1,0 +1,194 @@
+"""The other packets of a Pioneer, which come on request; bytes only.
+
+``PACKETS`` says by packet type whose values they are and how to read them.  Sources: the
+ARCOS chapter of the Pioneer 3 manual, MobileSim, ARIA (``ArRobotConfigPacketReader.cpp``, ``ArAnalogGyro.cpp``,
+``ArRobotJoyHandler.cpp``, ``ArRobotBatteryPacketReader.cpp``).
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+from urbihw.buses.errors import BadFrame
+
+CONFIG: Final = 0x20
+RESET_NOTICES: Final = (0xFE, 0xFF)
+
+_TEXT = "text"
+_CONFIG_FIELDS: Final[tuple[tuple[str, str], ...]] = (
+    ("class", _TEXT), ("subclass", _TEXT), ("serial", _TEXT), ("four_motors", "B"),
+    ("rot_vel_top", "H"), ("trans_vel_top", "H"), ("rot_accel_top", "H"), ("trans_accel_top", "H"), ("pwm_max", "H"),
+    ("name", _TEXT), ("sip_cycle", "B"), ("host_baud", "B"), ("aux_baud", "B"), ("gripper", "H"),
+    ("front_sonar", "H"), ("rear_sonar", "B"), ("low_battery", "H"), ("rev_count", "H"), ("watchdog", "H"),
+    ("p2mpacs", "B"), ("stall_val", "H"), ("stall_count", "H"), ("joy_vel", "H"), ("joy_rvel", "H"),
+    ("rot_vel_max", "H"), ("trans_vel_max", "H"), ("rot_accel", "H"), ("rot_decel", "H"),
+    ("rot_kp", "H"), ("rot_kv", "H"), ("rot_ki", "H"), ("trans_accel", "H"), ("trans_decel", "H"),
+    ("trans_kp", "H"), ("trans_kv", "H"), ("trans_ki", "H"), ("front_bumps", "B"), ("rear_bumps", "B"),
+    ("charger", "B"), ("sonar_cycle", "B"), ("auto_baud", "B"), ("gyro_type", "B"), ("drift_factor", "h"),
+    ("aux2_baud", "B"), ("aux3_baud", "B"), ("ticks_mm", "H"), ("shutdown_volts", "H"), ("firmware", _TEXT),
+    ("gyro_cw", "H"), ("gyro_ccw", "H"), ("kinematics_delay", "B"), ("lat_vel_top", "H"), ("lat_accel_top", "H"),
+    ("lat_vel_max", "H"), ("lat_accel", "H"), ("lat_decel", "H"), ("charge_threshold", "H"), ("pdb_port", "B"),
+    ("gyro_rate_limit", "H"), ("high_temp_shutdown", "b"), ("power_bits", "H"), ("battery_type", "B"),
+    ("charge_low", "H"), ("charge_shutdown", "H"), ("bootloader", _TEXT), ("config_flags", "I"),
+    ("gyro_firmware", "h"),
+)  # fmt: skip
+
+
+def parse_config(body: bytes) -> dict[str, int | str]:
+    """CONFIGpac by name, without its type byte.  Old firmware ends early: what is missing is 0 or ""."""
+    values: dict[str, int | str] = {}
+    at = 0
+    for name, kind in _CONFIG_FIELDS:
+        if kind == _TEXT:
+            end = body.find(0, at)
+            end = len(body) if end < 0 else end
+            values[name] = body[at:end].decode("latin-1")
+            at = end + 1
+            continue
+        layout = struct.Struct("<" + kind)
+        values[name] = layout.unpack_from(body, at)[0] if at + layout.size <= len(body) else 0
+        at += layout.size
+    return values
+
+
+def parse_names(body: bytes) -> tuple[str, str, str]:
+    """Name, class and subclass from the answer to SYNC2, without its type byte.  Raises BadFrame."""
+    names = body.split(b"\0")
+    if len(names) < 3:
+        raise BadFrame("the answer to SYNC2 does not hold three names")
+    name, kind, subclass = (word.decode("latin-1") for word in names[:3])
+    return name, kind, subclass
+
+
+class _Reader:
+    """Numbers from a body, one after the other."""
+
+    def __init__(self, body: bytes) -> None:
+        self._body = body
+        self._at = 0
+
+    def next(self, layout: str) -> int:
+        form = struct.Struct("<" + layout)
+        if self._at + form.size > len(self._body):
+            raise BadFrame(f"a packet of {len(self._body)} bytes ends early")
+        (value,) = form.unpack_from(self._body, self._at)
+        self._at += form.size
+        return int(value)
+
+    def many(self, layout: str) -> list[int]:
+        return [self.next(layout) for _ in range(self.next("B"))]
+
+
+def _encoders(body: bytes) -> dict[str, Any]:
+    reader = _Reader(body)
+    return {"left": reader.next("i"), "right": reader.next("i")}
+
+
+def _inputs(body: bytes) -> dict[str, Any]:
+    reader = _Reader(body)
+    return {"digital_in": reader.many("B"), "digital_out": reader.many("B"), "analog": reader.many("H")}
+
+
+def _gyro(body: bytes) -> dict[str, Any]:
+    reader = _Reader(body)
+    readings = [(reader.next("H"), reader.next("B")) for _ in range(reader.next("B"))]
+    if not readings:
+        return {}
+    return {"rate": sum(rate for rate, _ in readings) / len(readings), "temperature": readings[-1][1]}
+
+
+def _joystick(body: bytes) -> dict[str, Any]:
+    reader = _Reader(body)
+    names = (("button1", "B"), ("button2", "B"), ("x", "H"), ("y", "H"), ("throttle", "H"))
+    return {name: reader.next(layout) for name, layout in names}
+
+
+def _batteries(body: bytes) -> dict[str, Any]:
+    reader = _Reader(body)
+    count, size = reader.next("B"), reader.next("B")
+    return {"batteries": [[reader.next("B") for _ in range(size)] for _ in range(count)]}
+
+
+def _bytes(body: bytes) -> dict[str, Any]:
+    return {"data": body}
+
+
+@dataclass(frozen=True, slots=True)
+class Packet:
+    """A packet type: ``device`` names whose values it holds, ``read`` takes the body behind the type byte apart."""
+
+    device: str
+    read: Callable[[bytes], dict[str, Any]]
+
+
+PACKETS: Final[dict[int, Packet]] = {
+    0x90: Packet("encoder", _encoders),
+    0xF0: Packet("io", _inputs),
+    0x98: Packet("gyro", _gyro),
+    0xF8: Packet("joystick", _joystick),
+    0xE0: Packet("gripper", _bytes),
+    0xFA: Packet("battery", _batteries),
+    0xB0: Packet("aux1", _bytes),
+    0xB8: Packet("aux2", _bytes),
+    0x9A: Packet("imu", _bytes),
+    0xA0: Packet("arm", _bytes),
+    0xA1: Packet("arm_info", _bytes),
+}
+"""Packet type -> what it is.  SIPs, CONFIGpac, the answers of the handshake and simulator packets are not here."""
+
+REQUESTS: Final[dict[str, str]] = {
+    "encoder": "ENCODER",
+    "io": "IOREQUEST",
+    "gyro": "GYRO",
+    "joystick": "JOYREQUEST",
+    "gripper": "GRIPPERPACREQUEST",
+    "battery": "BATTERYINFO",
+}
+"""Device -> the command with which its packets are switched on (2, the gyro 1) and off (0)."""
+
+
+def describe(values: dict[str, int | str]) -> str:
+    """A robot in a few words, from its configuration."""
+    return f"{values['class']} {values['subclass']} {values['name']!r}, firmware {values['firmware'] or 'unknown'}"
+
+
+# --- the laser of MobileSim, which comes over the robot's own line ----------------------------------------------------
+
+SIM_LASER: Final = (0x60, 0x61)
+_SIM_LONGEST: Final = 1000
+
+
+class SimLaser:
+    """Puts the scans of MobileSim together: packets 0x60 and 0x61 hold at most 32 of the readings."""
+
+    def __init__(self) -> None:
+        self._ranges: list[int] = []
+        self._seen = 0
+
+    def feed(self, kind: int, body: bytes) -> list[int] | None:
+        """Take a packet without its type byte; all ranges in mm, from the right to the left, when it was the last.
+
+        Raises BadFrame.
+        """
+        reader = _Reader(body)
+        if kind == SIM_LASER[0]:
+            for _ in range(3):
+                reader.next("h")
+        total, first, number = reader.next("h"), reader.next("h"), reader.next("B")
+        if not 0 < total <= _SIM_LONGEST or first < 0 or first + number > total:
+            raise BadFrame(f"a laser packet says {number} readings from {first} on, of {total}")
+        if first == 0 or len(self._ranges) != total:
+            self._ranges, self._seen = [0] * total, 0
+        for index in range(first, first + number):
+            self._ranges[index] = reader.next("H")
+            if kind == SIM_LASER[1]:
+                reader.next("B")
+                reader.next("H")
+        self._seen += number
+        if self._seen < total:
+            return None
+        ranges, self._ranges, self._seen = self._ranges, [], 0
+        return ranges
