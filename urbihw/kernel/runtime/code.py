@@ -26,11 +26,19 @@ MISSING: Any = _Missing()
 
 
 class Executable(Obj):
-    """Anything that runs when called."""
+    """Anything that runs when called; ``strict`` says whether it takes values (and no call message).
 
-    __slots__ = ()
+    ``strict`` is a field although a class has but one: generated code reads it at each call, and CPython is quick with
+    fields only.
+    """
+
+    __slots__ = ("strict",)
     runs = True
-    strict = True
+    takes_values = True
+
+    def __init__(self, world: World, protos: list[Obj]) -> None:
+        super().__init__(world, protos)
+        self.strict = self.takes_values
 
     def call(self, this: Any, args: tuple[Any, ...]) -> Any:
         """Run with these arguments, all evaluated; raises the arity error when their number is wrong."""
@@ -140,7 +148,7 @@ class LazyCode(Code):
     """A function that takes a call message instead of values."""
 
     __slots__ = ()
-    strict = False
+    takes_values = False
 
 
 class Code0(Code):
@@ -215,7 +223,7 @@ class LazyPrimitive(Primitive):
     """A built-in that takes a call message: ``fn(message)``."""
 
     __slots__ = ()
-    strict = False
+    takes_values = False
 
     def call(self, this: Any, args: tuple[Any, ...]) -> Any:
         """Run with values in the place of unevaluated arguments."""

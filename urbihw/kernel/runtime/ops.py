@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime import matching
 from urbihw.kernel.runtime.backtrace import LINE_MAP
+from urbihw.kernel.runtime.blend import place
 from urbihw.kernel.runtime.code import MISSING, Executable, Getter, make_code
 from urbihw.kernel.runtime.conditions import Conditions
 from urbihw.kernel.runtime.event import Event
@@ -28,6 +29,22 @@ from urbihw.kernel.sched.tag import Tag
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
+
+
+def _counted_given() -> int:
+    def count(given: Any) -> int:
+        return sys.getrefcount(given)
+
+    held = Box(None)
+    return count(held)
+
+
+ALONE_GIVEN: Final = _counted_given()
+"""The references to a value given to a verb when one local variable holds it: fewer there cannot be."""
+
+
+INDEXING = frozenset(("[]", "[]="))
+"""Names that stay strict where a lazy function answers to one: indexing a list must not pay for it ever after."""
 
 
 def make_ops(world: World) -> dict[str, Any]:
@@ -138,7 +155,8 @@ def _calls(world: World) -> dict[str, Any]:
         frame = sys._getframe(1)
         sites = frame.f_globals[LINE_MAP].syntax.late
         thunks = sites.thunks(site, frame, sender, world.run_late)
-        world.lazy_names.add(name)
+        if name not in INDEXING:
+            world.lazy_names.add(name)
         return run(value, target, sender, name, lazies(thunks, sites.arguments(site)))
 
     return locals_of(callee, lazy_send, lazy_value, lazy_site)
@@ -186,8 +204,10 @@ def _slots(world: World) -> dict[str, Any]:
         return left + world.string(text)
 
     def join_in_place(left: Any, text: str) -> Any:
-        """``left += "text"``."""
+        """``left += "text"``, for a local variable."""
         if left.__class__ is String and left.protos is world.quick_strings:
+            if sys.getrefcount(left) == ALONE_GIVEN and not left.slots and left.meta is None:
+                return left.grow(text)
             return String(world, left.protos, left.s + text)
         left += world.string(text)
         return left
@@ -295,8 +315,10 @@ def _concurrency(world: World) -> dict[str, Any]:
             target.bounce(lambda member: move_slot(member, name, value, attributes))
             return
         read = world.ops.send0
+        properties, blender = place(world, target, name)
         Trajectory(
-            world, lambda: read(target, name), lambda v: world.update_slot(target, name, v), value, attributes
+            world, lambda: read(target, name), lambda v: world.update_slot(target, name, v), value, attributes,
+            properties, blender,
         ).run()
 
     def move_local(box: Box, value: Any, attributes: dict[str, Any]) -> None:

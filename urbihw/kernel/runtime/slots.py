@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
-from urbihw.kernel.runtime.code import Executable, Getter
+from urbihw.kernel.runtime.code import Code0, Code1, Code2, Executable, Getter
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.slot import peek_meta
 from urbihw.kernel.runtime.values import Container, List
@@ -54,35 +54,34 @@ class SlotOps:
 
         def method(target: Any, name: str) -> Any:
             """What ``target.name`` means, as something with ``strict`` and ``c0`` to ``cn``."""
-            if recorder.active is not None or target.__class__ is float:
-                value = found(target, name)
+            if recorder.active is None:
+                try:
+                    slots = target.slots
+                    value = slots[name] if name in slots else target.protos[0].cache[name].slots[name]
+                except CACHE_MISS:
+                    value = found(target, name)
             else:
-                slots = target.slots
-                if name in slots:
-                    value = slots[name]
-                else:
-                    try:
-                        value = target.protos[0].cache[name].slots[name]
-                    except CACHE_MISS:
-                        value = found(target, name)
-            if value.__class__ is float or not value.runs:
-                return Getter(world, value)
-            return value
+                value = found(target, name)
+            kind = value.__class__
+            if kind is Code1 or kind is Code2 or kind is not float and value.runs:
+                return value
+            return Getter(world, value)
 
         def send0(target: Any, name: str) -> Any:
             """``target.name`` without arguments: the value, or what calling it gives."""
-            if recorder.active is not None or target.__class__ is float:
-                value = found(target, name)
+            if recorder.active is None:
+                try:
+                    slots = target.slots
+                    value = slots[name] if name in slots else target.protos[0].cache[name].slots[name]
+                except CACHE_MISS:
+                    value = found(target, name)
             else:
-                slots = target.slots
-                if name in slots:
-                    value = slots[name]
-                else:
-                    try:
-                        value = target.protos[0].cache[name].slots[name]
-                    except CACHE_MISS:
-                        value = found(target, name)
-            if value.__class__ is float or not value.runs:
+                value = found(target, name)
+            kind = value.__class__
+            if kind is Code0:
+                fn = value.fn
+                return fn(target)
+            if kind is float or not value.runs:
                 return value
             if value.strict:
                 return value.c0(target)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from sys import getrefcount
+from typing import TYPE_CHECKING, Any, Final
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.object import Obj
@@ -48,8 +49,18 @@ class String(Container):
 
     def __iadd__(self, other: Any) -> Any:
         if other.__class__ is String and self.protos is other.protos is self.world.quick_strings:
+            if getrefcount(self) == ALONE_ADDING and not self.slots and self.meta is None and self is not other:
+                return self.grow(other.s)
             return String(self.world, self.protos, self.s + other.s)
         return self._send1("+=", other)
+
+    def grow(self, text: str) -> String:
+        """Append in place, for one that nobody but a local variable holds: then it is as good as a fresh string, and
+        adding to it again and again costs what is added and not the whole each time, as with Python's own strings."""
+        s, self.s = self.s, ""  # CPython appends in place to what one variable alone holds
+        s += text
+        self.s = s
+        return self
 
     def clone(self) -> String:
         """A fresh string with the same content."""
@@ -57,6 +68,29 @@ class String(Container):
 
     def __bool__(self) -> bool:
         return bool(self.s)
+
+
+class _Counted(String):
+    """Tells how many references there are to a string that one local variable holds, seen from an operator."""
+
+    __slots__ = ("count",)
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def __iadd__(self, other: Any) -> Any:
+        self.count = getrefcount(self)
+        return self
+
+
+def _counted_adding() -> int:
+    counted = _Counted()
+    counted += None
+    return counted.count
+
+
+ALONE_ADDING: Final = _counted_adding()
+"""The references to a string within ``+=`` when one local variable holds it: fewer there cannot be."""
 
 
 class List(Container):
