@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Final
 from urbihw.kernel import errors
 from urbihw.kernel.runtime import matching
 from urbihw.kernel.runtime.backtrace import LINE_MAP
-from urbihw.kernel.runtime.blend import place
 from urbihw.kernel.runtime.code import MISSING, Executable, Getter, make_code
 from urbihw.kernel.runtime.conditions import Conditions
 from urbihw.kernel.runtime.event import Event
@@ -41,10 +40,6 @@ def _counted_given() -> int:
 
 ALONE_GIVEN: Final = _counted_given()
 """The references to a value given to a verb when one local variable holds it: fewer there cannot be."""
-
-
-INDEXING = frozenset(("[]", "[]="))
-"""Names that stay strict where a lazy function answers to one: indexing a list must not pay for it ever after."""
 
 
 def make_ops(world: World) -> dict[str, Any]:
@@ -155,8 +150,7 @@ def _calls(world: World) -> dict[str, Any]:
         frame = sys._getframe(1)
         sites = frame.f_globals[LINE_MAP].syntax.late
         thunks = sites.thunks(site, frame, sender, world.run_late)
-        if name not in INDEXING:
-            world.lazy_names.add(name)
+        world.lazy_names.add(name)
         return run(value, target, sender, name, lazies(thunks, sites.arguments(site)))
 
     return locals_of(callee, lazy_send, lazy_value, lazy_site)
@@ -315,10 +309,8 @@ def _concurrency(world: World) -> dict[str, Any]:
             target.bounce(lambda member: move_slot(member, name, value, attributes))
             return
         read = world.ops.send0
-        properties, blender = place(world, target, name)
         Trajectory(
-            world, lambda: read(target, name), lambda v: world.update_slot(target, name, v), value, attributes,
-            properties, blender,
+            world, lambda: read(target, name), lambda v: world.update_slot(target, name, v), value, attributes
         ).run()
 
     def move_local(box: Box, value: Any, attributes: dict[str, Any]) -> None:
