@@ -1,0 +1,121 @@
+"""How the machine moves: speeds that ramp, a body that leans into them, counters that add up, a battery.
+
+    v = forward speed, w = yaw speed (counter-clockwise positive); left = v - w d / 2, right = v + w d / 2
+    lean:  p'' = f^2 (atan(a / g) - p) - 2 z f p'      a balancing body leans towards where it accelerates
+Lying: once nothing balances it, the body falls over its stand and stays there until somebody lifts it.
+
+d is the 0.54 m of Player and Orca. All other numbers here (accelerations, mass, stiffness, battery) are guesses of the
+right size, none is from a data sheet.
+"""
+
+from __future__ import annotations
+
+import math
+
+STEP = 0.01
+"""Seconds of one servo frame."""
+WHEEL_DISTANCE = 0.54
+MOST_ACCELERATION = 2.0
+MOST_TURN_ACCELERATION = 6.0
+FALLEN = math.radians(38)
+"""Lean at which the stand takes over."""
+
+_GRAVITY = 9.81
+_FREQUENCY = 9.0  # of the balance, 1/s
+_DAMPING = 0.7
+_TIP_RATE = 3.0  # of a body that nothing holds up, 1/s
+_COASTING = 1.5  # deceleration without motors, m/s^2 and rad/s^2
+_MASS, _WHEEL_RADIUS = 70.0, 0.24
+_FULL_VOLTS, _SAG = 77.5, 0.02  # V; V per N m
+_IDLE_DRAIN, _WORK_DRAIN = 1e-4, 2e-6  # V/s; V per N m and s
+
+
+class Body:
+    """The machine. SI units; `step` moves it on by one servo frame.
+
+    Attributes:
+        speed, turn: forward in m/s, yaw in rad/s.
+        forward, yaw, left, right: travelled in all, m and rad.
+        pitch, pitch_rate, roll: rad, rad/s, rad; forward and left are positive.
+        left_torque, right_torque: N m.
+        volts: of the battery, at rest.
+        fallen: it lies on its stand.
+    """
+
+    def __init__(self) -> None:
+        self.speed = self.turn = 0.0
+        self.forward = self.yaw = self.left = self.right = 0.0
+        self.pitch = self.pitch_rate = self.roll = 0.0
+        self.left_torque = self.right_torque = 0.0
+        self.volts = _FULL_VOLTS
+        self.fallen = False
+
+    @property
+    def left_speed(self) -> float:
+        """Of the left wheel on the ground, m/s."""
+        return self.speed - self.turn * WHEEL_DISTANCE / 2
+
+    @property
+    def right_speed(self) -> float:
+        """Of the right wheel on the ground, m/s."""
+        return self.speed + self.turn * WHEEL_DISTANCE / 2
+
+    @property
+    def loaded_volts(self) -> float:
+        """Of the battery, while the motors pull."""
+        return self.volts - _SAG * (abs(self.left_torque) + abs(self.right_torque))
+
+    def drive(self, speed: float, turn: float, acceleration: float, balancing: bool) -> None:
+        """One servo frame with motors: towards `speed` and `turn`, with at most `acceleration` of the most."""
+        before, turned = self.speed, self.turn
+        self.speed = _towards(before, speed, MOST_ACCELERATION * acceleration * STEP)
+        self.turn = _towards(turned, turn, MOST_TURN_ACCELERATION * STEP)
+        gained = (self.speed - before) / STEP
+        thrust = _MASS * gained * _WHEEL_RADIUS / 2
+        spin = (self.turn - turned) / STEP * 2.0
+        self.left_torque, self.right_torque = thrust - spin, thrust + spin
+        if balancing:
+            self._lean(math.atan2(gained, _GRAVITY))
+        else:
+            self.pitch = self.pitch_rate = 0.0
+        self._travel()
+
+    def coast(self, stands: bool) -> None:
+        """One servo frame without motors; unless it `stands` on more than its two wheels, it falls."""
+        self.speed = _towards(self.speed, 0.0, _COASTING * STEP)
+        self.turn = _towards(self.turn, 0.0, _COASTING * STEP)
+        self.left_torque = self.right_torque = 0.0
+        if not stands and not self.fallen:
+            tip = self.pitch or 1e-3
+            self.pitch_rate = _TIP_RATE * tip
+            self.pitch = math.copysign(min(abs(tip + self.pitch_rate * STEP), FALLEN), tip)
+            self.fallen = abs(self.pitch) >= FALLEN
+            if self.fallen:
+                self.pitch_rate = 0.0
+        self._travel()
+
+    def push(self, lean: float) -> None:
+        """Somebody leans on it: that many rad at once."""
+        self.pitch += lean
+
+    def lift(self) -> None:
+        """Somebody puts it upright."""
+        self.fallen = False
+        self.pitch = self.pitch_rate = 0.0
+
+    def _lean(self, wanted: float) -> None:
+        force = _FREQUENCY**2 * (wanted - self.pitch) - 2 * _DAMPING * _FREQUENCY * self.pitch_rate
+        self.pitch_rate += force * STEP
+        self.pitch += self.pitch_rate * STEP
+
+    def _travel(self) -> None:
+        self.forward += self.speed * STEP
+        self.yaw += self.turn * STEP
+        self.left += self.left_speed * STEP
+        self.right += self.right_speed * STEP
+        work = abs(self.left_torque) + abs(self.right_torque)
+        self.volts = max(0.0, self.volts - (_IDLE_DRAIN + _WORK_DRAIN * work) * STEP)
+
+
+def _towards(value: float, goal: float, most: float) -> float:
+    return min(goal, value + most) if goal > value else max(goal, value - most)
