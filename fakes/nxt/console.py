@@ -20,7 +20,7 @@ def commands(device: NxtDevice, clock: Callable[[], float]) -> dict[str, Command
 
     def bump(words: list[str]) -> str:
         now()
-        robot.pushed = {"on": True, "off": False}[words[0]]
+        robot.pushed = _switch(words[0])
         robot.touch.pressed = robot.pushed
         return "ok"
 
@@ -50,7 +50,7 @@ def commands(device: NxtDevice, clock: Callable[[], float]) -> dict[str, Command
 
     def jam(words: list[str]) -> str:
         now()
-        brick.motor(words[0]).jammed = {"on": True, "off": False}[(words + ["on"])[1]]
+        brick.motor(words[0]).jammed = _switch((words + ["on"])[1])
         return "ok"
 
     def state(words: list[str]) -> str:
@@ -72,6 +72,12 @@ def commands(device: NxtDevice, clock: Callable[[], float]) -> dict[str, Command
         "jam": Command("A|B|C [on|off]", "hold a motor fast, or let it go", jam),
         "state": Command("", "motors, place and sound", state),
     }
+
+
+def _switch(text: str) -> bool:
+    if text not in ("on", "off"):
+        raise ValueError(text)
+    return text == "on"
 
 
 def _share(text: str, most: float) -> float:
