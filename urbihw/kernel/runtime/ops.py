@@ -42,6 +42,10 @@ ALONE_GIVEN: Final = _counted_given()
 """The references to a value given to a verb when one local variable holds it: fewer there cannot be."""
 
 
+INDEXING = frozenset(("[]", "[]="))
+"""Names that stay strict where a lazy function answers to one: indexing a list must not pay for it ever after."""
+
+
 def make_ops(world: World) -> dict[str, Any]:
     """All verbs of one world."""
     scheduler = world.scheduler
@@ -150,7 +154,8 @@ def _calls(world: World) -> dict[str, Any]:
         frame = sys._getframe(1)
         sites = frame.f_globals[LINE_MAP].syntax.late
         thunks = sites.thunks(site, frame, sender, world.run_late)
-        world.lazy_names.add(name)
+        if name not in INDEXING:
+            world.lazy_names.add(name)
         return run(value, target, sender, name, lazies(thunks, sites.arguments(site)))
 
     return locals_of(callee, lazy_send, lazy_value, lazy_site)

@@ -75,6 +75,9 @@ MODULES = (
     "process",
     "network",
     "kernel1",
+    "interface",
+    "localizer",
+    "component",
 )
 
 

@@ -1,0 +1,248 @@
+"""Interface: what the kinds of devices promise (manual, chapter 22, "Interface").
+
+A kind is an object such as ``Interface.RotationalMotor``; a device takes part by having it as a prototype.  Its slots
+are *promises*, each an accessor.  Since ``addProto`` puts a kind in front of the device's own class, a promise steps aside
+for whatever else the device or its other prototypes have under that name.  If there is nothing, it answers by itself:
+
+- what is said in urbiscript for it (``rule``, a pair of functions to read and to write);
+- the slot it points to or that points to it (``val`` and ``angle`` are one), if the device has that one;
+- its default, if the manual knows one, or nil, for an optional slot that is read;
+- an error that names the slot and the kind.
+
+The kinds themselves are declared in ``interface.u``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.code import Executable
+from urbihw.kernel.runtime.object import Obj, Plain
+from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.slot import meta_of, peek_meta
+from urbihw.kernel.runtime.values import Dictionary, List
+from urbihw.kernel.runtime.world import World
+from urbihw.kernel.stdlib import prototype
+
+TABLE = Table("Interface")
+MAKER = Table("Interface.Promises")
+TABLES = [TABLE, MAKER]
+
+
+class Promise(Executable):
+    """A slot that a kind of device promises."""
+
+    __slots__ = ("default", "getter", "kind", "name", "needed", "other", "setter")
+
+    def __init__(self, world: World, kind: str, name: str, *, needed: bool, default: Any) -> None:
+        super().__init__(world, [world.primitive_proto])
+        self.kind = kind
+        self.name = name
+        self.needed = needed
+        self.default = default
+        self.other = ""
+        self.getter: Any = None
+        self.setter: Any = None
+
+    def call(self, this: Any, args: tuple[Any, ...]) -> Any:
+        """The slot is read, or called with arguments."""
+        holder = provider(self.world, this, self.name)
+        if holder is not None:
+            return self._take(holder, self.name, this, args)
+        if self.getter is not None:
+            return self.world.invoke(self.getter, this, args, self.name)
+        holder = provider(self.world, this, self.other) if self.other else None
+        if holder is not None:
+            return self._take(holder, self.other, this, args)
+        if self.needed or args:
+            raise self._broken()
+        return self.default
+
+    def read(self, target: Any) -> Any:
+        """The slot is read."""
+        return self.call(target, ())
+
+    def write(self, target: Any, value: Any) -> Any:
+        """The slot is assigned."""
+        name = self.name
+        holder = provider(self.world, target, name)
+        if holder is None and self.setter is not None:
+            self.world.invoke(self.setter, target, (value,), name)
+            return value
+        if holder is None and self.other:
+            name = self.other
+            holder = provider(self.world, target, name)
+        if holder is None or (name == self.name and self.getter is not None and self.setter is None):
+            raise self._broken()
+        meta = peek_meta(holder, name)
+        if holder is target or (meta is not None and (meta.accessor is not None or meta.constant)):
+            return self._write(holder, name, target, value)
+        self.world.ops.put(self.world.as_obj(target), name, value)
+        return value
+
+    def kept(self, target: Any) -> bool:
+        """Whether a device has the slot."""
+        world = self.world
+        if self.getter is not None or provider(world, target, self.name) is not None:
+            return True
+        return bool(self.other) and provider(world, target, self.other) is not None
+
+    def _take(self, holder: Obj, name: str, this: Any, args: tuple[Any, ...]) -> Any:
+        return self.world.invoke(self.world.ops.get_slot(holder, name), this, args, name)
+
+    def _write(self, holder: Obj, name: str, target: Any, value: Any) -> Any:
+        meta = peek_meta(holder, name)
+        if meta is not None and meta.constant:
+            raise errors.constness()
+        if meta is not None and meta.accessor is not None:
+            return meta.accessor.write(target, value)
+        return self.world.update_slot(holder, name, value)
+
+    def _broken(self) -> errors.Raised:
+        if self.needed:
+            return errors.primitive(f"this {self.kind} does not provide the slot", self.name)
+        return errors.primitive(f"this {self.kind} does not have the optional slot", self.name)
+
+
+def provider(world: World, target: Any, name: str) -> Obj | None:
+    """The object among a device and its ancestors that holds a slot which is no promise, or None."""
+    seen: set[int] = set()
+
+    def search(obj: Obj) -> Obj | None:
+        seen.add(id(obj))
+        if name in obj.slots and not isinstance(obj.slots[name], Promise):
+            return obj
+        for proto in obj.protos:
+            if isinstance(proto, Obj) and id(proto) not in seen:
+                found = search(proto)
+                if found is not None:
+                    return found
+        return None
+
+    return search(world.peek_obj(target))
+
+
+class KindObject(Obj):
+    """A kind of device; what derives from it is an ordinary object."""
+
+    __slots__ = ("name",)
+
+    def __init__(self, world: World, parent: Obj, name: str) -> None:
+        super().__init__(world, [parent])
+        self.name = name
+        self.slots["type"] = world.string(name)
+        self.slots["as" + name] = world.object.slots["acceptVoid"]
+
+    def clone(self) -> Obj:
+        """A device of this kind."""
+        return Plain(self.world, [self])
+
+    def promised(self, name: str) -> Promise:
+        """The promise of a slot that this kind itself makes."""
+        slot = self.slots.get(name)
+        if not isinstance(slot, Promise):
+            raise errors.primitive(f"{self.name} itself promises no slot {name}")
+        return slot
+
+    def promise(self, promise: Promise, unit: Any) -> None:
+        """Make a promise."""
+        self.slots[promise.name] = promise
+        meta = meta_of(self, promise.name)
+        meta.accessor = promise
+        meta.properties = {"unit": unit}
+
+
+def kinds_of(world: World, target: Any) -> list[KindObject]:
+    """The kinds a device derives from, the nearest first; each kind before those it derives from."""
+    found: dict[int, KindObject] = {}
+    seen: set[int] = set()
+
+    def visit(obj: Obj) -> None:
+        if id(obj) in seen:
+            return
+        seen.add(id(obj))
+        if isinstance(obj, KindObject):
+            found[id(obj)] = obj
+        for proto in obj.protos:
+            if isinstance(proto, Obj):
+                visit(proto)
+
+    visit(world.peek_obj(target))
+    return list(found.values())
+
+
+@MAKER.primitive("kind")
+def kind(world: World, this: Any, parent: Obj, name: str, needs: Dictionary, offers: Any = None) -> Any:
+    """Make a kind of device that derives from ``parent``, and a slot of Interface for it.
+
+    ``needs`` are the slots that each such device has, name => unit; ``offers`` the optional ones, name => [unit,
+    default].  The unit is a property of the slot: ``Interface.Battery.voltage->unit``.
+    """
+    made = KindObject(world, parent, name)
+    for slot, unit in needs.d.items():
+        made.promise(Promise(world, name, slot, needed=True, default=None), unit)
+    for slot, row in offers.d.items() if isinstance(offers, Dictionary) else ():
+        if not (isinstance(row, List) and len(row.l) == 2):
+            raise errors.primitive(f"{name}: {slot} => [unit, default] expected")
+        unit, default = row.l
+        made.promise(Promise(world, name, slot, needed=False, default=default), unit)
+    world.ops.put(prototype(world, "Interface"), name, made)
+    return made
+
+
+@MAKER.primitive("points")
+def points(world: World, this: Any, kind: KindObject, specific: str) -> None:
+    """Say that ``val`` points to another slot of a kind: a device that has either has both."""
+    pointed = kind.promised(specific)
+    unit = meta_of(kind, specific).properties or {}
+    pointer = Promise(world, kind.name, "val", needed=True, default=None)
+    kind.promise(pointer, unit["unit"])
+    pointer.other, pointed.other = specific, "val"
+
+
+@MAKER.primitive("rule")
+def rule(world: World, this: Any, kind: KindObject, name: str, getter: Any, setter: Any = None) -> None:
+    """Say how a promised slot of a kind is read, and written, where a device does not have it."""
+    promise = kind.promised(name)
+    promise.getter, promise.setter = getter, setter
+
+
+@MAKER.primitive("missing")
+def missing(world: World, this: Any, device: Any) -> Any:
+    """The names of the slots that the kinds of a device need and that it does not have, in alphabetical order."""
+    return _names(world, device, lambda promise: promise.needed and not promise.kept(device))
+
+
+@MAKER.primitive("needs")
+def needs(world: World, this: Any, device: Any) -> Any:
+    """The names of the slots that a kind, or the kinds of a device, must have, in alphabetical order."""
+    return _names(world, device, lambda promise: promise.needed)
+
+
+@MAKER.primitive("offers")
+def offers(world: World, this: Any, device: Any) -> Any:
+    """The names of the optional slots of a kind, or of the kinds of a device, in alphabetical order."""
+    return _names(world, device, lambda promise: not promise.needed)
+
+
+def _names(world: World, device: Any, wanted: Callable[[Promise], bool]) -> Any:
+    """The promises that a device sees, those of nearer kinds before those of farther ones."""
+    seen: dict[str, Promise] = {}
+    for obj in kinds_of(world, device):
+        for name, slot in obj.slots.items():
+            if isinstance(slot, Promise):
+                seen.setdefault(name, slot)
+    return world.new_list([world.string(name) for name, slot in sorted(seen.items()) if wanted(slot)])
+
+
+@TABLE.primitive("interfaces")
+def interfaces(world: World, this: Any, *device: Any) -> Any:
+    """The kinds that a device implements, the nearest first: ``device.interfaces`` or ``Interface.interfaces(device)``;
+    ``Interface.interfaces`` alone gives all kinds there are."""
+    if len(device) > 1:
+        raise errors.arity(len(device), 0, 1)
+    if not device and this is prototype(world, "Interface"):
+        return world.new_list([slot for _, slot in sorted(this.slots.items()) if isinstance(slot, KindObject)])
+    return world.new_list(list(kinds_of(world, device[0] if device else this)))
