@@ -187,7 +187,7 @@ class Concurrency(Statements):
         if node.flavor == ",":
             self.apart(spread, p)
         else:
-            self.loop(inline, p)
+            self.loop(inline, node.body, p)
         self.void(dest, p)
 
     # ---------------------------------------------------------------- tags

@@ -121,9 +121,11 @@ def function(text: str, params: list[str], body: list[py.stmt], p: Pos, defaults
 class Loop:
     """A loop that break and continue may leave, perhaps from another job."""
 
-    __slots__ = ("break_token", "continue_token", "crossed_break", "crossed_continue", "groups")
+    __slots__ = ("break_token", "continue_token", "crossed_break", "crossed_continue", "detached", "groups")
 
     def __init__(self, writer: Writer, number: int) -> None:
+        self.detached = ""
+        """The variable that knows the jobs which the body detaches, if a break has to stop them."""
         self.groups = len(writer.groups)
         self.break_token = f"_b{number}"
         self.continue_token = f"_n{number}"

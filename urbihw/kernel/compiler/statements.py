@@ -85,19 +85,33 @@ class Statements(Functions):
 
     # ---------------------------------------------------------------- loops
 
-    def loop(self, write: Any, p: Pos) -> None:
-        """Write a loop by ``write(loop)``, and around it what catches a break from another job."""
+    def loop(self, write: Any, inside: ast.Node, p: Pos) -> None:
+        """Write a loop by ``write(loop)``, and around it what catches a break from another job.
+
+        If ``inside`` detaches jobs and has a break, the loop is under a tag of its own, for the break to stop them.
+        """
         self.counter += 1
         loop = Loop(self.w, self.counter)
+        if _has(inside, ast.Break) and _detaches(inside):
+            loop.detached = self.fresh("_d")
+            self.emit(set_(loop.detached, call("loop_tag", [], p), p))
         self.w.loops.append(loop)
         body = self.block(lambda: write(loop))
         self.w.loops.pop()
-        if not loop.crossed_break:
-            self.emit(*body)
-            return
-        self.emit(set_(loop.break_token, call("token", [], p), p))
-        handler = [if_(self.not_mine(loop.break_token, p), [raise_(None, p)], [], p)]
-        self.emit(try_(body, [except_("Leave", "_l", handler, p)], [], [], p))
+        if loop.crossed_break:
+            self.emit(set_(loop.break_token, call("token", [], p), p))
+            foreign = if_(self.not_mine(loop.break_token, p), [raise_(None, p)], [], p)
+            handler = [foreign, *self.block(lambda: self.stop_detached(loop, p))]
+            body = [try_(body, [except_("Leave", "_l", handler, p)], [], [], p)]
+        if loop.detached:
+            enter, leave = (do(call(attr(name(loop.detached, p), verb, p), [], p), p) for verb in ("enter", "exit"))
+            body = [try_([enter, *body], [], [], [leave], p)]
+        self.emit(*body)
+
+    def stop_detached(self, loop: Loop, p: Pos) -> None:
+        """A loop is broken: stop what it detached."""
+        if loop.detached:
+            self.emit(do(call(attr(name(loop.detached, p), "stop_others", p), [], p), p))
 
     def turn(self, loop: Loop, body: ast.Node, after: Any, p: Pos) -> list[py.stmt]:
         """One turn of a loop: the body, then ``after()``, which ``continue`` must not skip."""
@@ -109,7 +123,7 @@ class Statements(Functions):
                 try_(inside, [except_("Leave", "_l", handler, p)], [], [], p),
             ]
         rest = self.block(after)
-        if not rest or not _continues(body):
+        if not rest or not _has(body, ast.Continue):
             return inside + rest
         inside = inside or [py.Pass(**p)]
         once = py.For(py.Name("_once", STORE, **p), name("ONCE", p), inside, [*rest, py.Continue(**p)], None, **p)
@@ -120,7 +134,7 @@ class Statements(Functions):
         if node.flavor == ",":
             self.parallel_loop(None, node.cond, node.body, None, p)
         else:
-            self.loop(lambda loop: self.while_(loop, node.cond, node.body, None, node.flavor, p), p)
+            self.loop(lambda loop: self.while_(loop, node.cond, node.body, None, node.flavor, p), node.body, p)
         self.void(dest, p)
 
     def while_(
@@ -151,7 +165,7 @@ class Statements(Functions):
             self.parallel_loop(None, node.cond, node.body, node.step, p)
         else:
             cond = None if isinstance(node.cond, ast.Empty) else node.cond
-            self.loop(lambda loop: self.while_(loop, cond, node.body, node.step, node.flavor, p), p)
+            self.loop(lambda loop: self.while_(loop, cond, node.body, node.step, node.flavor, p), node.body, p)
         self.void(dest, p)
 
     def parallel_loop(
@@ -169,7 +183,7 @@ class Statements(Functions):
         if node.flavor == "&":
             self.each_apart(node, local, items, p)
         else:
-            self.loop(lambda loop: self.each(loop, node, local, items, p), p)
+            self.loop(lambda loop: self.each(loop, node, local, items, p), node.body, p)
         self.outer_entry = outer_entry
         self.void(dest, p)
 
@@ -199,6 +213,8 @@ class Statements(Functions):
         p = self.mark(node)
         if self.w.loops:
             self.abandon(self.w.loops[-1].groups, p)
+            if how == "break":
+                self.stop_detached(self.w.loops[-1], p)
             self.emit(py.Break(**p) if how == "break" else py.Continue(**p))
             return
         writer = self.w
@@ -308,15 +324,27 @@ def count(node: ast.Node, kinds: tuple[type[ast.Node], ...]) -> int:
     return found
 
 
-def _continues(node: Any) -> bool:
-    """Whether a loop's body has a ``continue`` of its own (not one of an inner loop or function)."""
-    if isinstance(node, ast.Continue):
-        return True
-    if isinstance(node, tuple):
-        return any(_continues(member) for member in node)
-    if not isinstance(node, ast.Node) or isinstance(node, ast.Function | ast.While | ast.For | ast.ForEach | ast.Every):
-        return False
-    return any(_continues(getattr(node, field)) for field in type(node).__dataclass_fields__ if field != "span")
+def _has(node: ast.Node, kind: type[ast.Node]) -> bool:
+    """Whether a loop's body has a break or ``continue`` of its own (not one of an inner loop or function)."""
+    todo = [node]
+    while todo:
+        each = todo.pop()
+        if isinstance(each, kind):
+            return True
+        if not isinstance(each, ast.Function | ast.While | ast.For | ast.ForEach | ast.Every):
+            todo.extend(children(each))
+    return False
+
+
+def _detaches(node: ast.Node) -> bool:
+    """Whether a node makes jobs that go on by themselves under the tags of their maker."""
+    todo = [node]
+    while todo:
+        each = todo.pop()
+        if isinstance(each, ast.Call) and each.name in ("detach", "spawn"):
+            return True
+        todo.extend(children(each))
+    return False
 
 
 __all__ = ["RETURN", "Statements"]

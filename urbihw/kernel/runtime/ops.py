@@ -13,11 +13,19 @@ from typing import TYPE_CHECKING, Any, Final
 from urbihw.kernel import errors
 from urbihw.kernel.runtime import matching
 from urbihw.kernel.runtime.backtrace import LINE_MAP
+from urbihw.kernel.runtime.blend import place
 from urbihw.kernel.runtime.code import MISSING, Executable, Getter, make_code
 from urbihw.kernel.runtime.conditions import Conditions
 from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.object import Obj
-from urbihw.kernel.runtime.passage import ConditionPassage, EventPassage, ScopeTag, TagObject, TimeoutPassage
+from urbihw.kernel.runtime.passage import (
+    ConditionPassage,
+    EventPassage,
+    LoopPassage,
+    ScopeTag,
+    TagObject,
+    TimeoutPassage,
+)
 from urbihw.kernel.runtime.slot import meta_of
 from urbihw.kernel.runtime.trajectory import Trajectory
 from urbihw.kernel.runtime.values import Dictionary, Lazy, String
@@ -294,6 +302,10 @@ def _concurrency(world: World) -> dict[str, Any]:
         tag = Tag(world.scheduler, "scope")
         return ScopeTag(world, [world.tag_proto], tag)
 
+    def loop_tag() -> LoopPassage:
+        """A passage through a loop whose body detaches jobs."""
+        return LoopPassage(world)
+
     def timeout(duration: Any) -> TimeoutPassage:
         """``timeout (duration)``."""
         return TimeoutPassage(world, world.as_float(duration, None, "timeout"))
@@ -314,8 +326,10 @@ def _concurrency(world: World) -> dict[str, Any]:
             target.bounce(lambda member: move_slot(member, name, value, attributes))
             return
         read = world.ops.send0
+        properties, blender = place(world, target, name)
         Trajectory(
-            world, lambda: read(target, name), lambda v: world.update_slot(target, name, v), value, attributes
+            world, lambda: read(target, name), lambda v: world.update_slot(target, name, v), value, attributes,
+            properties, blender,
         ).run()
 
     def move_local(box: Box, value: Any, attributes: dict[str, Any]) -> None:
@@ -327,7 +341,7 @@ def _concurrency(world: World) -> dict[str, Any]:
         Trajectory(world, lambda: box.v, write, value, attributes).run()
 
     return locals_of(
-        pace, tag_open, tag_named, scope_tag, timeout, guard, event_guard, move_slot, move_local
+        pace, tag_open, tag_named, scope_tag, loop_tag, timeout, guard, event_guard, move_slot, move_local
     )
 
 

@@ -127,6 +127,23 @@ class _Guard:
             self._tag.leave(self._entry)
 
 
+class LoopPassage(_Guard):
+    """A loop whose body detaches jobs: they are under a tag of the loop, and ``break`` stops them."""
+
+    __slots__ = ()
+
+    def __init__(self, world: World) -> None:
+        super().__init__(world, "loop")
+
+    def stop_others(self) -> None:
+        """The loop is broken: what it detached ends; the job that runs goes on behind the loop."""
+        scheduler, entry = self._tag.scheduler, self._entry
+        if entry is not None:
+            for job in list(entry.jobs):
+                if job is not scheduler.current:
+                    scheduler.throw(job, StopTag(entry, None))
+
+
 class TimeoutPassage(_Guard):
     """``timeout (duration) body``."""
 
