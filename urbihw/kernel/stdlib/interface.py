@@ -1,8 +1,8 @@
 """Interface: what the kinds of devices promise (manual, chapter 22, "Interface").
 
 A kind is an object such as ``Interface.RotationalMotor``; a device takes part by having it as a prototype.  Its slots
-are *promises*, each an accessor.  Since ``addProto`` puts a kind in front of the device's own class, a promise steps aside
-for whatever else the device or its other prototypes have under that name.  If there is nothing, it answers by itself:
+are *promises*, each an accessor.  Since ``addProto`` puts a kind in front of the device's own class, a promise steps
+aside for whatever else the device or its other prototypes have under that name.  If there is nothing, it answers:
 
 - what is said in urbiscript for it (``rule``, a pair of functions to read and to write);
 - the slot it points to or that points to it (``val`` and ``angle`` are one), if the device has that one;
