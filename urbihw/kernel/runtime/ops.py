@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Final
 from urbihw.kernel import errors
 from urbihw.kernel.runtime import matching
 from urbihw.kernel.runtime.backtrace import LINE_MAP
-from urbihw.kernel.runtime.blend import place
 from urbihw.kernel.runtime.code import MISSING, Executable, Getter, make_code
 from urbihw.kernel.runtime.conditions import Conditions
 from urbihw.kernel.runtime.event import Event
@@ -326,10 +325,8 @@ def _concurrency(world: World) -> dict[str, Any]:
             target.bounce(lambda member: move_slot(member, name, value, attributes))
             return
         read = world.ops.send0
-        properties, blender = place(world, target, name)
         Trajectory(
-            world, lambda: read(target, name), lambda v: world.update_slot(target, name, v), value, attributes,
-            properties, blender,
+            world, lambda: read(target, name), lambda v: world.update_slot(target, name, v), value, attributes
         ).run()
 
     def move_local(box: Box, value: Any, attributes: dict[str, Any]) -> None:
