@@ -1,164 +1,105 @@
-"""``urbi``: an urbiscript server, with the options of the original (manual, section 18.3).
+"""``urbi``: an urbiscript server, with the options of the manual (section 18.3).
 
-Exit codes: 0 after ``shutdown``, 64 unknown option, 66 a script is missing, 69 cannot listen, 70 our fault.
+Exit codes: 0 after ``shutdown``, or 65 or 70 if a syntax error or an uncaught run-time error was in what ``-e`` and
+``-f`` gave; 64 a bad option, 66 a file is missing, 69 cannot listen, 78 a port file cannot be written.
 """
 
 from __future__ import annotations
 
 import argparse
 import asyncio
-import logging
 import os
-import signal
 import sys
 from collections.abc import Sequence
-from importlib.metadata import version
 from pathlib import Path
-from typing import NoReturn
+from typing import Final
 
-from urbihw.kernel import Kernel
-from urbihw.kernel.lobby.lobby import Lobby
-from urbihw.kernel.server.loop import Driver
-from urbihw.kernel.server.tcp import Server
+from urbihw.cli import logs
+from urbihw.cli.options import Parser, Refused, add_sources, complain, source_bytes
+from urbihw.cli.server import Settings, serve
 
-EX_USAGE, EX_NOINPUT, EX_UNAVAILABLE = 64, 66, 69
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        self.print_usage(sys.stderr)
-        self.exit(EX_USAGE, f"{self.prog}: {message}\n")
+ROOT: Final = Path(__file__).resolve().parents[1]
 
 
-class _Source(argparse.Action):
-    """Collects -e and -f in the order in which they were given."""
-
-    def __call__(
-        self,
-        parser: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: str | Sequence[object] | None,
-        option_string: str | None = None,
-    ) -> None:
-        namespace.sources.append((self.const, values))
-
-
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """The options of ``urbi``."""
-    made = _Parser(prog="urbi", description="Run an urbiscript server.")
-    made.add_argument("-e", "--expression", action=_Source, const="text", dest="sources", default=[], metavar="EXP",
-                      help="run EXP")
-    made.add_argument("-f", "--file", action=_Source, const="file", dest="sources", metavar="FILE", help="run FILE")
+    made = Parser("urbi", "Run an urbiscript server.", "urbi [OPTION...] [SCRIPT [ARGUMENT...]] [-- ARGUMENT...]")
+    made.add_argument("--print-root", action="store_true", help="print the folder of urbihw (or URBI_ROOT) and exit")
+    tuning = made.add_argument_group("tuning")
+    tuning.add_argument("-d", "--debug", type=logs.level, metavar="LEVEL",
+                        help=f"what to log: {', '.join(logs.LEVELS)} (GD_LEVEL, or LOG)")
+    tuning.add_argument("-v", "--verbose", action="store_const", const="TRACE", dest="debug", help="--debug=TRACE")
+    tuning.add_argument("-F", "--fast", action="store_true", help="simulated time: sleeping costs nothing")
+    tuning.add_argument("-s", "--stack-size", type=_size, metavar="KB", help="accepted and ignored: stacks grow")
+    tuning.add_argument("-q", "--quiet", "--no-banner", action="store_true", help="no banner for clients")
+    network = made.add_argument_group("networking")
+    network.add_argument("-H", "--host", default="127.0.0.1", help="address to listen on (%(default)s)")
+    network.add_argument("-P", "--port", type=_port, default=-1, help="listen on PORT (0: any free one; -1: none)")
+    network.add_argument("-w", "--port-file", type=Path, metavar="FILE", help="write the port to FILE when ready")
+    add_sources(made)
     made.add_argument("-i", "--interactive", action="store_true", help="read and run standard input")
-    made.add_argument("-P", "--port", type=int, default=-1, help="listen on PORT (0: any free one)")
-    made.add_argument("-H", "--host", default="127.0.0.1", help="the address to listen on (default: %(default)s)")
-    made.add_argument("-w", "--port-file", metavar="FILE", help="write the port to FILE when ready")
-    made.add_argument("-q", "--quiet", action="store_true", help="no banner")
-    made.add_argument("-F", "--fast", action="store_true", help="simulated time: sleeping costs nothing")
-    made.add_argument("--version", action="version", version=f"urbihw {version('urbihw')}")
     made.add_argument("script", nargs="?", help="a file to run; what follows is System.arguments")
     made.add_argument("arguments", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
     return made
 
 
+def _size(text: str) -> int:
+    if not text.isdigit() or int(text) == 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is no size in kilobytes")
+    return int(text)
+
+
+def _port(text: str) -> int:
+    if text != "-1" and not (text.isdigit() and int(text) < 65536):
+        raise argparse.ArgumentTypeError(f"{text!r} is no port; give a number from 0 to 65535, or -1 for none")
+    return int(text)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """The command; returns the exit code."""
-    options = parser().parse_args(argv)
-    logging.basicConfig(format="urbi: %(message)s", level=logging.WARNING)
+    own, behind = _split(sys.argv[1:] if argv is None else argv)
+    options = parser().parse(own)
+    if options.print_root:
+        print(os.environ.get("URBI_ROOT") or ROOT)
+        return 0
+    logs.set_up("urbi", options.debug, os.environ)
     sources = list(options.sources)
     if options.script is not None:
         sources.append(("file", options.script))
-    if not sources and options.port < 0:
-        options.interactive = True
     try:
-        texts = [_text(kind, value) for kind, value in sources]
-    except OSError as error:
-        print(f"urbi: failed to process file {error.filename}: {error.strerror}", file=sys.stderr)
-        return EX_NOINPUT
-    return asyncio.run(_serve(options, texts))
+        settings = Settings(
+            program=sys.argv[0],
+            texts=tuple(_text(kind, value) for kind, value in sources),
+            # as the manual says: with no input at all, the console is one
+            interactive=options.interactive or (not sources and options.port < 0),
+            host=options.host,
+            port=options.port,
+            port_file=options.port_file,
+            quiet=options.quiet,
+            fast=options.fast,
+            arguments=(*options.arguments, *behind),
+        )
+        return asyncio.run(serve(settings))
+    except Refused as error:
+        return complain("urbi", error)
+
+
+def _split(argv: Sequence[str]) -> tuple[list[str], list[str]]:
+    """What stands before and behind ``--``."""
+    words = list(argv)
+    at = words.index("--") if "--" in words else len(words)
+    return words[:at], words[at + 1 :]
 
 
 def _text(kind: str, value: str) -> bytes:
+    """A text to feed to the console; errors in a file name it."""
+    data = source_bytes(kind, value)
     if kind == "text":
-        return value.encode()
-    data = sys.stdin.buffer.read() if value == "-" else Path(value).read_bytes()
+        return data
     if data.startswith(b"#!"):
         data = b"//" + data
     name = value.replace("\\", "\\\\").replace('"', '\\"')
     return f'//#push 1 "{name}"\n'.encode() + data + b"\n//#pop\n"
-
-
-async def _serve(options: argparse.Namespace, texts: list[bytes]) -> int:
-    kernel = Kernel(fast=options.fast)
-    driver = Driver(kernel.scheduler)
-    stopped = asyncio.get_running_loop().create_future()
-
-    def stop(code: int = 0) -> None:
-        if not stopped.done():
-            stopped.set_result(code)
-
-    programs = kernel.programs
-    programs.shutdown = stop
-    programs.name = sys.argv[0]
-    programs.arguments = list(options.arguments)
-    programs.quiet = options.quiet
-    server = Server(driver, kernel.open_lobby)
-    console = Console(kernel, driver)
-    port = -1
-    if options.port >= 0:
-        try:
-            port = await server.listen(options.host, options.port)
-        except OSError as error:
-            print(f"urbi: cannot listen to port {options.host}:{options.port}: {error.strerror}", file=sys.stderr)
-            return EX_UNAVAILABLE
-    programs.listen_port = port
-    if options.port_file:
-        Path(options.port_file).write_text(f"{port}\n")
-    console.start(texts, options.interactive)
-    asyncio.get_running_loop().add_signal_handler(signal.SIGINT, stop)
-    asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, stop)
-    driver.drive()
-    code = await stopped
-    console.flush()
-    driver.close()
-    await server.close()
-    return int(code)
-
-
-class Console:
-    """The lobby of standard input and output."""
-
-    def __init__(self, kernel: Kernel, driver: Driver) -> None:
-        self._kernel = kernel
-        self._driver = driver
-        self.lobby: Lobby = kernel.open_lobby(None, lambda lobby: None)
-        kernel.scheduler.add_round_hook(self.flush)
-
-    def start(self, texts: list[bytes], interactive: bool) -> None:
-        """Run the texts given on the command line; then read standard input, if wanted."""
-        for text in texts:
-            self.lobby.feed(text)
-        if interactive:
-            asyncio.get_running_loop().add_reader(sys.stdin.fileno(), self._read)
-
-    def _read(self) -> None:
-        data = os.read(sys.stdin.fileno(), 65536)
-        if data:
-            self.lobby.feed(data)
-        else:
-            asyncio.get_running_loop().remove_reader(sys.stdin.fileno())
-            self._kernel.post(self._end_of_input)
-        self._driver.drive()
-
-    def _end_of_input(self) -> None:
-        self.lobby.shell.when_idle(self._kernel.programs.shutdown)
-
-    def flush(self) -> None:
-        """Write what the console lobby said."""
-        data = self.lobby.output.take()
-        if data:
-            sys.stdout.buffer.write(data)
-            sys.stdout.buffer.flush()
 
 
 if __name__ == "__main__":

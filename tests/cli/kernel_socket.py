@@ -1,0 +1,77 @@
+"""A kernel on a simulated clock behind the face of a socket, for programs that connect to a server."""
+
+from __future__ import annotations
+
+import socket
+from typing import Any
+
+import pytest
+
+from urbihw.kernel import Kernel
+from urbihw.kernel.sched.clock import SimClock
+
+
+class KernelSocket:
+    """What ``socket.create_connection`` answers; time passes while somebody waits for bytes.
+
+    ``interrupt``: raise KeyboardInterrupt when there is nothing more to come, as a user would press Ctrl-C.
+    """
+
+    def __init__(self, setup: str = "", *, quiet: bool = True, interrupt: bool = False) -> None:
+        self.kernel = Kernel(SimClock())
+        self.sent = b""
+        self._interrupt = interrupt
+        self._said = b""
+        self.kernel.run_text(self.kernel.open_lobby(), setup, until=0.0)
+        self.kernel.programs.quiet = quiet
+        self.kernel.programs.shutdown = self.close
+        self.open()
+
+    def open(self) -> KernelSocket:
+        """A new connection."""
+        self._lobby = self.kernel.open_lobby("127.0.0.1")
+        self._lobby.on_quit = self._take
+        self._open = True
+        return self
+
+    def _take(self) -> None:
+        self._said += self._lobby.output.take()
+
+    def setsockopt(self, *arguments: object) -> None:
+        pass
+
+    def settimeout(self, seconds: float | None) -> None:
+        pass
+
+    def sendall(self, data: bytes) -> None:
+        if not self._open:
+            raise BrokenPipeError
+        self.sent += data
+        self._lobby.feed(data)
+
+    def recv(self, size: int) -> bytes:
+        """What the server says within a minute of its own time."""
+        end = self.kernel.clock.now() + 60
+        while self._open:
+            deadline = self.kernel.run()
+            self._take()
+            if self._said or not self._lobby.connected:
+                said, self._said = self._said, b""
+                return said
+            if deadline is None or deadline > end:
+                if self._interrupt:
+                    raise KeyboardInterrupt
+                raise TimeoutError
+            self.kernel.clock.idle(deadline)
+        return b""
+
+    def close(self) -> None:
+        self._open = False
+
+
+
+def serve(monkeypatch: pytest.MonkeyPatch, setup: str = "", **options: Any) -> KernelSocket:
+    """A kernel in which ``setup`` was run, as the server of the connections made from then on."""
+    made = KernelSocket(setup, **options)
+    monkeypatch.setattr(socket, "create_connection", lambda address, timeout: made.open())
+    return made

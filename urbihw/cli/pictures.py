@@ -1,0 +1,98 @@
+"""Images as servers send them: the keywords of a Binary and its bytes, into files and windows.
+
+Keywords: ``jpeg W H``, ``ppm W H``, ``rgb W H``, ``ycbcr W H``, ``grey8 W H`` (remote UObject protocol, section 6;
+manual, specs/naming-standard and platforms/nao).  Pillow is only needed to convert.
+"""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from urbihw.cli.lines import Binary
+from urbihw.cli.options import EX_CONFIG, EX_RUNTIME, Refused
+
+if TYPE_CHECKING:
+    from PIL import Image
+
+RAW: Final = {"rgb": ("RGB", 3), "ycbcr": ("YCbCr", 3), "ycrcb": ("YCbCr", 3), "grey8": ("L", 1)}
+"""Keyword -> mode of Pillow, bytes a pixel."""
+ENCODED: Final = {"jpeg": (".jpg", ".jpeg"), "ppm": (".ppm", ".pnm")}
+"""Keyword -> endings of files that take the bytes as they are."""
+MOST_PIXELS: Final = 64 * 1024 * 1024
+
+
+@dataclass(frozen=True)
+class Picture:
+    """An image; ``width`` and ``height`` in pixels, 0 if not told."""
+
+    kind: str
+    width: int
+    height: int
+    data: bytes
+
+    @classmethod
+    def of(cls, binary: Binary) -> Picture:
+        """The image in a Binary.  Raises Refused for what is none."""
+        kind, *sizes = binary.keywords.split() or [""]
+        if kind not in RAW and kind not in ENCODED:
+            known = ", ".join((*ENCODED, *RAW))
+            raise Refused(f"this is no image that is known: {binary.keywords!r}; known are: {known}", EX_RUNTIME)
+        numbers = [int(size) for size in sizes[:2] if size.isdigit() and len(size) < 6]
+        width, height = numbers if len(numbers) == 2 else (0, 0)
+        if not binary.data:
+            raise Refused("the image is empty; is the camera switched on (load = 1)?", EX_RUNTIME)
+        if kind in RAW and len(binary.data) != width * height * RAW[kind][1]:
+            raise Refused(f"an image of {width} x {height} in {kind} cannot have {len(binary.data)} bytes", EX_RUNTIME)
+        return cls(kind, width, height, binary.data)
+
+    def save(self, path: Path) -> None:
+        """Write a file, of the kind that its ending says.  Raises Refused."""
+        if path.suffix.lower() in ENCODED.get(self.kind, ()):
+            data = self.data
+        elif self.kind == "rgb" and path.suffix.lower() in ENCODED["ppm"]:
+            data = b"P6\n%d %d\n255\n" % (self.width, self.height) + self.data
+        else:
+            data = self._converted(path)
+        try:
+            path.write_bytes(data)
+        except OSError as error:
+            raise Refused(f"cannot write {path}: {error.strerror}", EX_CONFIG) from error
+
+    def _converted(self, path: Path) -> bytes:
+        image, out = self.decoded(), io.BytesIO()
+        try:
+            (image if image.mode in ("L", "RGB") else image.convert("RGB")).save(out, _format(path))
+        except OSError as error:
+            raise Refused(f"{path}: this image cannot be converted to that: {error}", EX_RUNTIME) from error
+        return out.getvalue()
+
+    def decoded(self) -> Image.Image:
+        """As Pillow sees it.  Raises Refused."""
+        try:
+            from PIL import Image
+        except ImportError as error:
+            raise Refused("this needs Pillow: pip install 'urbihw[images]'; without it, JPEG can be saved as .jpg, RGB "
+                          "and PPM as .ppm", EX_CONFIG) from error
+        try:
+            if self.kind in RAW:
+                return Image.frombytes(RAW[self.kind][0], (self.width, self.height), self.data)
+            image = Image.open(io.BytesIO(self.data), formats=["JPEG", "PPM"])
+            if image.width * image.height > MOST_PIXELS:
+                raise Refused(f"an image of {image.width} x {image.height} pixels is too large", EX_RUNTIME)
+            image.load()
+        except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+            raise Refused(f"the image is broken: {error}", EX_RUNTIME) from error
+        return image
+
+
+def _format(path: Path) -> str:
+    """What Pillow calls the kind of image that a file's ending stands for.  Raises Refused."""
+    from PIL import Image
+
+    name = Image.registered_extensions().get(path.suffix.lower())
+    if name is None or name not in Image.SAVE:
+        raise Refused(f"{path}: no kind of image has that ending; try .png, .jpg or .ppm", EX_CONFIG)
+    return name

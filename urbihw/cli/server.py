@@ -1,0 +1,153 @@
+"""The process behind ``urbi``: one kernel, its console, and a port if wanted.
+
+Order of a start: the console's start-up files, the port, the port file, what ``-e`` and ``-f`` gave, standard
+input.  ``global.u`` and ``local.u`` are looked for in ``System.searchPath`` (manual, section Special Files); the order
+of the four names and who loads which is what the original does (server protocol, section 8).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import signal
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from urbihw.cli.options import EX_CONFIG, EX_UNAVAILABLE, Refused
+from urbihw.cli.terminal import Terminal
+from urbihw.kernel import Kernel
+from urbihw.kernel.lobby.lobby import Lobby
+from urbihw.kernel.server.interrupt import Interrupter
+from urbihw.kernel.server.loop import Driver
+from urbihw.kernel.server.tcp import Server
+
+CONSOLE_FILES: Final = ("URBI.INI", "global.u", "CLIENT.INI", "local.u")
+"""What the console loads when the server starts; the names in capitals are those of old."""
+CONNECTION_FILES: Final = ("CLIENT.INI", "local.u")
+"""What every connection loads when it opens."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What ``urbi`` was asked for.
+
+    Attributes:
+        program: the path under which it was called.
+        texts: to run in the console, in order.
+        interactive: whether to read standard input.
+        host, port: where to listen; port -1 is nowhere, 0 any free one.
+        port_file: written when clients may come.
+        quiet: no banner.
+        fast: simulated time.
+        arguments: ``System.arguments``.
+    """
+
+    program: str = "urbi"
+    texts: tuple[bytes, ...] = ()
+    interactive: bool = False
+    host: str = "127.0.0.1"
+    port: int = -1
+    port_file: Path | None = None
+    quiet: bool = False
+    fast: bool = False
+    arguments: tuple[str, ...] = ()
+
+
+async def serve(settings: Settings) -> int:
+    """Serve until ``shutdown``, the end of an interactive session or a signal; the exit code.  Raises Refused."""
+    process = Process(settings)
+    try:
+        return await process.run()
+    finally:
+        await process.close()
+
+
+class Process:
+    """Everything that ``urbi`` holds."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self.kernel = Kernel(fast=settings.fast)
+        self.driver = Driver(self.kernel.scheduler)
+        self._stopped: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        programs = self.kernel.programs
+        programs.shutdown = self.stop
+        programs.name = settings.program
+        programs.arguments = list(settings.arguments)
+        programs.quiet = settings.quiet
+        self._server = Server(self.driver, self._open_lobby)
+        self._terminal = Terminal(self.kernel, self.driver, self.stop)
+        interactive = self._terminal.lobby if settings.interactive else None
+        self._interrupter = Interrupter(self.kernel.scheduler, self.stop, interactive)
+
+    def stop(self) -> None:
+        """End the process, in order."""
+        if not self._stopped.done():
+            self._stopped.set_result(None)
+
+    async def run(self) -> int:
+        """Serve."""
+        settings, loop = self._settings, asyncio.get_running_loop()
+        self._interrupter.install()
+        loop.add_signal_handler(signal.SIGTERM, self.stop)
+        self._terminal.feed(start_up(self.kernel, CONSOLE_FILES))
+        await self._either(self._terminal.idle())
+        if not self._stopped.done():
+            await self._listen()
+            self._terminal.on_quit = self._no_more_input
+            self._terminal.start(settings.texts, settings.interactive)
+            self.driver.drive()
+        await self._stopped
+        return self._terminal.code
+
+    async def _either(self, done: asyncio.Future[None]) -> None:
+        """Wait for something, or for the end."""
+        self.driver.drive()
+        await asyncio.wait((done, self._stopped), return_when=asyncio.FIRST_COMPLETED)
+
+    def _open_lobby(self, remote: str, wanted: Callable[[Lobby], None], limit: int) -> Lobby:
+        lobby = self.kernel.open_lobby(remote, wanted, limit)
+        lobby.feed(start_up(self.kernel, CONNECTION_FILES))
+        return lobby
+
+    async def _listen(self) -> None:
+        host, port = self._settings.host, self._settings.port
+        if port >= 0:
+            try:
+                port = await self._server.listen(host, port)
+            except OSError as error:
+                reason = os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror
+                raise Refused(f"cannot listen to port {host}:{port}: {reason}", EX_UNAVAILABLE) from error
+        self.kernel.programs.listen_port = port
+        if self._settings.port_file is not None:
+            try:
+                self._settings.port_file.write_text(f"{port}\n", "ascii")
+            except OSError as error:
+                raise Refused(f"cannot write {self._settings.port_file}: {error.strerror}", EX_CONFIG) from error
+
+    def _no_more_input(self) -> None:
+        self._interrupter.lobby = None
+
+    async def close(self) -> None:
+        """Say what is left to say and let go of everything; twice is fine."""
+        self._terminal.close()
+        self.driver.close()
+        await self._server.close()
+        self._interrupter.uninstall()
+        with contextlib.suppress(ValueError):
+            asyncio.get_running_loop().remove_signal_handler(signal.SIGTERM)
+
+
+def start_up(kernel: Kernel, names: Iterable[str]) -> bytes:
+    """The urbiscript by which a lobby loads those of the files that there are; an error in one ends the row."""
+    world = kernel.world
+    path = world.send(world.global_.slots["System"], "searchPath")
+    folders = [Path(world.text(folder)) for folder in path.l]
+    found = [name for name in names if any((folder / name).is_file() for folder in folders)]
+    if not found:
+        return b""
+    loads = " | ".join(f'System.maybeLoad("{name}", clog)' for name in found)
+    return f'//#push 1 "initialize"\n{loads}|;\n//#pop\n'.encode()

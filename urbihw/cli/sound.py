@@ -1,0 +1,93 @@
+"""``urbi-sound``: record what a device of a server hears, to save or to play it.
+
+The manual names the program without describing it; host, port, device and output are those of ``urbi-image``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+from urbihw.cli.link import Link
+from urbihw.cli.options import EX_CONFIG, INTERRUPTED, Parser, Refused, add_server, address, complain
+from urbihw.cli.sounds import Sound, wave_file
+
+PROGRAM: Final = "urbi-sound"
+PATIENCE: Final = 10.0
+PLAYERS: Final = (("aplay", "-q", "-"), ("pw-cat", "-p", "-"), ("play", "-q", "-t", "wav", "-"))
+"""Programs that play a WAVE file from their standard input; the first that is there is taken."""
+
+
+def parser() -> Parser:
+    """The options of ``urbi-sound``."""
+    made = Parser(PROGRAM, "Record sound from an urbiscript server, to save it (--output) or to play it.")
+    add_server(made)
+    made.add_argument("-d", "--device", default="micro", help="record DEVICE.val (%(default)s)")
+    made.add_argument("-t", "--duration", type=_seconds, default=5.0, metavar="S",
+                      help="record S seconds (%(default)s)")
+    made.add_argument("-o", "--output", type=Path, metavar="FILE", help="save the sound to FILE, as WAVE")
+    return made
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value <= 3600:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number of seconds up to 3600")
+    return value
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The command; returns the exit code."""
+    options = parser().parse(argv)
+    try:
+        player = None if options.output is not None else find_player()
+        with Link(*address(options)) as link:
+            data = wave_file(recorded(link, options.device, options.duration))
+        if player is not None:
+            subprocess.run(player, input=data, check=False)
+            return 0
+        try:
+            options.output.write_bytes(data)
+        except OSError as error:
+            raise Refused(f"cannot write {options.output}: {error.strerror}", EX_CONFIG) from error
+        print(f"{options.output}: {len(data)} bytes")
+    except Refused as error:
+        return complain(PROGRAM, error)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    return 0
+
+
+def find_player() -> Sequence[str]:
+    """The command of a program that plays sound.  Raises Refused."""
+    for player in PLAYERS:
+        if shutil.which(player[0]) is not None:
+            return player
+    raise Refused(f"no program to play sound with ({', '.join(row[0] for row in PLAYERS)}); save it: --output FILE",
+                  EX_CONFIG)
+
+
+def recorded(link: Link, device: str, duration: float) -> Iterator[Sound]:
+    """Pieces of sound until there are so many seconds of them: what the device hears since it was last heard."""
+    left = duration
+    for line in link.follow(f"at ({device}.val->changed?) answers << {device}.val", PATIENCE):
+        if not line.binaries:
+            raise Refused(f"the server answered {line.shown[:60]!r}, which is no sound; which device is it (--device)?")
+        sound = Sound.of(line.binaries[0])
+        if sound.samples:
+            left -= sound.format.seconds(len(sound.samples))
+            yield sound
+        if left <= 1e-9:
+            return
+
+
+if __name__ == "__main__":
+    sys.exit(main())

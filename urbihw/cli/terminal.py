@@ -1,0 +1,158 @@
+"""The console of ``urbi``: a lobby that speaks to standard output and, if wanted, listens to standard input."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import sys
+from collections.abc import Callable, Iterable
+from typing import Final
+
+from urbihw.cli.options import EX_RUNTIME, EX_SYNTAX
+from urbihw.kernel import Kernel
+from urbihw.kernel.lobby.lobby import Lobby
+from urbihw.kernel.lobby.output import Output
+from urbihw.kernel.server.loop import Driver
+
+CHUNK: Final = 64 * 1024
+
+
+class _Watched(Output):
+    """An output that notices the errors that pass."""
+
+    def __init__(self, now: Callable[[], float]) -> None:
+        super().__init__(now, lambda: None)
+        self.code = 0
+        self.watching = True
+
+    def line(self, text: str, channel: str = "") -> None:
+        """Send one line; the first error decides about the exit code."""
+        if self.watching and channel == "error" and text.startswith("!!! ") and not self.code:
+            self.code = EX_SYNTAX if ": syntax error: " in text else EX_RUNTIME
+        super().line(text, channel)
+
+
+class Terminal:
+    """The lobby of the process itself.
+
+    ``ended`` is called at the end of standard input.  ``on_quit`` is called when the console was left by ``quit``: the
+    server goes on without it.
+    """
+
+    def __init__(self, kernel: Kernel, driver: Driver, ended: Callable[[], None]) -> None:
+        self._kernel = kernel
+        self._driver = driver
+        self._ended = ended
+        self._reading = False
+        self.on_quit: Callable[[], None] = lambda: None
+        self.lobby: Lobby = kernel.open_lobby()
+        self._output = _Watched(lambda: kernel.scheduler.now)
+        self._output.write(self.lobby.output.take())
+        self.lobby.output = self._output
+        self.lobby.on_quit = self._quit
+        kernel.scheduler.add_round_hook(self._flush)
+
+    @property
+    def code(self) -> int:
+        """The exit code for what the texts of the command line did: 0, 65 or 70."""
+        return self._output.code
+
+    def feed(self, text: bytes) -> None:
+        """Run a text."""
+        self.lobby.feed(text)
+
+    def idle(self) -> asyncio.Future[None]:
+        """Done once all that was fed so far was run."""
+        done: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+        def tell() -> None:
+            if not done.done():
+                done.set_result(None)
+
+        self.lobby.shell.when_idle(tell)
+        return done
+
+    def start(self, texts: Iterable[bytes], interactive: bool) -> None:
+        """Run the texts given on the command line; then read standard input, if wanted."""
+        for text in texts:
+            self.lobby.feed(text)
+        if interactive:
+            self.lobby.shell.when_idle(self._stop_watching)
+            self._reading = True
+            self._begin_to_read()
+
+    def _stop_watching(self) -> None:
+        self._output.watching = False
+
+    def _begin_to_read(self) -> None:
+        loop = asyncio.get_running_loop()
+        if sys.stdin is None:
+            loop.call_soon(self._end_of_input)
+            return
+        try:
+            loop.add_reader(sys.stdin.fileno(), self._read)
+        except PermissionError:
+            # A plain file and /dev/null cannot be waited for, and need not be.
+            loop.call_soon(self._read_on)
+
+    def _read(self) -> bool:
+        """Take what standard input has; whether there may be more."""
+        try:
+            data = os.read(sys.stdin.fileno(), CHUNK)
+        except BlockingIOError:
+            return True
+        except OSError:
+            data = b""
+        if not data:
+            self._end_of_input()
+        elif self._reading:
+            self.lobby.feed(data)
+        self._driver.drive()
+        return bool(data)
+
+    def _read_on(self) -> None:
+        if self._reading and self._read():
+            asyncio.get_running_loop().call_soon(self._read_on)
+
+    def _end_of_input(self) -> None:
+        """Ctrl-D ends the session at once; the end of a pipe or file when all that came from it was run."""
+        if not self._reading:
+            return
+        self._stop_reading()
+        if sys.stdin is not None and sys.stdin.isatty():
+            self._ended()
+        else:
+            self._kernel.post(lambda: self.lobby.shell.when_idle(self._ended))
+
+    def _stop_reading(self) -> None:
+        self._reading = False
+        if sys.stdin is not None:
+            asyncio.get_running_loop().remove_reader(sys.stdin.fileno())
+
+    def _quit(self) -> None:
+        self._flush()
+        if self._reading:
+            self._stop_reading()
+        self.on_quit()
+
+    def _flush(self) -> None:
+        """Write what the lobby said; if nobody takes it any more, that is the end."""
+        data = self._output.take()
+        if not data:
+            return
+        try:
+            sys.stdout.buffer.write(data)
+            sys.stdout.buffer.flush()
+        except BrokenPipeError:
+            self._output.close()
+            # What Python would flush when it exits must not fail, too.
+            with contextlib.suppress(OSError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            self._ended()
+
+    def close(self) -> None:
+        """Say what is left to say, and read no more."""
+        self._flush()
+        if self._reading:
+            self._stop_reading()

@@ -1,0 +1,76 @@
+"""A window that shows one image after the other, until it is closed."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import tkinter
+from collections.abc import Iterator
+
+from PIL import ImageTk
+
+from urbihw.cli.options import EX_CONFIG, Refused
+from urbihw.cli.pictures import Picture
+
+LOOK: int = 20
+"""Milliseconds between two looks for a new image."""
+
+
+def show(pictures: Iterator[Picture], title: str, scale: float) -> None:
+    """Show images until the window is closed.  Raises Refused when there is no screen, or no more images."""
+    try:
+        root = tkinter.Tk()
+    except tkinter.TclError as error:
+        raise Refused(f"there is no screen to show images on ({error}); save one: --output FILE", EX_CONFIG) from error
+    root.title(title)
+    view = _View(root, scale)
+    news: queue.Queue[Picture | Refused] = queue.Queue(maxsize=2)
+    threading.Thread(target=_fetch, args=(pictures, news), daemon=True).start()
+    problem: list[Refused] = []
+
+    def look() -> None:
+        try:
+            view.show(news.get_nowait())
+        except queue.Empty:
+            pass
+        except Refused as error:
+            problem.append(error)
+            root.destroy()
+            return
+        root.after(LOOK, look)
+
+    root.after(LOOK, look)
+    root.mainloop()
+    if problem:
+        raise problem[0]
+
+
+def _fetch(pictures: Iterator[Picture], news: queue.Queue[Picture | Refused]) -> None:
+    """Wait for images beside the window; what goes wrong is one of the news."""
+    try:
+        for picture in pictures:
+            news.put(picture)
+    except Refused as error:
+        news.put(error)
+
+
+class _View:
+    """The contents of the window."""
+
+    def __init__(self, root: tkinter.Tk, scale: float) -> None:
+        self._scale = scale
+        self._label = tkinter.Label(root)
+        self._label.pack()
+        self._photo: ImageTk.PhotoImage | None = None
+
+    def show(self, news: Picture | Refused) -> None:
+        """Show an image.  Raises Refused if that is the news."""
+        if isinstance(news, Refused):
+            raise news
+        image = news.decoded().convert("RGB")
+        if self._scale != 1.0:
+            size = (max(1, round(image.width * self._scale)), max(1, round(image.height * self._scale)))
+            image = image.resize(size)
+        # The window does not keep what it shows.
+        self._photo = ImageTk.PhotoImage(image)
+        self._label.configure(image=self._photo)
