@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import io
 import os
 import socket
+import tempfile
+import threading
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from pathlib import Path
 
 import pytest
 import serial
@@ -84,7 +88,35 @@ def _spy(stack: ExitStack) -> Peer:
     return inner
 
 
-PEERS = {"serial": _pty, "socket": _tcp, "pipe": _pipe, "spy": _spy}
+def _usb(stack: ExitStack) -> Peer:
+    bus = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+    listener = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET))
+    listener.bind(str(bus / "0000"))
+    listener.listen()
+    claimed: list[socket.socket] = []
+
+    def accept() -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                claimed.append(stack.enter_context(listener.accept()[0]))
+                claimed[-1].send(b"claimed")
+
+    acceptor = threading.Thread(target=accept)
+    acceptor.start()
+    stack.callback(acceptor.join)
+    stack.callback(lambda: listener.shutdown(socket.SHUT_RDWR))
+
+    def send(data: bytes) -> None:
+        for start in range(0, len(data), 64):
+            claimed[-1].send(data[start : start + 64])
+
+    url = f"usb://0694:0002?backend=fakes.nxt.usb_backend:bus&at={bus}"
+    peer = Peer(url, Context(), send, lambda size: claimed[-1].recv(size))
+    peer.hang_up = lambda: claimed[-1].close()
+    return peer
+
+
+PEERS = {"serial": _pty, "socket": _tcp, "pipe": _pipe, "spy": _spy, "usb": _usb}
 
 
 def _write(fd: int, data: bytes) -> None:
@@ -196,7 +228,7 @@ def test_urls() -> None:
     [
         ("", "names no port"),
         ("socket://", "names no port"),
-        ("teapot://x", "unknown kind 'teapot'; known: pipe, serial, socket, spy"),
+        ("teapot://x", "unknown kind 'teapot'; known: .*pipe, serial, socket, spy, usb"),
         ("/dev/null?baud=fast", "baud must be a number"),
         ("/dev/null?baud=0", "baud must be a number"),
         ("/dev/null?baud", "key=value"),

@@ -9,6 +9,7 @@ A bus is a url; a fake robot is just one more url::
     /dev/ttyUSB0?baud=57600      a serial device, or the path of a pty
     serial:///dev/ttyUSB0        the same, spelt out
     socket://localhost:6000      a bus behind TCP
+    usb://0694:0002              a USB device with a pair of bulk endpoints, by vendor and product
     spy:///dev/ttyUSB0           the same as without spy://, printing every byte
     pipe://name                  an in-memory pair, for tests
 """
@@ -27,6 +28,7 @@ BUSES: Final = {
     "socket": "urbihw.buses.tcp:TcpLink",
     "pipe": "urbihw.buses.pipe:PipeLink",
     "spy": "urbihw.buses.spy:SpyLink",
+    "usb": "urbihw.buses.usb:UsbLink",
 }
 ENTRY_POINTS: Final = "urbihw.buses"  # group under which other packages add rows: name = scheme, value = module:Class
 

@@ -142,9 +142,12 @@ class Link(Port):
       - return from `_read` as soon as at least one byte is there, and b"" at the deadline;
       - send all of `data` in `_write`, in one piece where the system allows it (a servo gives up on a pause).
     A subclass MAY
-      - override `discard` when its system can throw input away faster than by reading it.
+      - override `discard` when its system can throw input away faster than by reading it;
+      - set `packets` when what is written in one piece arrives in one piece, and a read gives at most one such piece.
     It MUST NOT sleep otherwise, start threads, or know what the bytes mean.
     """
+
+    packets = False
 
     def read(self, size: int, deadline: float) -> bytes:
         """Return 1 to `size` bytes as soon as some are there, or b"" when `deadline` passes.

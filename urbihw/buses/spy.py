@@ -20,6 +20,7 @@ class SpyLink(Link):
         self._inner = byte_link(buses.port_for(url.target, context))
         super().__init__(url, context)
         self.baud = self._inner.baud
+        self.packets = self._inner.packets
         self._output = output if output is not None else sys.stderr
         self._start = 0.0
 
