@@ -32,7 +32,10 @@ def test_text_that_comes_in_pieces_is_put_together() -> None:
     assert adapter.take(b"30\r") == ([CanFrame(0x413, b"")], b"\r")
 
 
-@pytest.mark.parametrize("line", [b"t9990", b"t4132AA", b"t4139", b"t413x", b"tGGG0", b"t4131\xff\xff", b"T000004130", b"?"])
+LINES = (b"t9990", b"t4132AA", b"t4139", b"t413x", b"tGGG0", b"t4131\xff\xff", b"T000004130", b"?")
+
+
+@pytest.mark.parametrize("line", LINES)
 def test_what_is_no_command_is_answered_by_a_bell(line: bytes) -> None:
     adapter = Slcan()
     adapter.take(b"O\r")

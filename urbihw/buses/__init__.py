@@ -29,6 +29,7 @@ BUSES: Final = {
     "pipe": "urbihw.buses.pipe:PipeLink",
     "spy": "urbihw.buses.spy:SpyLink",
     "usb": "urbihw.buses.usb:UsbLink",
+    "can": "urbihw.buses.can.port:CanPort",
 }
 ENTRY_POINTS: Final = "urbihw.buses"  # group under which other packages add rows: name = scheme, value = module:Class
 

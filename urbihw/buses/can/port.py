@@ -1,0 +1,240 @@
+"""A CAN bus by url, through python-can: `can://INTERFACE/CHANNEL?option=value`.
+
+INTERFACE is python-can's name; options go to it as they are, numbers as numbers. `bitrate` is 500000 if not given (a
+socketcan interface keeps the one it was set up with). Settings files of python-can are not read: the url says all.
+
+Only classic data frames with 11-bit identifiers come out of `receive`. Everybody on a multicast bus may send, and a
+serial adapter may send anything: what is no frame is counted in `damaged` and dropped.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import select
+from typing import Any, Final
+
+import can
+
+from urbihw.buses.can.frame import Frame
+from urbihw.buses.can.slcan import SlcanText
+from urbihw.buses.errors import BadUrl, BusTimeout, LinkGone, Unavailable
+from urbihw.buses.link import Context, Port, Url
+
+DEFAULT_BITRATE: Final = 500_000
+_PATHS: Final = {"slcan"}
+"""Interfaces whose channel is the path of a serial port."""
+_CHUNK: Final = 65536
+_FULL: Final = {errno.ENOBUFS, errno.EAGAIN}
+_WORDS: Final = {"true": True, "false": False}
+
+
+class CanPort(Port):
+    """One bus.
+
+    Attributes:
+        damaged: what came in and was no frame, since opening.
+    """
+
+    def __init__(self, url: Url, context: Context) -> None:
+        super().__init__(url, context)
+        self.interface, _, channel = url.target.partition("/")
+        if not channel:
+            raise BadUrl(f"bus url {url.text!r}: write can://INTERFACE/CHANNEL, such as can://socketcan/can0")
+        self.channel = f"/{channel}" if self._on_path(channel) else channel
+        self.options = {name: _value(text) for name, text in url.options.items()}
+        bitrate = self.options.setdefault("bitrate", DEFAULT_BITRATE)
+        if not isinstance(bitrate, int) or bitrate <= 0:
+            raise BadUrl(f"bus url {url.text!r}: bitrate must be a number such as 500000, not {bitrate!r}")
+        self.baud = bitrate
+        self.damaged = 0
+        self._bus: can.BusABC | None = None
+        self._lock = -1
+        self._text: SlcanText | None = None
+        self._waiting: list[Frame] = []
+
+    @property
+    def byte_time(self) -> float:
+        """Seconds that 8 bits take on the bus."""
+        return 8 / self.baud
+
+    @property
+    def bus(self) -> can.BusABC:
+        """The bus itself, for who needs more than frames (canopen). Raises LinkGone when it is closed."""
+        if self._bus is None:
+            raise LinkGone(f"{self.url.text} is closed")
+        return self._bus
+
+    def send(self, frame: Frame) -> None:
+        """Send a frame. Raises BusTimeout when the adapter is full (nobody acknowledges?), LinkGone."""
+        message = can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=False)
+        try:
+            self.bus.send(message)
+        except can.CanTimeoutError as error:
+            raise BusTimeout(self._full()) from error
+        except (can.CanError, OSError) as error:
+            if _number_of(error) in _FULL:
+                raise BusTimeout(self._full()) from error
+            raise self._gone(error) from error
+        self.bytes_written += frame.wire_bytes
+
+    def receive(self, limit: int, deadline: float) -> list[Frame]:
+        """Wait for a frame until `deadline` at most, then take what else is there, `limit` frames at most.
+
+        A deadline in the past still collects what has arrived. Raises LinkGone.
+        """
+        pause = max(0.0, deadline - self.clock.now())
+        return self._receive_text(limit, pause) if self._text is not None else self._receive(limit, pause)
+
+    def _receive(self, limit: int, pause: float) -> list[Frame]:
+        frames: list[Frame] = []
+        for _ in range(limit):
+            message, damaged = self._next(pause)
+            if damaged:
+                self.damaged += 1
+                continue
+            if message is None:
+                break
+            pause = 0.0
+            if _plain(message):
+                frame = Frame(message.arbitration_id, bytes(message.data))
+                self.bytes_read += frame.wire_bytes
+                frames.append(frame)
+        return frames
+
+    def _receive_text(self, limit: int, pause: float) -> list[Frame]:
+        assert self._text is not None
+        fd = self.bus.fileno()
+        frames, self._waiting = self._waiting, []
+        try:
+            while len(frames) < limit and select.select((fd,), (), (), 0 if frames else pause)[0]:
+                data = os.read(fd, _CHUNK)
+                if not data:
+                    raise LinkGone(f"{self.url.text}: the other side closed; was it unplugged?")
+                frames += self._text.feed(data)
+                pause = 0.0
+        except BlockingIOError:
+            # Somebody else's byte; there is nothing now.
+            pass
+        except OSError as error:
+            if isinstance(error, LinkGone):
+                raise
+            raise self._gone(error) from error
+        self.damaged += self._text.take_damaged()
+        frames, self._waiting = frames[:limit], frames[limit:]
+        self.bytes_read += sum(frame.wire_bytes for frame in frames)
+        return frames
+
+    def _next(self, pause: float) -> tuple[can.Message | None, bool]:
+        """The next message, or whether something came that is none."""
+        try:
+            return self.bus.recv(pause), False
+        except (ValueError, IndexError):
+            # Text of a serial adapter that is no frame; python-can lets its mistakes through.
+            return None, True
+        except (can.CanError, OSError) as error:
+            if "unpack" in str(error):
+                # A datagram that is no frame: any program may send one.
+                return None, True
+            raise self._gone(error) from error
+
+    def _open(self) -> None:
+        try:
+            self._claim()
+            self._bus = can.Bus(self.channel, self.interface, ignore_config=True, **self.options)
+            self._text = SlcanText() if self.interface == "slcan" else None
+        except (NotImplementedError, ImportError) as error:
+            self._close()
+            raise Unavailable(errno.ENOENT, f"{self.url.text}: {error}; python-can knows: {_known()}") from error
+        except (can.CanError, OSError) as error:
+            self._close()
+            raise self._explained(error) from error
+        except (ValueError, TypeError) as error:
+            self._close()
+            raise BadUrl(f"bus url {self.url.text!r}: {error}") from error
+
+    def _close(self) -> None:
+        bus, self._bus = self._bus, None
+        if bus is not None:
+            try:
+                bus.shutdown()
+            except (can.CanError, OSError):
+                # An unplugged adapter cannot be told that we go; python-can then leaves its port open.
+                port = getattr(bus, "serialPortOrig", None)
+                if port is not None:
+                    port.close()
+        if self._lock >= 0:
+            os.close(self._lock)
+            self._lock = -1
+
+    def _claim(self) -> None:
+        """Lock the port of a serial adapter as pyserial does, which python-can leaves out."""
+        if self._on_path(self.channel):
+            self._lock = os.open(self.channel.partition("@")[0], os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+    def _on_path(self, channel: str) -> bool:
+        return self.interface in _PATHS and "://" not in channel
+
+    def _explained(self, error: Exception) -> Unavailable:
+        number, name = _number_of(error), self.channel
+        if number in {errno.EWOULDBLOCK, errno.EBUSY}:
+            text = f"{name} is in use by another program; close that one first"
+        elif number in {errno.EACCES, errno.EPERM}:
+            text = f"no permission to open {name}: sudo usermod -aG dialout $USER, then log in again"
+        elif number == errno.ENODEV:
+            text = f"no CAN interface {name}: plug it in, then sudo ip link set {name} up type can bitrate {self.baud}"
+        elif number == errno.EAFNOSUPPORT:
+            text = f"{self.url.text}: the kernel of this system has no CAN; use a serial adapter (can://slcan/...)"
+        elif number == errno.ENOENT:
+            text = f"no such port: {name}; is the adapter plugged in?"
+        else:
+            text = f"cannot open {self.url.text}: {error}"
+        return Unavailable(number or errno.EIO, text)
+
+    def _gone(self, error: Exception) -> LinkGone:
+        if _number_of(error) == errno.ENETDOWN:
+            return LinkGone(
+                f"{self.channel} is down: sudo ip link set {self.channel} up type can bitrate {self.baud}"
+            )
+        return LinkGone(f"{self.url.text}: {error}; was it unplugged?")
+
+    def _full(self) -> str:
+        return f"{self.url.text}: takes no more frames; is anything else on the bus, is it terminated?"
+
+
+def can_port(port: Port) -> CanPort:
+    """The port, if it moves CAN frames. Raises BadUrl when it does not."""
+    if not isinstance(port, CanPort):
+        raise BadUrl(f"{port.url.text} is no CAN bus: give a url such as can://socketcan/can0")
+    return port
+
+
+def _plain(message: can.Message) -> bool:
+    return not (message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd)
+
+
+def _number_of(error: BaseException | None) -> int:
+    """The system's number of an error, which python-can may have wrapped."""
+    while error is not None:
+        number = getattr(error, "errno", None) or getattr(error, "error_code", None)
+        if isinstance(number, int):
+            return number
+        error = error.__cause__ or error.__context__
+    return 0
+
+
+def _value(text: str) -> Any:
+    if text.lower() in _WORDS:
+        return _WORDS[text.lower()]
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
+
+def _known() -> str:
+    return ", ".join(sorted(can.VALID_INTERFACES))
