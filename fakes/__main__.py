@@ -17,6 +17,7 @@ from typing import Final, Protocol
 
 import fakes.bioloid_start
 import fakes.nxt.start
+import fakes.p3dx.start
 import fakes.segway.start
 from fakes.console import Command, Console
 from fakes.errors import FakeError
@@ -40,6 +41,7 @@ class Start(Protocol):
 ROBOTS: Final[dict[str, Start]] = {
     "bioloid": fakes.bioloid_start,
     "nxt": fakes.nxt.start,
+    "p3dx": fakes.p3dx.start,
     "segway": fakes.segway.start,
 }
 

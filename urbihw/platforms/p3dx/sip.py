@@ -96,9 +96,10 @@ def parse(body: bytes) -> Sip:
             break
         (tail[name],) = layout.unpack_from(body, end)
         end += layout.size
+    gripper, analog_port, analog, digital_in, digital_out = _IO.unpack_from(body, at)
     return Sip(
         kind == MOVING, x & 0x7FFF, y & 0x7FFF, theta, left, right, battery, stall, control, flags, compass, sonars,
-        *_IO.unpack_from(body, at), tail,
+        gripper, analog_port, analog, digital_in, digital_out, tail,
     )  # fmt: skip
 
 
