@@ -1,0 +1,306 @@
+"""What a worker runs on an NXT: messages in, messages out.  Devices are "A" to "C", 1 to 4, and "brick".
+
+One telegram is in flight at a time.  A reply that is not there at the end of a tick is awaited in the next, so a slow
+link (Bluetooth takes some 30 ms a reply) makes readings rarer but ticks no later; targets go out before each reading.
+
+Targets: see ``motion``; watches: see ``reading``.  "write" requests: ("brick", "telegram", bytes) sends a command from
+its opcode on and gives the reply from its opcode on; ("brick", "silent", bytes) sends one without a reply; (port,
+"i2c", (data, count)) gives the bytes read; (motor, "rotation", 0) resets the count of degrees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from urbihw.buses.errors import BadFrame, BadValue, BusError, BusTimeout, LinkGone, Unavailable
+from urbihw.buses.link import Port, byte_link
+from urbihw.buses.messages import (
+    Configure,
+    Found,
+    FromWorker,
+    Happened,
+    Refused,
+    Reply,
+    Request,
+    Samples,
+    Targets,
+    Watch,
+)
+from urbihw.platforms.nxt import protocol as p
+from urbihw.platforms.nxt.exchange import Exchange
+from urbihw.platforms.nxt.i2c import transfer
+from urbihw.platforms.nxt.motion import Motion
+from urbihw.platforms.nxt.reading import BRICK, Job, Plan
+
+KEEP_ALIVE = 60.0
+"""Seconds between KEEPALIVEs: the shortest sleep limit in the brick's menu is 2 minutes."""
+PROTOCOL = 1
+"""The major version of the protocol that is spoken here."""
+_SHARE = 0.8  # of a tick, for readings
+_TRIES = 2
+
+
+@dataclass(frozen=True, slots=True)
+class FoundBrick:
+    """What ``Found`` tells; versions as text, ``sleep_limit`` in s, 0 for never."""
+
+    name: str
+    address: str
+    firmware: str
+    protocol: str
+    free: int
+    sleep_limit: float
+
+
+class NxtDriver:
+    """See ``urbihw.buses.engine.Driver`` for who calls what."""
+
+    slow_verbs: frozenset[str] = frozenset()
+
+    def __init__(self) -> None:
+        self._settings = Configure()
+        self._exchange: Exchange | None = None
+        self._plan = Plan()
+        self._motion = Motion()
+        self._pending: Job | None = None
+        self._moved = False
+        self._keep_alive_at = 0.0
+
+    def configure(self, settings: Configure) -> None:
+        """Take new settings; the options are those of the robot, not of the wire."""
+        self._settings = settings
+
+    def attach(self, port: Port) -> list[FromWorker]:
+        """Meet the brick.  What we had set in motion before the link was lost is stopped now."""
+        exchange = Exchange(byte_link(port))
+        exchange.link.discard()
+        try:
+            found = self._meet(exchange)
+            if self._moved:
+                self._hold(exchange)
+        except (LinkGone, Unavailable):
+            raise
+        except BusError as error:
+            raise Unavailable(
+                f"{port.url.text}: no NXT answers: is it switched on, and does it run the firmware of LEGO? ({error})"
+            ) from error
+        now = port.clock.now()
+        self._exchange = exchange
+        self._pending = None
+        self._moved = False
+        self._plan.restart(now)
+        self._keep_alive_at = now + KEEP_ALIVE
+        return [Found((found,))]
+
+    def detach(self) -> None:
+        """Let go of the link: it is gone.  Targets are forgotten."""
+        self._exchange = None
+        self._pending = None
+        self._motion.forget()
+
+    def tick(self, now: float, meanwhile: Callable[[], None]) -> list[FromWorker]:
+        """Send targets, then read until most of the tick is over.  Raises LinkGone."""
+        exchange = self._exchange
+        if exchange is None:
+            return []
+        clock = exchange.link.clock
+        end = now + _SHARE / self._settings.rate
+        gathered = _Gathered()
+        while True:
+            if not exchange.busy:
+                self._send_targets(exchange, clock.now(), gathered)
+                if not self._begin(exchange, clock.now()):
+                    break
+                meanwhile()
+            if not self._collect(exchange, end, gathered):
+                break
+            if clock.now() >= end:
+                if not exchange.busy:
+                    self._send_targets(exchange, clock.now(), gathered)
+                break
+        return gathered.messages()
+
+    def targets(self, message: Targets) -> list[FromWorker]:
+        """Take targets for the next tick."""
+        if self._exchange is None:
+            return []
+        refused: list[FromWorker] = []
+        for (device, item), value in message.values.items():
+            try:
+                self._motion.aim(device, item, value)
+            except BadValue as error:
+                refused.append(Refused(device, item, str(error)))
+        return refused
+
+    def watch(self, message: Watch, now: float) -> list[FromWorker]:
+        """Begin, change or end a watch."""
+        try:
+            self._plan.watch(message.device, message.items, message.period, now)
+        except BadValue as error:
+            return [Refused(message.device, ", ".join(message.items), str(error))]
+        return []
+
+    def request(self, message: Request) -> list[FromWorker]:
+        """Do something once.  Raises LinkGone, after which the request is to be answered as failed."""
+        exchange = self._exchange
+        if exchange is None:
+            return [Reply(message.reply_id, False, error="the link is down")]
+        self._pending = None
+        try:
+            return [Reply(message.reply_id, True, self._errand(exchange, message))]
+        except LinkGone:
+            raise
+        except p.Refused as error:
+            exchange.counters.refused += 1
+            return [Reply(message.reply_id, False, error=str(error))]
+        except BusError as error:
+            return [Reply(message.reply_id, False, error=str(error))]
+
+    def safe_stop(self) -> None:
+        """All motors hold, or with ``torque_off_on_stop`` coast; silence.  Raises LinkGone."""
+        self._motion.forget()
+        exchange, self._pending = self._exchange, None
+        if exchange is None:
+            return
+        try:
+            self._hold(exchange)
+        except BusError as error:
+            raise LinkGone(f"{exchange.link.url.text}: the brick did not confirm that it stopped ({error})") from error
+        self._moved = False
+
+    def errors(self) -> dict[str, int]:
+        """Return failures since ``attach``, by kind."""
+        return {} if self._exchange is None else asdict(self._exchange.counters)
+
+    # ---------------------------------------------------------------- attaching
+
+    def _meet(self, exchange: Exchange) -> FoundBrick:
+        version = p.parse_version(_patiently(exchange, p.firmware_version()))
+        if version.protocol[0] != PROTOCOL:
+            raise Unavailable(
+                f"{exchange.link.url.text}: the brick speaks protocol {_dotted(version.protocol)}, "
+                f"urbihw {PROTOCOL}.x; install the firmware of LEGO"
+            )
+        info = p.parse_device_info(_patiently(exchange, p.device_info()))
+        limit = p.parse_sleep_limit(_patiently(exchange, p.keep_alive(reply=True)))
+        return FoundBrick(
+            info.name, info.address, _dotted(version.firmware), _dotted(version.protocol), info.free, limit / 1000
+        )
+
+    def _hold(self, exchange: Exchange) -> None:
+        stop = p.coast(p.ALL_OUTPUTS) if self._settings.torque_off_on_stop else p.run(p.ALL_OUTPUTS, 0)
+        p.body(_patiently(exchange, p.replied(stop)), 0)
+        exchange.tell(p.stop_sound())
+
+    # ---------------------------------------------------------------- a tick
+
+    def _send_targets(self, exchange: Exchange, now: float, gathered: _Gathered) -> None:
+        for telegram in self._motion.silent(now):
+            self._tell(exchange, telegram)
+        if now >= self._keep_alive_at:
+            self._keep_alive_at = now + KEEP_ALIVE
+            exchange.tell(p.keep_alive(reply=False))
+
+    def _tell(self, exchange: Exchange, telegram: bytes) -> None:
+        self._moved = True
+        exchange.tell(telegram)
+
+    def _begin(self, exchange: Exchange, now: float) -> bool:
+        """Send the next telegram that wants a reply; False when there is nothing to ask."""
+        telegram = self._motion.asked()
+        self._pending = None
+        if telegram is None:
+            self._pending = self._plan.next(now)
+            if self._pending is None:
+                return False
+            telegram = self._pending.telegram(now)
+        exchange.begin(telegram)
+        return True
+
+    def _collect(self, exchange: Exchange, end: float, gathered: _Gathered) -> bool:
+        """Take the reply in; False when it is not there yet.  Raises LinkGone."""
+        job = self._pending
+        values = None
+        try:
+            reply = exchange.poll(end)
+            if reply is None:
+                return False
+            now = exchange.link.clock.now()
+            if job is None:
+                p.body(reply, 0)
+                return True
+            if not self._plan.holds(job):
+                return True
+            values = job.take(reply, now)
+        except p.Refused as error:
+            exchange.counters.refused += 1
+            gathered.complain(job, error)
+        except (BusTimeout, BadFrame):
+            now = exchange.link.clock.now()
+            values = None if job is None else job.failed(now)
+        if job is not None and values is not None:
+            gathered.add(job.device, values, now)
+            if "rotation" in values:
+                for telegram in self._motion.control(job.device, values["rotation"]):
+                    self._tell(exchange, telegram)
+        return True
+
+    # ---------------------------------------------------------------- requests
+
+    def _errand(self, exchange: Exchange, message: Request) -> Any:
+        device, item, value = message.device, message.item, message.value
+        if (message.verb, device, item) == ("write", BRICK, "telegram"):
+            return _patiently(exchange, p.raw(value, reply=True), tries=1)[1:]
+        if (message.verb, device, item) == ("write", BRICK, "silent"):
+            self._tell(exchange, p.raw(value, reply=False))
+            return None
+        if (message.verb, item) == ("write", "i2c") and device in p.INPUTS:
+            data, count = value
+            return transfer(exchange, device - 1, data, count)
+        if (message.verb, item) == ("write", "rotation") and device in p.OUTPUTS:
+            p.body(_patiently(exchange, p.reset_rotation(p.OUTPUTS.index(device))), 0)
+            return 0
+        if (message.verb, device, item) == ("read", BRICK, "millivolts"):
+            return p.parse_battery(_patiently(exchange, p.battery()))
+        raise BadValue(f"port {device!r} of an NXT has no {item!r} to {message.verb}")
+
+
+class _Gathered:
+    """What a tick brought."""
+
+    def __init__(self) -> None:
+        self._values: dict[Any, dict[str, Any]] = {}
+        self._times: dict[Any, float] = {}
+        self._complaints: list[FromWorker] = []
+
+    def add(self, device: Any, values: dict[str, Any], now: float) -> None:
+        """A device was read."""
+        self._values.setdefault(device, {}).update(values)
+        self._times[device] = now
+
+    def complain(self, job: Job | None, error: p.Refused) -> None:
+        """The brick refused something."""
+        self._complaints.append(Happened(BRICK if job is None else job.device, "refused", str(error)))
+
+    def messages(self) -> list[FromWorker]:
+        """All of it."""
+        if not self._values:
+            return self._complaints
+        return [*self._complaints, Samples(max(self._times.values()), self._values, self._times)]
+
+
+def _patiently(exchange: Exchange, telegram: bytes, tries: int = _TRIES) -> bytes:
+    """The reply to a telegram that may be sent again.  Raises BusTimeout, BadFrame, LinkGone."""
+    for attempt in range(tries):
+        try:
+            return exchange.ask(telegram)
+        except (BusTimeout, BadFrame):
+            if attempt == tries - 1:
+                raise
+    raise BadValue("no tries")
+
+
+def _dotted(version: tuple[int, int]) -> str:
+    return f"{version[0]}.{version[1]:02d}"

@@ -1,0 +1,286 @@
+"""Telegrams of the NXT: bytes only.
+
+    request   type opcode ...                 type 00 direct or 01 system, 80 more: no reply wanted
+    reply     02   opcode status ...          status 00 is fine; at most 64 bytes in both directions
+
+Little-endian.  Source: the brick's published firmware (dlech/nxt-firmware, c_comm.c and c_cmd.c) and nxt-python's
+nxt/telegram.py, which agree; vectors in ``fakes/captures/nxt.hex``.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import Final
+
+from urbihw.buses.errors import BadFrame, BadValue, BusError
+
+LONGEST: Final = 64
+OUTPUTS: Final = ("A", "B", "C")
+INPUTS: Final = (1, 2, 3, 4)
+ALL_OUTPUTS: Final = 0xFF
+
+# Sensor types and modes (firmware: c_input.iom).
+SWITCH, LIGHT_ACTIVE, LIGHT_INACTIVE, SOUND_DB, SOUND_DBA, LOWSPEED_9V, COLOUR = 1, 5, 6, 7, 8, 11, 13
+RAW, BOOLEAN, PERCENT = 0x00, 0x20, 0x80
+
+PENDING: Final = 0x20
+NOT_READY: Final = 0xE0
+
+BOOT: Final = 0x97
+"""Erases the firmware: never sent."""
+SYSTEM_OPCODES: Final = frozenset(
+    (0x80, 0x81, 0x82, 0x83, 0x84, 0x85, 0x86, 0x87, 0x88, 0x89, 0x8B, 0x8C, 0x90, 0x91, 0x92, 0x94, 0x95)
+    + (0x98, 0x9B, 0xA0, 0xA1, 0xA2, 0xA4)
+)
+"""Those with a reply that can be relied on: the firmware answers unknown ones with garbage."""
+
+MEANINGS: Final = {
+    0x20: "still busy",
+    0x40: "the mailbox is empty",
+    0x81: "no more file handles",
+    0x82: "no space left",
+    0x83: "no more files",
+    0x85: "end of the file",
+    0x86: "not a linear file",
+    0x87: "no such file",
+    0x88: "the handle is closed already",
+    0x89: "no linear space left",
+    0x8B: "the file is in use",
+    0x8E: "the file is full",
+    0x8F: "there is such a file already",
+    0x90: "no such module",
+    0x91: "out of bounds",
+    0x92: "no name for a file",
+    0x93: "no such handle",
+    0x94: "Bluetooth is busy",
+    0xBD: "the request failed",
+    0xBE: "unknown command",
+    0xBF: "the packet makes no sense",
+    0xC0: "a value is out of range",
+    0xDD: "no sensor answers on the I2C bus",
+    0xDE: "no room for more data",
+    0xDF: "no such channel",
+    0xE0: "the channel is not set up, or busy",
+    0xEC: "no program is running",
+    0xED: "wrong size",
+    0xEE: "no such mailbox",
+    0xF0: "no such port",
+    0xFB: "out of memory",
+    0xFF: "bad arguments",
+}
+
+
+class Refused(BusError):
+    """The brick answered with a status other than 0: ``code``."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(f"the brick refused: {MEANINGS.get(code, 'an error without a name')} (status 0x{code:02x})")
+        self.code = code
+
+
+@dataclass(frozen=True, slots=True)
+class OutputState:
+    """A motor: what it was told, and its counters in degrees."""
+
+    port: int
+    power: int
+    mode: int
+    regulation: int
+    turn_ratio: int
+    run_state: int
+    limit: int
+    tacho: int
+    block: int
+    rotation: int
+
+
+@dataclass(frozen=True, slots=True)
+class InputValues:
+    """A sensor; ``valid`` is false for a while after its type was set."""
+
+    port: int
+    valid: bool
+    calibrated: bool
+    kind: int
+    mode: int
+    raw: int
+    normalised: int
+    scaled: int
+    calibrated_value: int
+
+
+@dataclass(frozen=True, slots=True)
+class Version:
+    """Numbers as (major, minor)."""
+
+    protocol: tuple[int, int]
+    firmware: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class BrickInfo:
+    """What a brick says of itself; ``free`` are the bytes left in its flash."""
+
+    name: str
+    address: str
+    free: int
+
+
+# ---------------------------------------------------------------- requests
+
+
+def battery() -> bytes:
+    """GETBATTERYLEVEL."""
+    return b"\x00\x0b"
+
+
+def keep_alive(reply: bool) -> bytes:
+    """KEEPALIVE: the sleep timer starts anew."""
+    return b"\x00\x0d" if reply else b"\x80\x0d"
+
+
+def firmware_version() -> bytes:
+    """GET FIRMWARE VERSION."""
+    return b"\x01\x88"
+
+
+def device_info() -> bytes:
+    """GET DEVICE INFO."""
+    return b"\x01\x9b"
+
+
+def run(port: int, power: int, limit: int = 0) -> bytes:
+    """SETOUTPUTSTATE: turn with ``power`` -100..100, regulated; 0 holds.  ``limit`` in degrees, 0 is for ever.
+
+    No reply.  Port 0xff is all motors.
+    """
+    return struct.pack("<BBBbBBbBI", 0x80, 0x04, port, power, 0x07, 0x01, 0, 0x20, limit)
+
+
+def coast(port: int) -> bytes:
+    """SETOUTPUTSTATE: let go.  No reply."""
+    return struct.pack("<BBBbBBbBI", 0x80, 0x04, port, 0, 0, 0, 0, 0, 0)
+
+
+def replied(telegram: bytes) -> bytes:
+    """The same telegram with a reply wanted."""
+    return bytes([telegram[0] & 0x7F]) + telegram[1:]
+
+
+def output_state(port: int) -> bytes:
+    """GETOUTPUTSTATE."""
+    return bytes((0x00, 0x06, port))
+
+
+def reset_rotation(port: int) -> bytes:
+    """RESETMOTORPOSITION of the rotation count."""
+    return bytes((0x00, 0x0A, port, 0))
+
+
+def input_mode(port: int, kind: int, mode: int) -> bytes:
+    """SETINPUTMODE."""
+    return bytes((0x00, 0x05, port, kind, mode))
+
+
+def input_values(port: int) -> bytes:
+    """GETINPUTVALUES."""
+    return bytes((0x00, 0x07, port))
+
+
+def tone(frequency: int, milliseconds: int) -> bytes:
+    """PLAYTONE.  No reply."""
+    return struct.pack("<BBHH", 0x80, 0x03, frequency, milliseconds)
+
+
+def stop_sound() -> bytes:
+    """STOPSOUNDPLAYBACK.  No reply."""
+    return b"\x80\x0c"
+
+
+def ls_status(port: int) -> bytes:
+    """LSGETSTATUS: how many bytes are ready on the I2C bus of a port."""
+    return bytes((0x00, 0x0E, port))
+
+
+def ls_write(port: int, data: bytes, count: int) -> bytes:
+    """LSWRITE: write ``data`` (the first byte is the address), then read ``count`` bytes; at most 16 each."""
+    if not 0 < len(data) <= 16 or not 0 <= count <= 16:
+        raise BadValue("the I2C bus of the brick takes 1 to 16 bytes and gives at most 16")
+    return bytes((0x00, 0x0F, port, len(data), count)) + data
+
+
+def ls_read(port: int) -> bytes:
+    """LSREAD."""
+    return bytes((0x00, 0x10, port))
+
+
+def raw(body: bytes, reply: bool) -> bytes:
+    """A telegram from what follows its type byte.  Raises BadValue for one that must not be sent."""
+    if not 1 <= len(body) < LONGEST:
+        raise BadValue(f"a command has 1 to {LONGEST - 1} bytes, not {len(body)}")
+    opcode = body[0]
+    if opcode == BOOT:
+        raise BadValue("command 0x97 erases the firmware of the brick; it is not sent")
+    if opcode >= 0x80 and opcode not in SYSTEM_OPCODES:
+        raise BadValue(f"0x{opcode:02x} is no system command of the brick")
+    return bytes([(0x01 if opcode >= 0x80 else 0x00) | (0x00 if reply else 0x80)]) + body
+
+
+# ---------------------------------------------------------------- replies
+
+
+def body(reply: bytes, size: int) -> bytes:
+    """What follows the status of a reply, ``size`` bytes or more.  Raises BadFrame, Refused."""
+    if len(reply) < 3 or reply[0] != 0x02:
+        raise BadFrame(f"no reply of a brick: {reply.hex(' ') or 'nothing'}")
+    if reply[2]:
+        raise Refused(reply[2])
+    if len(reply) < 3 + size:
+        raise BadFrame(f"the reply to command 0x{reply[1]:02x} is {len(reply)} bytes long instead of {3 + size}")
+    return reply[3:]
+
+
+def parse_battery(reply: bytes) -> int:
+    """mV."""
+    return int.from_bytes(body(reply, 2)[:2], "little")
+
+
+def parse_sleep_limit(reply: bytes) -> int:
+    """ms; 0 for never."""
+    return int.from_bytes(body(reply, 4)[:4], "little")
+
+
+def parse_version(reply: bytes) -> Version:
+    """Of GET FIRMWARE VERSION."""
+    protocol_minor, protocol_major, minor, major = body(reply, 4)[:4]
+    return Version((protocol_major, protocol_minor), (major, minor))
+
+
+def parse_device_info(reply: bytes) -> BrickInfo:
+    """Of GET DEVICE INFO."""
+    data = body(reply, 30)
+    name = data[:15].split(b"\0")[0].decode("latin-1")
+    return BrickInfo(name, data[15:21].hex(":").upper(), int.from_bytes(data[26:30], "little"))
+
+
+def parse_output_state(reply: bytes) -> OutputState:
+    """Of GETOUTPUTSTATE."""
+    return OutputState(*struct.unpack_from("<BbBBbBIiii", body(reply, 22)))
+
+
+def parse_input_values(reply: bytes) -> InputValues:
+    """Of GETINPUTVALUES."""
+    port, valid, calibrated, *rest = struct.unpack_from("<BBBBBHHhh", body(reply, 13))
+    return InputValues(port, bool(valid), bool(calibrated), *rest)
+
+
+def parse_ls_status(reply: bytes) -> int:
+    """How many bytes are ready."""
+    return body(reply, 1)[0]
+
+
+def parse_ls_read(reply: bytes) -> bytes:
+    """The bytes that were read."""
+    data = body(reply, 17)
+    return data[1 : 1 + min(data[0], 16)]
