@@ -1,0 +1,115 @@
+"""A Pioneer in simulated time: see ``lab``.  Its two wires have a worker each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from lab import HandWorker, RobotLab
+
+from fakes.device import Device
+from fakes.p3dx.kit import P3dx as Kit
+from fakes.p3dx.world import World
+from urbihw.buses import messages as m
+from urbihw.buses.clock import SimClock
+from urbihw.buses.engine import Engine, driver_of
+from urbihw.buses.link import Context
+from urbihw.buses.pipe import PipeEnd
+
+BAUD = 115200
+
+
+class Line:
+    """A device of the fake at the end of a pipe, which also speaks unasked."""
+
+    def __init__(self, device: Device) -> None:
+        self.device = device
+        self.end = PipeEnd(self._receive)
+
+    def tick(self, now: float) -> None:
+        """Let the device speak."""
+        for answer in self.device.tick(now):
+            if self.end.plugged:
+                self.end.send(answer.data, answer.at)
+
+    def _receive(self, data: bytes, at: float) -> None:
+        for answer in self.device.feed(data, at):
+            self.end.send(answer.data, answer.at)
+
+
+class FakeClock(SimClock):
+    """A clock on which the fake goes on living while somebody sleeps."""
+
+    def __init__(self, start: float, *lines: Line) -> None:
+        super().__init__(start)
+        self._lines = lines
+
+    def sleep_until(self, when: float) -> None:
+        """Jump there in steps, each of which the fake lives through."""
+        while self.now() < when:
+            super().sleep_until(min(when, self.now() + 0.01))
+            for line in self._lines:
+                line.tick(self.now())
+
+
+class Lab(RobotLab):
+    """A Pioneer and its laser on two pipes."""
+
+    platform = "p3dx"
+    url = f"pipe://robot?baud={BAUD}&laser=pipe://laser?baud={BAUD}"
+
+    def __init__(self, kit: Kit | None = None, **options: Any) -> None:
+        self.kit = kit if kit is not None else Kit()
+        self.robot_line, self.laser_line = Line(self.kit.robot), Line(self.kit.laser)
+        self.workers: list[HandWorker] = []
+        super().__init__(**options)
+
+    @classmethod
+    def in_world(cls, world: World, slip: float = 0.0, **options: Any) -> Lab:
+        """A robot, open, in a world of the test's own."""
+        return cls.ready(Kit(world, slip=slip), **options)
+
+    def context(self) -> Context:
+        """See ``RobotLab``."""
+        return Context(self.bus_clock, {"robot": self.robot_line.end, "laser": self.laser_line.end})
+
+    def step(self) -> None:
+        """One tick of both wires, of the fake, and of the kernel."""
+        end = self.clock.now() + self.tick
+        self.kernel.scheduler.run_simulated(end)
+        now = self.bus_clock.now()
+        self.robot_line.tick(now)
+        self.laser_line.tick(now)
+        for worker in list(self.workers):
+            worker.step()
+        while self.bus_clock.now() < now + self.tick - 1e-9:
+            self.bus_clock.sleep_until(now + self.tick)
+        self.kernel.scheduler.run_simulated(self.clock.now())
+
+    def where(self) -> tuple[float, float, float]:
+        """Where the robot truly is."""
+        return self.kit.body.pose
+
+    def write_map(self, folder: Path) -> str:
+        """The fake's world as a map; its path."""
+        path = folder / "room.map"
+        path.write_text(self.kit.world.as_map(), "ascii")
+        return str(path)
+
+    def _start(
+        self, url: str, *, post: Callable[[m.FromWorker], None], settings: m.Configure, family: str
+    ) -> HandWorker:
+        def engine(mailbox: Any) -> Engine:
+            return Engine(url, driver_of(family), mailbox, settings, self.context())
+
+        worker = HandWorker(engine, post)
+        self.workers.append(worker)
+        if self.worker is None:
+            self.worker = worker
+        return worker
+
+
+def lab() -> Lab:
+    """For the contract of all platforms."""
+    return Lab.ready()
