@@ -1,0 +1,361 @@
+"""The worker's half of an RMP against the base in software: commands and their times, counters, orders, faults."""
+
+from __future__ import annotations
+
+import pytest
+from segway_rig import START, TICK, Rig
+
+from fakes.segway import frames as f
+from fakes.segway.rmp import SegwayRmp
+from urbihw.buses import messages as m
+from urbihw.buses.can.frame import Frame
+from urbihw.buses.errors import BadValue, LinkGone
+from urbihw.platforms.segway import protocol as p
+from urbihw.platforms.segway.driver import BASE, SPACING, BaseInfo
+from urbihw.platforms.segway.monitor import SETTLING, Monitor
+
+
+def test_the_base_is_found_when_it_is_heard_and_nothing_is_sent_before() -> None:
+    rig = Rig()
+    rig.port.deaf = True
+    rig.run(0.5)
+    assert rig.port.sent == []
+    assert rig.news == []
+    rig.port.deaf = False
+    rig.run(0.1)
+    assert rig.take(m.Found) == [m.Found((BaseInfo(2032, False),))]
+    assert {frame for _, frame in rig.port.sent} == {Frame(0x413, bytes(8))}
+
+
+def test_a_command_goes_out_every_tick_and_starting_moves_nothing() -> None:
+    rig = Rig()
+    rig.run(2.0)
+    assert len(rig.port.sent) == pytest.approx(100, abs=2)
+    assert rig.gaps() == pytest.approx([TICK] * len(rig.gaps()))
+    assert rig.base.body.forward == 0.0
+
+
+def test_targets_go_out_with_the_next_command_and_stay() -> None:
+    rig = Rig()
+    rig.run(0.1)
+    rig.aim(velocity=329, turn=-100)
+    rig.run(2.0)
+    assert rig.port.sent[-1][1].data == p.command(329, -100)
+    values = rig.values()
+    assert (values["velocity"], values["turn"]) == (329, -100)
+    assert rig.base.body.speed == pytest.approx(1.0, abs=0.01)
+
+
+def test_what_is_no_target_is_refused() -> None:
+    rig = Rig()
+    rig.run(0.1)
+    rig.aim(sideways=1)
+    rig.news += rig.driver.targets(m.Targets({(BASE, "velocity"): 0.5, ("other", "turn"): 1}))
+    assert [message.item for message in rig.take(m.Refused)] == ["sideways", "velocity", "turn"]
+
+
+def test_late_ticks_never_bring_commands_too_close() -> None:
+    rig = Rig()
+    rig.run(0.1)
+    for late in (0.019, 0.001, 0.02, 0.005, 0.015, 0.0, 0.0, 0.02):
+        rig.run(late or 0.001, late or 0.001)
+    assert min(rig.gaps()) >= SPACING - 1e-9
+
+
+def test_a_dead_worker_stops_the_base() -> None:
+    rig = Rig()
+    rig.run(0.1)
+    rig.aim(velocity=1176)
+    rig.run(2.0)
+    assert rig.base.body.speed > 3
+    now = rig.clock.now()
+    for step in range(300):
+        rig.base.tick(now + step / 100)
+    assert rig.base.body.speed == 0.0
+
+
+def test_a_stop_is_a_command_at_once_but_no_burst() -> None:
+    rig = Rig()
+    rig.run(0.1)
+    rig.aim(velocity=1176)
+    rig.run(1.0)
+    rig.run(0.001, 0.001)
+    rig.driver.safe_stop()
+    at, frame = rig.port.sent[-1]
+    assert frame.data == bytes(8)
+    assert at - rig.port.sent[-2][0] == pytest.approx(SPACING)
+    rig.run(2.0)
+    assert rig.base.body.speed == 0.0
+    assert rig.base.motors
+
+
+def test_a_stop_may_switch_the_motors_off() -> None:
+    rig = Rig(SegwayRmp(mode=f.TRACTOR), torque_off_on_stop=True)
+    rig.run(0.1)
+    rig.driver.safe_stop()
+    assert rig.base.mode == f.DISABLED
+
+
+# ---------------------------------------------------------------- losing the base and the link
+
+
+def test_a_silent_base_is_lost_and_comes_back_without_moving() -> None:
+    rig = Rig()
+    rig.run(0.1)
+    rig.aim(velocity=329)
+    rig.run(1.0)
+    rig.take(m.DeviceState)
+    rig.port.deaf = True
+    rig.run(0.5)
+    assert rig.take(m.DeviceState) == [m.DeviceState(BASE, "ok", "lost", "it says nothing")]
+    rig.aim(velocity=329)
+    rig.run(1.0)
+    assert rig.port.sent[-1][1].data == bytes(8)
+    rig.port.deaf = False
+    rig.run(0.1)
+    assert [state.new for state in rig.take(m.DeviceState)] == ["back", "ok"]
+    rig.run(1.0)
+    assert rig.base.body.speed == 0.0
+    assert rig.take(m.Happened) == []
+
+
+def test_a_base_that_was_switched_off_says_so_and_its_counters_go_on() -> None:
+    rig = Rig()
+    rig.run(0.1)
+    rig.aim(velocity=329)
+    rig.run(3.0)
+    rig.aim(velocity=0)
+    rig.run(1.0)
+    way = rig.values()["forward"]
+    assert way > 33215 * 2.5
+    rig.base.power_off(rig.clock.now())
+    rig.run(1.0)
+    (state,) = rig.take(m.DeviceState)
+    assert state.reason == "it is switched off, says its user interface box"
+    rig.run(5.0)
+    rig.base.power_on(rig.clock.now())
+    rig.run(0.5)
+    assert rig.base.reading().forward_count == 0
+    assert rig.values()["forward"] == way
+    assert rig.take(m.Happened) == [m.Happened(BASE, "restarted")]
+
+
+def test_a_link_that_was_away_loses_no_way() -> None:
+    rig = Rig()
+    rig.run(0.1)
+    rig.aim(velocity=329)
+    rig.run(2.0)
+    rig.port.dead = True
+    with pytest.raises(LinkGone):
+        rig.run(TICK)
+    rig.driver.detach()
+    for _ in range(150):
+        rig.run(TICK)
+        rig.base.tick(rig.clock.now())
+    rig.attach()
+    rig.run(0.5)
+    assert rig.base.body.speed == 0.0
+    assert rig.values()["forward"] == rig.base.reading().forward_count
+    assert rig.take(m.Happened) == []
+
+
+def test_nobody_there_is_said_after_a_second() -> None:
+    rig = Rig()
+    rig.port.deaf = True
+    rig.run(1.2)
+    assert rig.take(m.DeviceState) == [m.DeviceState(BASE, "ok", "lost", "it says nothing")]
+    assert rig.port.sent == []
+
+
+def test_a_bus_on_which_nobody_acknowledges_is_counted() -> None:
+    rig = Rig()
+    rig.run(0.1)
+    rig.port.full = True
+    rig.run(0.2)
+    assert rig.driver.errors() == {"damaged": 0, "unsent": 10}
+
+
+def test_the_oldest_firmware_is_understood() -> None:
+    rig = Rig(SegwayRmp(old_firmware=True))
+    rig.run(0.3)
+    assert rig.take(m.Found) == [m.Found((BaseInfo(2032, True),))]
+    rig.run(0.1)
+    assert rig.values()["battery"] / 4 == pytest.approx(77.5, abs=0.25)
+    assert "mode" not in rig.values()
+
+
+def test_a_cycle_with_a_lost_frame_does_not_count() -> None:
+    monitor = Monitor()
+    base = SegwayRmp()
+    for step in range(3):
+        for _, frame in base.tick(step / 100):
+            if step != 1 or frame.id != 0x403:
+                monitor.take(Frame(*frame), float(step))
+        assert monitor.heard_at == (0.0, 0.0, 2.0)[step]
+
+
+# ---------------------------------------------------------------- reporting
+
+
+def test_cycles_are_reported_as_often_as_wanted() -> None:
+    rig = Rig()
+    rig.run(0.1)
+    for period, count in ((0.0, 50), (0.1, 10), (0.5, 2)):
+        rig.driver.watch(m.Watch(BASE, (), period), rig.clock.now())
+        rig.take(m.Samples)
+        rig.run(1.0)
+        assert len(rig.take(m.Samples)) == pytest.approx(count, abs=1)
+    rig.driver.watch(m.Watch(BASE, (), None), rig.clock.now())
+    rig.run(1.0)
+    assert rig.take(m.Samples) == []
+
+
+def test_samples_carry_the_time_of_the_worker() -> None:
+    rig = Rig()
+    rig.run(0.1)
+    last = rig.take(m.Samples)[-1]
+    assert last.time == last.times[BASE] == pytest.approx(START + 0.08)
+
+
+# ---------------------------------------------------------------- counters
+
+
+def test_counters_run_through_their_wrap() -> None:
+    rig = Rig()
+    rig.base.preset(forward=0x7FFFFFFF - 1000, left=-5)
+    rig.run(0.1)
+    assert rig.values()["left"] == -5
+    before = rig.values()["forward"]
+    assert before == 0x7FFFFFFF - 1000
+    rig.aim(velocity=329)
+    rig.run(1.0)
+    travelled = round(rig.base.body.forward * 33215)
+    assert rig.values()["forward"] == pytest.approx(before + travelled, abs=2000)
+    assert rig.values()["forward"] > 0x80000000
+
+
+def test_a_reset_is_believed_after_it_has_settled() -> None:
+    rig = Rig()
+    rig.base.preset(forward=1000, yaw=2000, left=3000, right=4000)
+    rig.run(0.1)
+    assert rig.ask("write", "reset", p.ALL_INTEGRATORS, SETTLING + 0.1).ok
+    rig.run(0.1)
+    assert [rig.values()[name] for name in p.COUNTERS] == [0, 0, 0, 0]
+    rig.aim(velocity=329)
+    rig.run(1.0)
+    assert rig.values()["forward"] > 10000
+
+
+def test_counters_that_the_base_does_not_reset_begin_anew_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = Rig()
+    monkeypatch.setattr(rig.base, "_reset", lambda mask: None)
+    rig.base.preset(forward=1000, yaw=2000)
+    rig.run(0.1)
+    rig.ask("write", "reset", 8)
+    rig.run(0.1)
+    assert (rig.values()["forward"], rig.values()["yaw"]) == (0, 2000)
+
+
+# ---------------------------------------------------------------- orders
+
+
+def test_an_order_is_sent_once_with_the_speeds_of_the_moment() -> None:
+    rig = Rig()
+    rig.run(0.1)
+    rig.aim(velocity=329, turn=50)
+    reply = rig.ask("write", "velocity_scale", 8)
+    assert reply == m.Reply(7, True, 8)
+    orders = [frame.data for _, frame in rig.port.sent if frame.data[4:] != bytes(4)]
+    assert orders == [p.command(329, 50, 10, 8)]
+    assert rig.base.velocity_scale == 8
+
+
+def test_the_mode_is_looked_for() -> None:
+    rig = Rig(SegwayRmp(mode=f.TRACTOR))
+    rig.run(0.1)
+    assert rig.ask("write", "mode", 2) == m.Reply(7, True, 2)
+    assert rig.base.mode == f.BALANCE
+    assert rig.ask("write", "gain", 2).ok
+    assert rig.base.gain == 2
+
+
+def test_a_mode_that_is_not_taken_is_asked_for_three_times_and_then_refused() -> None:
+    rig = Rig(SegwayRmp(mode=f.TRACTOR))
+    rig.base.estop = True
+    rig.run(0.1)
+    reply = rig.ask("write", "mode", 2, seconds=2.0)
+    assert reply == m.Reply(7, False, None, "the base stays in mode disabled (motors disabled on request, emergency "
+                                            "stop switch open)")
+    assert rig.base.refused == 3
+
+
+def test_several_orders_go_one_by_one() -> None:
+    rig = Rig()
+    rig.run(0.1)
+    for number, (name, value) in enumerate([("velocity_scale", 8), ("turn_scale", 4), ("lockout", 1)], 1):
+        rig.driver.request(m.Request(number, "write", BASE, name, value))
+    rig.run(0.2)
+    assert [reply.reply_id for reply in rig.take(m.Reply)] == [1, 2, 3]
+    assert (rig.base.velocity_scale, rig.base.turn_scale, rig.base.lockout) == (8, 4, True)
+
+
+@pytest.mark.parametrize(
+    ("verb", "item", "value", "words"),
+    [
+        ("write", "velocity_scale", 17, "velocity_scale must be a number from 0 to 16"),
+        ("write", "gain", 1.5, "from 0 to 2"),
+        ("write", "colour", 1, "no such setting 'colour'"),
+        ("read", "colour", 0, "says nothing of 'colour'"),
+        ("sing", "", 0, "does not know 'sing'"),
+    ],
+)
+def test_requests_without_sense(verb: str, item: str, value: float, words: str) -> None:
+    rig = Rig()
+    rig.run(0.1)
+    reply = rig.ask(verb, item, value, TICK)
+    assert not reply.ok
+    assert words in reply.error
+
+
+def test_reading_and_switching_off() -> None:
+    rig = Rig()
+    rig.run(0.1)
+    assert rig.ask("read", "mode") == m.Reply(7, True, 2)
+    assert rig.ask("shutdown").ok
+    assert not rig.base.powered
+
+
+def test_orders_end_with_the_base_the_link_and_a_stop() -> None:
+    rig = Rig()
+    assert not rig.ask("write", "mode", 2, TICK).ok
+    rig.run(0.1)
+    rig.news += rig.driver.request(m.Request(1, "write", BASE, "mode", 1))
+    rig.driver.safe_stop()
+    rig.news += rig.driver.request(m.Request(2, "write", BASE, "mode", 1))
+    rig.driver.detach()
+    rig.run(TICK)
+    assert [(reply.reply_id, reply.error) for reply in rig.take(m.Reply)] == [
+        (1, "the robot was stopped"),
+        (2, "the link went down"),
+    ]
+    rig.attach()
+    rig.run(0.1)
+    rig.news += rig.driver.request(m.Request(3, "write", BASE, "mode", 1))
+    rig.port.deaf = True
+    rig.run(1.0)
+    (reply,) = rig.take(m.Reply)
+    assert not reply.ok
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"rate": 100.0}, "every 20 to 50 ms"),
+        ({"rate": 10.0}, "every 20 to 50 ms"),
+        ({"rate": 50.0, "options": {"model": "300"}}, "one of 50, 100, 200, 400"),
+        ({"rate": 50.0, "options": {"colour": 1}}, "no option 'colour'"),
+    ],
+)
+def test_settings_without_sense(settings: dict[str, float], words: str) -> None:
+    with pytest.raises(BadValue, match=words):
+        Rig().driver.configure(m.Configure(**settings))  # type: ignore[arg-type]

@@ -1,0 +1,257 @@
+"""The worker's half of an RMP: a command every tick, as long as the worker lives and no longer.
+
+The base obeys a command for about 0.4 s and then ramps to zero by itself (Segway's overview of the RMP; Orca), so the
+commands of a standing robot are zeros, and when this process dies the base stops. Nothing is sent before the base was
+heard: on a bus with other devices 0x0413 may mean something else.
+
+Two commands are never less than SPACING apart, whatever the ticks do (the maker asks for 10 ms at least): a tick that
+comes too soon after a late one sends nothing.
+
+Device: "base". Targets: "velocity", "turn", in counts. Requests: "write" of a row of `protocol.CONFIGURATIONS`, "read"
+of a value of the last cycle, "shutdown" (switches the base off: a balancing one falls).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from urbihw.buses.can.frame import Frame
+from urbihw.buses.clock import Clock, RealClock
+from urbihw.buses.errors import BadValue, BusTimeout
+from urbihw.buses.link import Port
+from urbihw.buses.messages import (
+    Configure,
+    DeviceState,
+    Found,
+    FromWorker,
+    Happened,
+    Refused,
+    Reply,
+    Request,
+    Samples,
+    Targets,
+    Watch,
+)
+from urbihw.platforms.segway import protocol as p
+from urbihw.platforms.segway.line import Line, line_over
+from urbihw.platforms.segway.monitor import Monitor
+from urbihw.platforms.segway.orders import Orders
+
+BASE: Final = "base"
+MODELS: Final = ("50", "100", "200", "400")
+SPACING: Final = 0.012
+"""Seconds between two commands at least."""
+SLOWEST, FASTEST = 20.0, 50.0
+"""Ticks a second: commands come every 20 to 50 ms."""
+SILENCE: Final = 0.25
+"""Seconds without a cycle after which the base is lost."""
+_FIRST_WORD: Final = 1.0
+"""Seconds for it to be heard after the link has opened."""
+_LIMITS: Final = {"velocity": p.MOST_VELOCITY, "turn": p.MOST_TURN}
+
+
+@dataclass(frozen=True, slots=True)
+class BaseInfo:
+    """The base as `Found` tells of it: the number of its firmware, and whether that is the oldest kind."""
+
+    build: int
+    old: bool
+
+
+class RmpDriver:
+    """See the head of this file, and `urbihw.buses.engine.Driver` for who calls what."""
+
+    slow_verbs: frozenset[str] = frozenset()
+
+    def __init__(self) -> None:
+        self._clock: Clock = RealClock()
+        self._line: Line | None = None
+        self._monitor = Monitor()
+        self._orders = Orders()
+        self._aim = dict.fromkeys(_LIMITS, 0)
+        self._state = ""
+        self._attached_at = 0.0
+        self._sent_at = -math.inf
+        self._unsent = 0
+        self._restarts = 0
+        self._fall_on_stop = False
+        self._period: float | None = None
+        self._next_sample = 0.0
+        self._told_at: float | None = None
+        self._owed: list[FromWorker] = []
+
+    # ---------------------------------------------------------------- the engine's calls
+
+    def configure(self, settings: Configure) -> None:
+        """Take settings. Raises BadValue for a rate or an option without sense."""
+        if not SLOWEST <= settings.rate <= FASTEST:
+            raise BadValue(f"commands go out every 20 to 50 ms, so the rate must be 20 to 50, not {settings.rate:g}")
+        for name, value in settings.options.items():
+            if name != "model":
+                raise BadValue(f"there is no option {name!r}; there is: model")
+            if str(value) not in MODELS:
+                raise BadValue(f"model must be one of {', '.join(MODELS)}, not {value!r}")
+        self._fall_on_stop = settings.torque_off_on_stop
+
+    def attach(self, port: Port) -> list[FromWorker]:
+        """Take an open port; the base is found when it is heard."""
+        self._line = line_over(port)
+        self._clock = port.clock
+        self._attached_at = self._clock.now()
+        self._state = ""
+        return []
+
+    def detach(self) -> None:
+        """The port is gone."""
+        self._line = None
+        self._state = ""
+        self._unsent = 0
+        self._monitor.drop_partial()
+        self._halt()
+        self._owed += self._orders.drop("the link went down")
+
+    def tick(self, now: float, meanwhile: Callable[[], None]) -> list[FromWorker]:
+        """Send a command, then take in what the base said."""
+        news, self._owed = self._owed, []
+        line = self._line
+        if line is None:
+            return news
+        if self._known:
+            self._command(line, now)
+        meanwhile()
+        frames = line.receive()
+        now = self._clock.now()
+        for frame in frames:
+            self._monitor.take(frame, now)
+        return news + self._look(now)
+
+    def targets(self, message: Targets) -> list[FromWorker]:
+        """Take new speeds; they go out with the next command. Those for a base that is not there are forgotten."""
+        refused: list[FromWorker] = []
+        for (device, item), value in message.values.items():
+            if device != BASE or item not in _LIMITS or not isinstance(value, int):
+                refused.append(Refused(device, item, f"no such target, or {value!r} is no number of counts"))
+            elif self._state == "ok":
+                self._aim[item] = value
+        return refused
+
+    def watch(self, message: Watch, now: float) -> list[FromWorker]:
+        """Report the last cycle every `period` seconds, at most every tick; all items, whichever are named."""
+        self._period = message.period
+        self._next_sample = now
+        return []
+
+    def request(self, message: Request) -> list[FromWorker]:
+        """Do something once."""
+        if self._state != "ok":
+            return [Reply(message.reply_id, False, error="the base is not there")]
+        match message.verb:
+            case "write":
+                parameter = message.value if isinstance(message.value, int) else -1
+                error = self._orders.add(message.reply_id, message.item, parameter)
+                return [Reply(message.reply_id, False, error=error)] if error else []
+            case "read":
+                value = self._monitor.latest.get(message.item)
+                error = "" if value is not None else f"the base says nothing of {message.item!r}"
+                return [Reply(message.reply_id, not error, value, error)]
+            case "shutdown":
+                self._halt()
+                self._send(Frame(p.SHUTDOWN, bytes(8)))
+                return [Reply(message.reply_id, True)]
+            case _:
+                return [Reply(message.reply_id, False, error=f"an RMP does not know {message.verb!r}")]
+
+    def safe_stop(self) -> None:
+        """Speed and turn to zero, with a command at once: no sooner than allowed after the last."""
+        self._halt()
+        self._owed += self._orders.drop("the robot was stopped")
+        if self._line is None or not self._known:
+            return
+        if self._fall_on_stop:
+            self._orders.add(0, "mode", 0)
+        self._clock.sleep_until(self._sent_at + SPACING)
+        self._command(self._line, self._clock.now())
+
+    def errors(self) -> dict[str, int]:
+        """Failures since `attach`."""
+        return {"damaged": self._line.damaged if self._line is not None else 0, "unsent": self._unsent}
+
+    # ---------------------------------------------------------------- commands
+
+    @property
+    def _known(self) -> bool:
+        """Whether the base was heard on this port: only then something is sent."""
+        heard = self._monitor.heard_at
+        return heard is not None and heard >= self._attached_at
+
+    def _halt(self) -> None:
+        self._aim = dict.fromkeys(_LIMITS, 0)
+
+    def _command(self, line: Line, now: float) -> None:
+        if now < self._sent_at + SPACING:
+            return
+        order = self._orders.next(now)
+        number, parameter = 0, 0
+        if order is not None:
+            name, parameter = order
+            number = p.CONFIGURATIONS[name][0]
+            if name == "reset":
+                self._monitor.reset(parameter, now)
+        self._sent_at = now
+        # The speeds go with every configuration: with zeros the base would jerk.
+        self._send(Frame(p.COMMAND, p.command(self._aim["velocity"], self._aim["turn"], number, parameter)))
+
+    def _send(self, frame: Frame) -> None:
+        assert self._line is not None
+        try:
+            self._line.send(frame)
+        except BusTimeout:
+            # Nobody acknowledges; that the base is silent will be said.
+            self._unsent += 1
+
+    # ---------------------------------------------------------------- what the base says
+
+    def _look(self, now: float) -> list[FromWorker]:
+        news: list[FromWorker] = []
+        heard = self._monitor.heard_at
+        alive = self._known and heard is not None and now - heard <= SILENCE
+        if alive and self._state != "ok":
+            news += self._found()
+        elif not alive and (self._state == "ok" or (not self._state and now - self._attached_at > _FIRST_WORD)):
+            news += self._lost(now)
+        if self._restarts != self._monitor.restarts:
+            self._restarts = self._monitor.restarts
+            news.append(Happened(BASE, "restarted"))
+        latest = self._monitor.latest
+        news += self._orders.check(latest, now)
+        news += self._sample(latest, now)
+        return news
+
+    def _sample(self, latest: Mapping[str, int], now: float) -> list[FromWorker]:
+        """The last cycle, if it is new and wanted now."""
+        heard = self._monitor.heard_at
+        if self._state != "ok" or self._period is None or heard in (None, self._told_at) or now < self._next_sample:
+            return []
+        self._told_at = heard
+        self._next_sample = max(self._next_sample + self._period, now)
+        return [Samples(now, {BASE: latest}, {BASE: now})]
+
+    def _found(self) -> list[FromWorker]:
+        before, self._state = self._state, "ok"
+        if before == "lost":
+            return [DeviceState(BASE, "lost", "back", ""), DeviceState(BASE, "back", "ok", "")]
+        return [Found((BaseInfo(self._monitor.latest["build"], self._monitor.old),))]
+
+    def _lost(self, now: float) -> list[FromWorker]:
+        before, self._state = self._state, "lost"
+        self._halt()
+        off = self._monitor.off_at
+        if off is not None and now - off <= SILENCE:
+            reason = "it is switched off, says its user interface box"
+        else:
+            reason = "it says nothing"
+        replies: list[Any] = self._orders.drop(f"the base is lost: {reason}")
+        return [*replies, DeviceState(BASE, before or "ok", "lost", reason)]
