@@ -138,12 +138,11 @@ class Conditions:
     ) -> None:
         """``at (event?(...) ~ duration) body onleave leave``; bodies take the bound values."""
 
-        def left(match: Any) -> Thunk | None:
-            return None if leave is None else bound(leave, match)
+        def entered(match: Any, _: Emission) -> Thunk:
+            return partial(body, *match) if match else body
 
-        Subscription(
-            self.world, self._event(event), accept, lambda match, _: bound(body, match), left, duration
-        )
+        left = None if leave is None else partial(bound, leave)
+        Subscription(self.world, self._event(event), accept, entered, left, duration)
 
     def whenever_expr(self, condition: Thunk, duration: Any, body: Thunk, otherwise: Thunk | None) -> None:
         """``whenever (condition) body else otherwise``: runs the one or the other again and again."""
@@ -186,7 +185,7 @@ class Conditions:
 
             return loop
 
-        Subscription(self.world, source, accept, entered, lambda match: None, duration)
+        Subscription(self.world, source, accept, entered, None, duration)
         if otherwise is not None:
             rest = otherwise
 
@@ -216,7 +215,10 @@ class Conditions:
     def emit(self, event: Any, payload: list[Any], duration: Any = None) -> Any:
         """``event!(payload) ~ duration``; void."""
         if event.__class__ is Event and "emit" not in event.slots:
-            event.emit(payload, 0.0 if duration is None else duration)
+            if duration is None:
+                event.begin(payload).stop()
+            else:
+                event.emit(payload, duration)
         elif duration is None:
             self.world.send(event, "emit", *payload)
         else:

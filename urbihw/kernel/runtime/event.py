@@ -76,8 +76,12 @@ class Event(Obj):
         """Begin to emit; end it with ``stop``.  Runs in a job: guards of subscriptions are evaluated here."""
         emission = Emission(self, payload)
         self.emissions[emission] = None
-        for subscription in list(self.subscriptions):
-            subscription.offer(emission)
+        try:
+            for subscription in tuple(self.subscriptions):
+                subscription.offer(emission)
+        except BaseException:
+            emission.stop()  # the error of a guard ends what it was asked about
+            raise
         return emission
 
     def follow(self, other: Event) -> None:
@@ -90,10 +94,12 @@ class Event(Obj):
     def emit(self, payload: Payload, duration: float = 0.0) -> Emission:
         """Emit for an instant, or hold the running job for a duration in seconds."""
         emission = self.begin(payload)
-        try:
-            if duration > 0:
+        if duration > 0:
+            try:
                 self.world.scheduler.sleep(duration)
-        finally:
+            finally:
+                emission.stop()
+        else:
             emission.stop()
         return emission
 
@@ -191,11 +197,11 @@ class Handlers:
 class Subscription(Handlers):
     """An ``at`` or ``whenever`` on an event.
 
-    ``accept`` gives the bound values or None; ``enter(match, emission)`` and ``leave(match)`` make the bodies to run.
-    With a ``duration`` the emission has to last that long before it counts.
+    ``accept`` gives the bound values or None; ``enter(match, emission)`` and ``leave(match)`` make the bodies to run, or
+    None for nothing.  With a ``duration`` the emission has to last that long before it counts.
     """
 
-    __slots__ = ("_accept", "_duration", "_enter", "_event", "_leave", "_on", "_timers")
+    __slots__ = ("_accept", "_duration", "_enter", "_event", "_leave", "_on", "_simple", "_timers")
 
     def __init__(
         self,
@@ -203,10 +209,12 @@ class Subscription(Handlers):
         event: Event,
         accept: Accept,
         enter: Callable[[Any, Emission], Callable[[], Any] | None],
-        leave: Callable[[Any], Callable[[], Any] | None],
+        leave: Callable[[Any], Callable[[], Any] | None] | None,
         duration: float | None,
     ) -> None:
         super().__init__(world, "at")
+        # Then the end of an emission does not matter, which saves keeping account of it.
+        self._simple = duration is None and leave is None
         self._event = event
         self._accept = accept
         self._enter = enter
@@ -218,10 +226,16 @@ class Subscription(Handlers):
 
     def offer(self, emission: Emission) -> None:
         """An emission begins."""
-        if self.frozen():
+        scheduler = self.world.scheduler
+        if scheduler.frozen_tags and self.frozen():
             return
         match = self._accept(emission.payload)
         if match is None:
+            return
+        if self._simple:
+            body = self._enter(match, emission)
+            if body is not None:
+                emission.jobs.append(scheduler.spawn(body, "at", self._context, None, self._entries))
             return
         emission.matches.append((self, match))
         if self._duration is None:
@@ -243,7 +257,7 @@ class Subscription(Handlers):
         timer = self._timers.pop(emission, None) if self._timers else None
         if timer is not None:
             timer.cancel()
-        if self._on.pop(emission, None) is None or self.frozen():
+        if self._on.pop(emission, None) is None or self._leave is None or self.frozen():
             return
         body = self._leave(match)
         if body is not None:
@@ -255,7 +269,7 @@ class Subscription(Handlers):
         for timer in self._timers.values():
             timer.cancel()
         for match in self._on.values():
-            body = self._leave(match)
+            body = None if self._leave is None else self._leave(match)
             if body is not None:
                 self.world.scheduler.spawn(body, self.name, context=self._context)
         self._on.clear()

@@ -23,10 +23,20 @@ def match(world: World, pattern: tuple[Any, ...], value: Any) -> list[Any] | Non
 
 def match_payload(world: World, patterns: list[tuple[Any, ...]], payload: list[Any]) -> list[Any] | None:
     """Match an event's payload: as many values as patterns."""
-    bound: list[Any] = []
-    if len(patterns) != len(payload):
+    return _match_all(world, patterns, payload, [])
+
+
+def _match_all(
+    world: World, patterns: list[tuple[Any, ...]], values: list[Any], bound: list[Any]
+) -> list[Any] | None:
+    if len(patterns) != len(values):
         return None
-    return bound if all(_match(world, p, v, bound) for p, v in zip(patterns, payload, strict=True)) else None
+    for pattern, value in zip(patterns, values, strict=True):
+        if pattern[0] == "bind":  # by far the most frequent
+            bound.append(value)
+        elif not _match(world, pattern, value, bound):
+            return None
+    return bound
 
 
 def _match(world: World, pattern: tuple[Any, ...], value: Any, bound: list[Any]) -> bool:
@@ -45,6 +55,6 @@ def _match(world: World, pattern: tuple[Any, ...], value: Any, bound: list[Any])
                 return False
         return True
     wanted = List if kind == "list" else Tuple
-    if not isinstance(value, wanted) or len(value.l) != len(pattern[1]):
+    if not isinstance(value, wanted):
         return False
-    return all(_match(world, inner, member, bound) for inner, member in zip(pattern[1], value.l, strict=True))
+    return _match_all(world, pattern[1], value.l, bound) is not None

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable
+from operator import add, mul, sub, truediv
 from typing import TYPE_CHECKING, Any, Final
 
 from urbihw.kernel import errors
@@ -51,6 +52,13 @@ ALONE_GIVEN: Final = _counted_given()
 
 INDEXING = frozenset(("[]", "[]="))
 """Names that stay strict where a lazy function answers to one: indexing a list must not pay for it ever after."""
+
+ARITHMETIC: Final[dict[str, Callable[[float, float], float]]] = {
+    "+=": add,
+    "-=": sub,
+    "*=": mul,
+    "/=": truediv,
+}
 
 
 def make_ops(world: World) -> dict[str, Any]:
@@ -201,6 +209,8 @@ def _slots(world: World) -> dict[str, Any]:
 
     def in_place(old: Any, operator: str, value: Any) -> Any:
         """What ``old operator= value`` makes of ``old``."""
+        if old.__class__ is float is value.__class__ and operator in ARITHMETIC and not world.generic_floats:
+            return ARITHMETIC[operator](old, value)
         return world.send(old, operator, value)
 
     def join(left: Any, text: str) -> Any:

@@ -19,22 +19,18 @@ POOL = 64
 
 
 class Carrier:
-    """A greenlet that runs jobs, one at a time."""
+    """A greenlet that runs jobs, one at a time; ``coro.switch()`` runs the job until it gives the processor away."""
 
-    __slots__ = ("_coro", "_pool", "job")
+    __slots__ = ("_pool", "coro", "job")
 
     def __init__(self, pool: Pool) -> None:
         self._pool = pool
         self.job: Job | None = None
-        self._coro = greenlet(self._run, pool.hub)
-
-    def switch(self) -> None:
-        """From the hub: run the job until it gives the processor back."""
-        self._coro.switch()
+        self.coro = greenlet(self._run, pool.hub)
 
     def frame(self) -> FrameType | None:
         """Where the job stands, while it is suspended."""
-        return self._coro.gr_frame
+        return self.coro.gr_frame
 
     def _run(self) -> None:
         while True:
@@ -44,10 +40,11 @@ class Carrier:
             job.carrier = self.job = None
             if isinstance(job.error, GreenletExit):  # the interpreter takes the greenlet away
                 return
+            scheduler = job.scheduler
             del job
             if not self._pool.rest(self):
                 return
-            self._pool.hub.switch()
+            scheduler.hand_over()
 
 
 class Pool:

@@ -28,12 +28,6 @@ class TagEntry:
         self.depth = len(owner.entries)
         self.jobs: dict[Job, None] = {owner: None}
 
-    def inherit(self, job: Job) -> None:
-        """A new job begins under this entry."""
-        job.entries.append(self)
-        self.jobs[job] = None
-        self.tag.live[self] = None
-
     def forget(self, job: Job) -> None:
         """A job is over or has left the tagged code."""
         self.jobs.pop(job, None)
