@@ -197,8 +197,8 @@ class Handlers:
 class Subscription(Handlers):
     """An ``at`` or ``whenever`` on an event.
 
-    ``accept`` gives the bound values or None; ``enter(match, emission)`` and ``leave(match)`` make the bodies to run, or
-    None for nothing.  With a ``duration`` the emission has to last that long before it counts.
+    ``accept`` gives the bound values or None; ``enter(match, emission)`` and ``leave(match)`` make the bodies to run,
+    or None for nothing.  With a ``duration`` the emission has to last that long before it counts.
     """
 
     __slots__ = ("_accept", "_duration", "_enter", "_event", "_leave", "_on", "_simple", "_timers")

@@ -156,10 +156,11 @@ class Scheduler:
         ready = self.ready
         ready.append(job)
         job.state = states.READY
-        following = ready[0]
+        following: Any = ready[0]
         if self._left and following.carrier is not None and not following.frozen and not self._interrupted:
             self._left -= 1
-            self.current = ready.popleft()  # type: ignore[assignment]
+            ready.popleft()
+            self.current = following
             following.state = states.RUNNING
             following.carrier.coro.switch()
         else:
@@ -358,11 +359,12 @@ class Scheduler:
         From one job to the next there is half the way that there is by the hub.
         """
         if self._left and self.ready and not self._interrupted:
-            following = self.ready[0]
+            following: Any = self.ready[0]
             if following.carrier is not None and not following.frozen:
                 self._left -= 1
-                self.current = self.ready.popleft()  # type: ignore[assignment]
-                following.state = states.RUNNING  # type: ignore[union-attr]
+                self.ready.popleft()
+                self.current = following
+                following.state = states.RUNNING
                 following.carrier.coro.switch()
                 return
         self._pool.hub.switch()
@@ -385,7 +387,9 @@ class Scheduler:
                 self.current = None
                 return
             job.carrier = self._pool.take(job)
-        job.carrier.coro.switch()  # type: ignore[union-attr] - it has one, since it has started
+        carrier = job.carrier
+        assert carrier is not None
+        carrier.coro.switch()
         self.current = None
 
     def _wake_sleeper(self, job: Job) -> None:

@@ -2,5 +2,5 @@
 
 Reading order: ``platform.toml`` (what the daemon knows without importing this), ``slots`` (which register is which
 slot, in which unit), ``devices`` (what all devices share), ``motors`` and ``sensors`` (the classes AX12, XServo and
-AXS1), ``robot`` (the object ``bioloid``), ``bioloid.u`` (what is said more easily in urbiscript).  Imports ``urbihw.kernel.uobject`` and ``urbihw.buses`` only.
+AXS1), ``robot`` (the object ``bioloid``), ``bioloid.u`` (what is said more easily in urbiscript).
 """
