@@ -351,6 +351,12 @@ class Expressions(Emitter):
             return lambda: self.this(node, self.mark(node))
         return lambda: self.value(target)
 
+    def x_External(self, node: ast.External) -> py.expr:
+        """``external function (2) X.f from X``."""
+        p = self.mark(node)
+        words = (node.kind, ".".join(node.path), node.arity, node.source)
+        return call("external", [const(word, p) for word in words], p)
+
     def x_Property(self, node: ast.Property) -> py.expr:
         holder = self.slot_holder(node.slot, node)()
         p = self.mark(node, "getProperty")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel.lobby.output import Output
 from urbihw.kernel.lobby.shell import Shell
+from urbihw.kernel.lobby.statements import execute
 from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.passage import TagObject
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 class Lobby(Obj):
     """An urbiscript Lobby."""
 
-    __slots__ = ("connected", "on_quit", "output", "programs", "received", "shell", "tag")
+    __slots__ = ("connected", "intake", "on_quit", "output", "programs", "received", "shell", "tag")
 
     def __init__(
         self,
@@ -47,13 +48,19 @@ class Lobby(Obj):
         if remote is not None:
             self.slots["remoteIP"] = world.string(remote)
         self.shell = Shell(self, name)
+        self.intake: Callable[[bytes], None] = self.shell.feed
+        """What takes the bytes of the client; a remote in binary mode sends no urbiscript."""
         programs.lobbies[self] = None
 
     def feed(self, data: bytes) -> None:
         """Bytes from the client."""
         self.received += len(data)
         if self.connected:
-            self.shell.feed(data)
+            self.intake(data)
+
+    def execute(self, text: str) -> None:
+        """Run one statement in the running job, as if the client had typed it; raises what it raises."""
+        execute(self, text)
 
     def report(self, error: BaseException) -> None:
         """Tell the client of an uncaught error; never fails, though describing one may run the client's functions."""

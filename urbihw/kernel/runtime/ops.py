@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 from urbihw.kernel import errors
 from urbihw.kernel.runtime import matching
 from urbihw.kernel.runtime.backtrace import LINE_MAP
+from urbihw.kernel.runtime.blend import place
 from urbihw.kernel.runtime.code import MISSING, Executable, Getter, make_code
 from urbihw.kernel.runtime.conditions import Conditions
 from urbihw.kernel.runtime.event import Event
@@ -173,7 +174,11 @@ def _calls(world: World) -> dict[str, Any]:
             world.lazy_names.add(name)
         return run(value, target, sender, name, lazies(thunks, sites.arguments(site)))
 
-    return locals_of(callee, lazy_send, lazy_value, lazy_site)
+    def external(kind: str, path: str, arity: float | None, source: str | None) -> Any:
+        """``external kind (arity) path from source``."""
+        return world.external(kind, path, arity, source)
+
+    return locals_of(callee, lazy_send, lazy_value, lazy_site, external)
 
 
 def _slots(world: World) -> dict[str, Any]:
@@ -335,8 +340,10 @@ def _concurrency(world: World) -> dict[str, Any]:
             target.bounce(lambda member: move_slot(member, name, value, attributes))
             return
         read = world.ops.send0
+        properties, blender = place(world, target, name)
         Trajectory(
-            world, lambda: read(target, name), lambda v: world.update_slot(target, name, v), value, attributes
+            world, lambda: read(target, name), lambda v: world.update_slot(target, name, v), value, attributes,
+            properties, blender,
         ).run()
 
     def move_local(box: Box, value: Any, attributes: dict[str, Any]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
+    from urbihw.kernel.runtime.blend import Blender
     from urbihw.kernel.runtime.object import Obj
     from urbihw.kernel.runtime.watch import Watch
 
@@ -24,7 +25,7 @@ class Accessor(Protocol):
 class SlotMeta:
     """The rarer half of one slot of one object."""
 
-    __slots__ = ("accessor", "constant", "changed", "properties", "watchers")
+    __slots__ = ("accessor", "blender", "changed", "constant", "properties", "watchers")
 
     def __init__(self) -> None:
         self.constant = False
@@ -32,6 +33,7 @@ class SlotMeta:
         self.changed: Any = None
         self.watchers: dict[Watch, None] | None = None
         self.accessor: Accessor | None = None
+        self.blender: Blender | None = None
 
 
 def meta_of(target: Obj, name: str) -> SlotMeta:

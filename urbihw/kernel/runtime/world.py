@@ -78,6 +78,8 @@ class World:
         self.uvar_proto = self.proto()
         self.uobject_proto = self.proto()
         self._soon: list[Callable[[], None]] = []
+        self.uobjects: Any = None
+        self.external: Callable[..., Any] = _no_compiler
         self.event_proto = Event(self, [self.object])
         self.tag_proto = TagObject(self, [self.object], Tag(scheduler, "tag"))
         self.tags = self.proto()

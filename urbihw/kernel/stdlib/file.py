@@ -150,7 +150,7 @@ def save(world: World, this: Obj, name: Any, content: str) -> None:
 @FILE.primitive("content")
 def content(world: World, this: FileObject) -> Any:
     """The content as a Binary without keywords."""
-    return binary(world, "", read(this.path))
+    return binary(world, "", read(this.path).encode("latin-1"))
 
 
 @FILE.primitive("asList")

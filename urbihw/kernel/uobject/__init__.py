@@ -1,4 +1,4 @@
-"""The API of device writers: the manual's chapter 3 in Python dress.
+"""The API of device writers: the manual's part on UObjects in Python dress.
 
 ::
 
@@ -13,32 +13,56 @@
         def moved(self) -> None: ...
 
 ``host.register(Servo)`` makes the urbiscript class ``Servo``; ``Servo.new(3)`` makes an instance of both worlds and
-calls ``init(3)``.  Reading order: ``uvar`` (a variable with an owner), ``uobject`` (the base class), ``host`` (what a
-platform holds of the kernel), ``robot`` (what the daemon holds of a platform), ``natives`` (how urbiscript sees it).
+calls ``init(3)``.  The same class also runs in a process of its own (``urbihw.remote``).  Reading order: ``uvar`` (a
+variable with an owner), ``declarations`` and ``uobject`` (the base class), ``host`` (what a platform holds of the
+kernel), ``robot`` (what the daemon holds of a platform), ``natives`` (how urbiscript sees it), ``external`` (devices of
+other processes, as the server sees them), ``remote`` and ``frames`` (the bytes between them).
 May import ``runtime`` and ``sched``.
 """
 
+from urbihw.kernel.uobject.binary import UBinary, UImage, USound
+from urbihw.kernel.uobject.declarations import event, function, owned, reading, threaded, variable
 from urbihw.kernel.uobject.errors import BadConfig, DeviceError, Gone, NotReady
 from urbihw.kernel.uobject.host import Host
 from urbihw.kernel.uobject.robot import Opened, Robot, RobotSettings
-from urbihw.kernel.uobject.uobject import UEvent, UObject, event, function, owned, reading, variable
+from urbihw.kernel.uobject.threads import (
+    LOCK_CLASS,
+    LOCK_FUNCTION,
+    LOCK_INSTANCE,
+    LOCK_MODULE,
+    LOCK_NONE,
+    Lock,
+)
+from urbihw.kernel.uobject.uevent import UEvent
+from urbihw.kernel.uobject.uobject import UObject, UObjectHub
 from urbihw.kernel.uobject.uvar import UVar
 
 __all__ = [
+    "LOCK_CLASS",
+    "LOCK_FUNCTION",
+    "LOCK_INSTANCE",
+    "LOCK_MODULE",
+    "LOCK_NONE",
     "BadConfig",
     "DeviceError",
     "Gone",
     "Host",
+    "Lock",
     "NotReady",
     "Opened",
     "Robot",
     "RobotSettings",
+    "UBinary",
     "UEvent",
+    "UImage",
     "UObject",
+    "UObjectHub",
+    "USound",
     "UVar",
     "event",
     "function",
     "owned",
     "reading",
+    "threaded",
     "variable",
 ]

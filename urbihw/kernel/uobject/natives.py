@@ -1,15 +1,30 @@
-"""How urbiscript sees UObject and UVar (manual, sections 20.67 to 20.69)."""
+"""How urbiscript sees UObject, UVar and ``uobjects`` (manual, sections 20.67 to 20.69; release notes of 2.1)."""
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
-from urbihw.kernel.runtime.object import Plain
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.code import make_primitive
+from urbihw.kernel.runtime.object import Obj, Plain
 from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.slot import meta_of
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.uobject import external
+from urbihw.kernel.uobject.errors import DeviceError
+from urbihw.kernel.uobject.registry import Registry, registry_of
 from urbihw.kernel.uobject.uvar import UVar
 
 UVAR = Table("UVar")
+UOBJECT = Table("UObject")
+UOBJECTS = Table("uobjects")
+SYSTEM = Table("System")
+
+HOOK_CHANGED = "URBI_UVAR_HOOK_CHANGED"
+
+
+# ---------------------------------------------------------------- UVar
 
 
 @UVAR.primitive("new")
@@ -30,15 +45,23 @@ def copy(world: World, this: UVar, holder: Any, name: str) -> Any:
 
 
 @UVAR.primitive("notifyChange")
-def notify_change(world: World, this: UVar, handle: Any, code: Any) -> None:
+def notify_change(world: World, this: UVar, handle: Any, code: Any = None) -> None:
     """Call a function each time the variable is written to."""
-    this.notify_change(lambda: world.invoke(code, this, (), "notifyChange"))
+    function = handle if code is None else code
+    this.notify_change(lambda: world.invoke(function, this, (), "notifyChange"))
 
 
 @UVAR.primitive("notifyAccess")
-def notify_access(world: World, this: UVar, handle: Any, code: Any) -> None:
+def notify_access(world: World, this: UVar, handle: Any, code: Any = None) -> None:
     """Call a function each time the variable is read."""
-    this.notify_access(lambda: world.invoke(code, this, (), "notifyAccess"))
+    function = handle if code is None else code
+    this.notify_access(lambda: world.invoke(function, this, (), "notifyAccess"))
+
+
+@UVAR.primitive("unnotify")
+def unnotify(world: World, this: UVar) -> None:
+    """Forget all functions that were to be called."""
+    this.unnotify()
 
 
 @UVAR.primitive("owned")
@@ -56,7 +79,7 @@ def val(world: World, this: UVar) -> Any:
 @UVAR.primitive("target")
 def target(world: World, this: UVar) -> Any:
     """What was last written to the variable."""
-    return world.from_python(this.target)
+    return this.current(True)
 
 
 @UVAR.primitive("age")
@@ -65,11 +88,117 @@ def age(world: World, this: UVar) -> float:
     return this.age()
 
 
+@UVAR.primitive("timestamp")
+def timestamp(world: World, this: UVar) -> float:
+    """When the value was taken, in seconds of the server's clock."""
+    return this.stamp
+
+
+# ---------------------------------------------------------------- UObject
+
+
+@UOBJECT.raw("new", least=0, most=-1)
+def make(world: World) -> Any:
+    """A clone of this, after its ``init`` was called with the arguments; if that fails the clone is destroyed.
+
+    A number other than 0 that ``init`` gives is a failure too.
+    """
+
+    def run(this: Any, *args: Any) -> Any:
+        made = world.send(this, "clone")
+        if made is this:
+            return made
+        if "__uobjectName" not in made.slots:
+            registry_of(world).add(f"obj_{world.uid(made)}", made)
+        try:
+            answer = world.send(made, "init", *args)
+            if answer.__class__ is float and answer:
+                kind = world.type_name(this)
+                raise errors.primitive(f"{kind} construction failed: init returned {world.text(answer)}.", "new")
+        except Exception:
+            destroy(world, made)
+            raise
+        return made
+
+    return run
+
+
+@UOBJECT.primitive("destroy")
+def destroy(world: World, this: Any) -> None:
+    """End a device, in both worlds: it is no slot of ``uobjects`` any more."""
+    python = getattr(this, "python", None)
+    if python is not None:
+        python.destroy()
+    else:
+        external.destroy(world, this)
+
+
+# ---------------------------------------------------------------- uobjects
+
+
+@UOBJECTS.primitive("enableStats")
+def enable_stats(world: World, this: Any, on: Any) -> None:
+    """Whether calls of bound functions, callbacks and timers are measured."""
+    registry_of(world).stats.enabled = bool(on)
+
+
+@UOBJECTS.primitive("getStats")
+def get_stats(world: World, this: Any) -> dict[str, list[float]]:
+    """Name of what was called to [average, least, greatest duration in seconds, number of calls]."""
+    return registry_of(world).stats.get()
+
+
+@UOBJECTS.primitive("clearStats")
+def clear_stats(world: World, this: Any) -> None:
+    """Forget what was measured."""
+    registry_of(world).stats.clear()
+
+
+# ---------------------------------------------------------------- System
+
+
+@SYSTEM.primitive("loadModule", "loadLibrary")
+def load_module(world: World, this: Any, module: Any) -> None:
+    """Import a Python module, to be found in URBI_UOBJECT_PATH, and register its UObjects."""
+    try:
+        registry_of(world).load_module(world.text(module))
+    except DeviceError as error:
+        raise errors.primitive(str(error)) from error
+
+
+class HookChanged:
+    """The slot ``UVar.hookChanged``."""
+
+    def __init__(self, registry: Registry) -> None:
+        self._registry = registry
+
+    def read(self, target: Any) -> Any:
+        """Whether variables made from now on have the event ``changed``."""
+        return self._registry.world.boolean(self._registry.hook_changed)
+
+    def write(self, target: Any, value: Any) -> Any:
+        """Somebody switches it."""
+        self._registry.hook_changed = bool(value)
+        return value
+
+
 def install(world: World) -> None:
-    """Put UObject, UVar and ``uobjects_handle`` into Global."""
-    UVAR.install(world, world.uvar_proto)
+    """Put UObject, UVar, ``uobjects`` and ``uobjects_handle`` into Global."""
+    slots = world.global_.slots
     for name, proto in (("UVar", world.uvar_proto), ("UObject", world.uobject_proto)):
         proto.slots["type"] = world.string(name)
-        world.global_.slots[name] = proto
-    world.global_.slots["uobjects_handle"] = Plain(world, [world.object])
+        slots[name] = proto
+    holder = slots["uobjects"]
+    assert isinstance(holder, Obj)
+    registry = world.uobjects = Registry(world, holder)
+    registry.hook_changed = HOOK_CHANGED not in os.environ
+    UVAR.install(world, world.uvar_proto)
+    UOBJECT.install(world, world.uobject_proto)
+    UOBJECTS.install(world, holder)
+    SYSTEM.install(world, slots["System"])
+    hook = HookChanged(registry)
+    world.uvar_proto.slots["hookChanged"] = make_primitive(world, "hookChanged", hook.read, 0, 0, False)
+    meta_of(world.uvar_proto, "hookChanged").accessor = hook
+    slots["uobjects_handle"] = Plain(world, [world.object])
+    external.install(world, registry)
     world.flush()

@@ -1,131 +1,32 @@
 """The base class of devices: binds Python attributes to urbiscript slots, methods to urbiscript functions.
 
-In the manual's words: ``variable()`` is UBindVar, ``owned()`` is UBindVar and UOwned (and ``reading()`` is an owned one
-that nobody else may write), ``@function`` is UBindFunction,
-``event()`` is UBindEvent, ``notify_change`` is UNotifyChange, ``set_update`` is USetUpdate, ``set_timer`` is
-USetTimer.  Periods are in seconds.  All callbacks run in the kernel's thread; a callback must not block.
+``declarations`` has what a class says of itself; here is what an instance does: ``bind_var`` and ``bind_function`` are
+UBindVar and UBindFunction done late, ``notify_change`` is UNotifyChange, ``set_update`` is USetUpdate, ``set_timer`` is
+USetTimer, ``var`` is UVar by name, ``send`` and ``call`` are what their namesakes are.  Periods are in seconds.
+
+All callbacks run in the kernel's thread and must not block it; functions bound as ``threaded`` may.  Everything here
+may be called from any thread.
 """
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from urbihw.kernel import errors
 from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.object import Obj
-from urbihw.kernel.runtime.primitive import Row, build
-from urbihw.kernel.sched.timequeue import Timer
+from urbihw.kernel.uobject.callback import Callback
+from urbihw.kernel.uobject.declarations import bound_attributes, event, variable
+from urbihw.kernel.uobject.functions import bound_functions, class_function, instance_function
+from urbihw.kernel.uobject.threads import Lock
+from urbihw.kernel.uobject.timers import Timers
+from urbihw.kernel.uobject.uevent import Handler, Listener, UEvent
+from urbihw.kernel.uobject.uvalue import Device, to_urbi
 from urbihw.kernel.uobject.uvar import UVar
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
     from urbihw.kernel.uobject.host import Host
-
-F = TypeVar("F", bound=Callable[..., Any])
-
-
-class _Bound:
-    """A class attribute that becomes a slot of each instance."""
-
-    def __init__(self) -> None:
-        self.slot = ""
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.slot = self.slot or name
-
-
-class variable(_Bound):  # noqa: N801 - reads as a declaration
-    """A bound variable (UBindVar) with an initial value; on an instance, its UVar."""
-
-    owned = False
-    writable = True
-
-    def __init__(self, value: Any = None, name: str = "") -> None:
-        super().__init__()
-        self.initial = value
-        self.slot = name
-
-    @overload
-    def __get__(self, instance: None, owner: type) -> variable: ...
-
-    @overload
-    def __get__(self, instance: UObject, owner: type) -> UVar: ...
-
-    def __get__(self, instance: UObject | None, owner: type) -> UVar | variable:
-        return self if instance is None else instance.variables[self.slot]
-
-
-class owned(variable):  # noqa: N801
-    """An owned variable (UOwned): a target written by urbiscript, a value sensed by the device."""
-
-    owned = True
-
-
-class reading(owned):  # noqa: N801
-    """A bound variable that only the device writes; urbiscript that assigns it is told so."""
-
-    writable = False
-
-
-class event(_Bound):  # noqa: N801
-    """A bound event (UBindEvent); on an instance, its UEvent."""
-
-    def __init__(self, name: str = "") -> None:
-        super().__init__()
-        self.slot = name
-
-    @overload
-    def __get__(self, instance: None, owner: type) -> event: ...
-
-    @overload
-    def __get__(self, instance: UObject, owner: type) -> UEvent: ...
-
-    def __get__(self, instance: UObject | None, owner: type) -> UEvent | event:
-        return self if instance is None else instance.events[self.slot]
-
-
-@overload
-def function(method: str) -> Callable[[F], F]: ...
-
-
-@overload
-def function(method: F) -> F: ...
-
-
-def function(method: F | str) -> F | Callable[[F], F]:
-    """Bind a method (UBindFunction), under its own name or ``@function("name")``; annotations give the conversions.
-
-    A ValueError that it raises is an error in urbiscript, with the same words.
-    """
-    if isinstance(method, str):
-        name = method
-
-        def named(inner: F) -> F:
-            inner.__urbi_name__ = name  # type: ignore[attr-defined]
-            return inner
-
-        return named
-    method.__urbi_name__ = method.__name__  # type: ignore[attr-defined]
-    return method
-
-
-class UEvent:
-    """An event of a device."""
-
-    def __init__(self, world: World, face: Event) -> None:
-        self._world = world
-        self._face = face
-
-    def emit(self, *payload: Any) -> None:
-        """Emit the event with a payload of Python values and devices; handlers run as jobs."""
-        values = [self._world.from_python(value.face if isinstance(value, UObject) else value) for value in payload]
-
-        def emit() -> None:
-            self._face.emit(values)
-
-        self._world.soon(emit)
 
 
 class UObjectFace(Obj):
@@ -141,12 +42,18 @@ class UObjectFace(Obj):
 
     def clone(self) -> UObjectFace:
         """A new instance, in both worlds; ``new`` then calls ``init``."""
+        return self.make(self.host.registry.fresh_name())
+
+    def make(self, name: str) -> UObjectFace:
+        """A new instance under a unique name."""
         made = UObjectFace(self.world, [self], self.host, self.kind)
+        self.host.registry.add(name, made)
         made.python = self.kind(self.host, made)
+        self.host.made(made.python)
         return made
 
 
-class UObject:
+class UObject(Device):
     """Base of all devices.  Derive, declare, and write ``init``; do not override ``__init__``."""
 
     uname: ClassVar[str] = ""
@@ -154,146 +61,193 @@ class UObject:
 
     def __init__(self, host: Host, face: UObjectFace) -> None:
         self.host = host
-        self.face = face
+        self.face: UObjectFace = face
         self.variables: dict[str, UVar] = {}
         self.events: dict[str, UEvent] = {}
-        self._timers: dict[int, Timer] = {}
-        self._timer_count = 0
-        self._update: int | None = None
+        self._timers = Timers(host, type(self).__name__, isinstance(self, UObjectHub))
+        self._hooks: list[tuple[UVar, Callback]] = []
+        self._listeners: list[tuple[UEvent, Listener]] = []
+        self._hubs: list[UObjectHub] = []
         for declared in bound_attributes(type(self)):
             if isinstance(declared, variable):
                 self.bind_var(declared.slot, declared.initial, owned=declared.owned, writable=declared.writable)
             elif isinstance(declared, event):
                 self.bind_event(declared.slot)
 
+    @property
+    def name(self) -> str:
+        """The unique name of this instance, its slot in ``uobjects``."""
+        return self.host.world.text(self.face.slots["__uobjectName"])
+
     # ---------------------------------------------------------------- binding
 
     def bind_var(self, name: str, value: Any = None, *, owned: bool = False, writable: bool = True) -> UVar:
         """Bind one more variable of this instance (UBindVar, UOwned); not ``writable``: see ``reading``."""
+        return self.host.registry.call(lambda: self._bind_var(name, value, owned, writable))
+
+    def _bind_var(self, name: str, value: Any, owned: bool, writable: bool) -> UVar:
         made = UVar(self.host.world, self.face, name, owned=owned, value=value)
         if not writable:
             made.notify_change(_refuse, owner=True)
         self.variables[name] = made
+        self.host.bound_var(self, made)
         return made
 
     def bind_event(self, name: str) -> UEvent:
         """Bind one more event of this instance (UBindEvent)."""
+        return self.host.registry.call(lambda: self._bind_event(name))
+
+    def _bind_event(self, name: str) -> UEvent:
         world = self.host.world
         face = Event(world, [world.event_proto])
         world.ops.put(self.face, name, face)
         made = self.events[name] = UEvent(world, face)
+        self.host.bound_event(self, name, made)
         return made
+
+    def bind_function(self, method: Callable[..., Any], name: str = "", lock: Lock | None = None) -> None:
+        """Bind one more function of this instance (UBindFunction); with a ``lock``, one that runs in a thread."""
+        urbi = name or method.__name__
+
+        def bind() -> None:
+            world = self.host.world
+            world.ops.put(self.face, urbi, instance_function(world, urbi, method, lock))
+            self.host.bound_function(self, urbi, method)
+
+        self.host.registry.call(bind)
 
     def put_slot(self, name: str, value: Any) -> None:
         """Make a plain slot of this instance, holding a Python value or another device."""
         world = self.host.world
-        world.ops.put(self.face, name, value.face if isinstance(value, UObject) else world.from_python(value))
+        self.host.registry.call(lambda: world.ops.put(self.face, name, to_urbi(world, value)))
 
     def init(self, *args: Any, **named: Any) -> Any:
-        """Called by ``new`` with its arguments; override with the arguments you want."""
+        """Called by ``new`` with its arguments; override with the arguments you want.
+
+        A ValueError ends the construction with its words; so does a result that is a number other than 0.
+        """
+
+    # ---------------------------------------------------------------- others
+
+    def var(self, name: str) -> UVar:
+        """A variable of any object by its name, ``object.slot``; it is hooked if it was a plain slot.
+
+        Raises ValueError if there is no such object.
+        """
+        return self.host.var(name)
+
+    def send(self, text: str) -> None:
+        """Have urbiscript run at the server, in a job of its own; an error in it is logged."""
+        self.host.send(text, type(self).__name__)
+
+    def call(self, target: str, function: str, *args: Any) -> None:
+        """Have ``target.function(args)`` called at the server, in a job of its own; an error in it is logged."""
+        self.host.call(target, function, *args)
+
+    def register(self, hub: type[UObjectHub]) -> None:
+        """Become a member of a hub (URegister)."""
+        found = self.host.hub(hub)
+        found.members.append(self)
+        self._hubs.append(found)
+
+    def set_thread_limit(self, limit: int) -> None:
+        """How many threaded functions of the whole kernel may run at a time."""
+        if limit < 1:
+            raise ValueError(f"the number of threads cannot be limited to {limit}")
+        self.host.registry.threads.limit = limit
 
     # ---------------------------------------------------------------- notification
 
-    def notify_change(self, var: UVar, callback: Callable[..., Any]) -> None:
-        """Call ``callback`` after each write of a variable, one's own or another's (UNotifyChange)."""
-        var.notify_change(callback, owner=self.variables.get(var.name) is var)
+    def notify_change(self, var: UVar | str, callback: Callable[..., Any]) -> None:
+        """Call ``callback`` after each write of a variable, one's own or another's or one by name (UNotifyChange)."""
+        found = self.var(var) if isinstance(var, str) else var
+        owner = self.variables.get(found.name) is found
 
-    def notify_access(self, var: UVar, callback: Callable[..., Any]) -> None:
-        """Call ``callback`` before each read of a variable (UNotifyAccess)."""
-        var.notify_access(callback)
+        def hook() -> None:
+            self._hooks.append((found, found.notify_change(callback, owner=owner)))
+            self.host.notified(self, found)
+
+        self.host.registry.call(hook)
+
+    def notify_access(self, var: UVar | str, callback: Callable[..., Any]) -> None:
+        """Call ``callback`` before each read of a variable (UNotifyAccess); not in another process than the server."""
+        found = self.var(var) if isinstance(var, str) else var
+
+        def hook() -> None:
+            self._hooks.append((found, found.notify_access(callback)))
+            self.host.access_notified(self, found)
+
+        self.host.registry.call(hook)
+
+    def at_event(self, which: UEvent | str, begun: Handler | None, ended: Handler | None = None) -> None:
+        """Call ``begun(*payload)`` when an event begins, one's own or one by name, ``ended(*payload)`` when it ends."""
+        found = self.host.event(which) if isinstance(which, str) else which
+
+        def listen() -> None:
+            self._listeners.append((found, found.listen(begun, ended)))
+            self.host.listened(self, found, begun or ended)
+
+        self.host.registry.call(listen)
 
     # ---------------------------------------------------------------- timers
 
     def set_timer(self, period: float, callback: Callable[[], Any]) -> int:
-        """Call ``callback`` every ``period`` seconds; the handle for ``remove_timer`` (USetTimer)."""
-        scheduler = self.host.world.scheduler
-        self._timer_count += 1
-        handle = self._timer_count
+        """Call ``callback`` every ``period`` seconds, before a pass of urbiscript (USetTimer); 0 is as often as useful.
 
-        def tick() -> None:
-            due = self._timers[handle].deadline + period
-            self._timers[handle] = scheduler.call_at(max(due, scheduler.clock.now()), tick)
-            self.host.guarded(callback, f"timer of {type(self).__name__}")
-
-        self._timers[handle] = scheduler.call_at(scheduler.clock.now() + period, tick)
-        return handle
+        Gives the handle for ``remove_timer``.
+        """
+        return self.host.registry.call(lambda: self._timers.add(period, callback))
 
     def remove_timer(self, handle: int) -> None:
         """End a timer; harmless twice."""
-        timer = self._timers.pop(handle, None)
-        if timer is not None:
-            timer.cancel()
+        self.host.registry.call(lambda: self._timers.remove(handle))
 
     def set_update(self, period: float) -> None:
-        """Call ``update`` every ``period`` seconds; a negative period ends it (USetUpdate)."""
-        if self._update is not None:
-            self.remove_timer(self._update)
-            self._update = None
-        if period >= 0:
-            self._update = self.set_timer(period, self.update)
+        """Call ``update`` every ``period`` seconds, after a pass of urbiscript (USetUpdate); a negative one ends it."""
+        self.host.registry.call(lambda: self._timers.set_update(period, self.update))
 
-    def update(self) -> None:
+    def update(self) -> Any:
         """Called periodically once ``set_update`` was; override."""
 
+    # ---------------------------------------------------------------- life
+
+    def connected(self) -> None:
+        """The server is there (again); called only in a process of one's own.  Override."""
+
+    def disconnected(self) -> None:
+        """The server is gone; called only in a process of one's own.  Override."""
+
     def destroy(self) -> None:
-        """End the timers of this instance."""
-        for handle in list(self._timers):
-            self.remove_timer(handle)
+        """End this instance: its timers, its callbacks at other variables, its slot in ``uobjects``; twice is fine."""
+        self.host.registry.call(self._destroy)
+
+    def _destroy(self) -> None:
+        self._timers.clear()
+        for var, callback in self._hooks:
+            if self.variables.get(var.name) is not var:
+                var.unnotify(callback)
+        for heard, listener in self._listeners:
+            heard.forget(listener)
+        for hub in self._hubs:
+            if self in hub.members:
+                hub.members.remove(self)
+        self._hooks, self._listeners, self._hubs = [], [], []
+        self.host.destroyed(self)
+
+
+class UObjectHub(UObject):
+    """What acts for a group of devices: one instance of each class of hubs, whose ``update`` runs after theirs."""
+
+    def __init__(self, host: Host, face: UObjectFace) -> None:
+        self.members: list[UObject] = []
+        super().__init__(host, face)
 
 
 def _refuse() -> None:
     raise ValueError("this slot can only be read")
 
 
-def bound_attributes(kind: type[UObject]) -> list[_Bound]:
-    """The declarations of a class and its bases, bases first."""
-    found: dict[str, _Bound] = {}
-    for base in reversed(kind.__mro__):
-        for name, value in vars(base).items():
-            if isinstance(value, _Bound):
-                found[name] = value
-    return list(found.values())
-
-
-def bound_functions(kind: type[UObject]) -> dict[str, str]:
-    """urbiscript name to Python name of the bound methods; ``init`` is always bound."""
-    names = {"init": "init"}
-    for python, value in inspect.getmembers(kind, inspect.isfunction):
-        urbi = getattr(value, "__urbi_name__", None)
-        if urbi is not None:
-            names[urbi] = python
-    return names
-
-
 def install_functions(world: World, kind: type[UObject], face: UObjectFace) -> None:
     """Make the bound methods of a class slots of its urbiscript prototype."""
     for urbi, python in bound_functions(kind).items():
-        face.slots[urbi] = build(world, urbi, Row((urbi,), _caller(getattr(kind, python), python), "checked", 0, 0))
-
-
-def _caller(method: Callable[..., Any], python: str) -> Callable[..., Any]:
-    """``fn(world, this, *args)`` for a method, with the signature that ``primitive`` reads its checks from."""
-
-    def run(world: Any, this: Any, *args: Any) -> Any:
-        try:
-            result = getattr(this.python, python)(*args)
-        except ValueError as refusal:
-            raise errors.primitive(str(refusal)) from refusal
-        if isinstance(result, UObject):
-            return result.face
-        if isinstance(result, list):
-            return [member.face if isinstance(member, UObject) else member for member in result]
-        return result
-
-    parameters = list(inspect.signature(method).parameters.values())[1:]
-    kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
-    head = [inspect.Parameter("world", kind), inspect.Parameter("this", kind, annotation="UObjectFace")]
-    typed = [parameter.replace(annotation=_type_name(parameter.annotation)) for parameter in parameters]
-    run.__signature__ = inspect.Signature([*head, *typed])  # type: ignore[attr-defined]
-    return run
-
-
-def _type_name(annotation: Any) -> str:
-    if annotation is inspect.Parameter.empty:
-        return "Any"
-    return annotation if isinstance(annotation, str) else getattr(annotation, "__name__", str(annotation))
+        face.slots[urbi] = class_function(world, urbi, python, getattr(kind, python))

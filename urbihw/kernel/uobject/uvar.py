@@ -7,29 +7,43 @@ target and read the sensed value; the owner's ``value`` is the other way round.
 Writing runs the ``notify_change`` callbacks at once, in the job that wrote: the owner's when an outsider wrote, the
 others' when the value that outsiders read changed.  An owner refuses a value by raising ValueError: the assignment then
 fails with its words, and the target stays what it was.  Any other callback that raises is removed and reported, so that
-one bad device cannot break every assignment.  Conditions (``at (motor.val > 0)``) and ``->changed`` follow the value
-that outsiders read.
+one bad device cannot break every assignment (unless ``remove_throwing`` is off).  Conditions (``at (motor.val > 0)``)
+and ``->changed`` follow the value that outsiders read.
+
+The owner's side may be used from any thread: from another than the kernel's, each call is done in the kernel's thread
+and waited for.
 """
 
 from __future__ import annotations
 
-import inspect
 import logging
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from threading import get_ident
+from typing import TYPE_CHECKING, Any, Protocol
 
 from urbihw.kernel import errors
+from urbihw.kernel.runtime.binary import BinaryObject
+from urbihw.kernel.runtime.blend import Blender, blender_of
 from urbihw.kernel.runtime.code import Executable
-from urbihw.kernel.runtime.convert import to_python
 from urbihw.kernel.runtime.object import Obj
-from urbihw.kernel.runtime.slot import meta_of, peek_meta
+from urbihw.kernel.runtime.slot import SlotMeta, meta_of, peek_meta
+from urbihw.kernel.runtime.watch import notify
+from urbihw.kernel.uobject.callback import Callback, Handler
+from urbihw.kernel.uobject.registry import registry_of
+from urbihw.kernel.uobject.uvalue import from_urbi, to_urbi
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
 log = logging.getLogger("urbihw.uobject")
 
-Callback = Callable[..., Any]
+
+class Subscriber(Protocol):
+    """A connection that wants to hear of a variable."""
+
+    def changed(self, var: UVar, value: Any) -> None:
+        """The variable has this urbiscript value now."""
+        ...
 
 
 class UVar(Executable):
@@ -39,27 +53,46 @@ class UVar(Executable):
         "_access",
         "_change",
         "_homes",
+        "_meta",
         "_owner_change",
         "_sensed",
         "_target",
+        "bypass",
         "dated",
+        "hooked",
+        "mirror",
         "name",
         "owned",
+        "remove_throwing",
+        "rtp",
         "stamp",
+        "subscribers",
+        "thread",
+        "writer",
     )
 
     def __init__(self, world: World, holder: Obj, name: str, *, owned: bool = False, value: Any = None) -> None:
         super().__init__(world, [world.uvar_proto])
+        registry = registry_of(world)
         self.name = name
         self.owned = owned
-        self._sensed: Any = world.from_python(value)
+        self._sensed: Any = to_urbi(world, value)
         self._target: Any = self._sensed
         self.stamp = world.scheduler.clock.now()
         self.dated: Callable[[], float] | None = None
+        self.thread = registry.thread
+        self.hooked = registry.hook_changed
+        self.bypass = False
+        self.rtp = False
+        self.remove_throwing = True
+        self.mirror: Callable[[UVar], None] | None = None
+        self.writer: Subscriber | None = None
+        self.subscribers: dict[Subscriber, bool] | None = None
         self._homes: list[tuple[Obj, str]] = []
         self._owner_change: list[Callback] = []
         self._change: list[Callback] = []
         self._access: list[Callback] = []
+        self._meta: SlotMeta = meta_of(holder, name)
         self.put(holder, name)
 
     def put(self, holder: Obj, name: str) -> None:
@@ -67,6 +100,35 @@ class UVar(Executable):
         self._homes.append((holder, name))
         meta_of(holder, name).accessor = self
         self.world.ops.put(holder, name, self)
+
+    def drop(self) -> None:
+        """Stand in no slot any more, and tell nobody of anything: the value stays where the variable was."""
+        for holder, name in self._homes:
+            meta = peek_meta(holder, name)
+            if meta is not None and meta.accessor is self:
+                meta.accessor = None
+                holder.slots[name] = self._sensed
+        self.subscribers = self.mirror = None
+        self._forget()
+
+    @property
+    def holder(self) -> Obj:
+        """The object whose slot it is in the first place."""
+        return self._homes[0][0]
+
+    @property
+    def full_name(self) -> str:
+        """``object.slot``: the unique name of the object, and the slot."""
+        holder, name = self._homes[0]
+        unique = holder.slots.get("__uobjectName")
+        return f"{self.world.text(unique) if unique is not None else self._name_of(holder)}.{name}"
+
+    def _name_of(self, holder: Obj) -> str:
+        world = self.world
+        for slot, value in world.global_.slots.items():
+            if value is holder:
+                return slot
+        return "Global" if holder is world.global_ else f"obj_{world.uid(holder)}"
 
     # ---------------------------------------------------------------- the urbiscript side
 
@@ -76,6 +138,12 @@ class UVar(Executable):
             raise errors.arity(len(args), 0)
         return self.read(this)
 
+    def c0(self, this: Any) -> Any:
+        """The slot is read."""
+        if self._access:
+            self._run(self._access)
+        return self._sensed
+
     def read(self, target: Any) -> Any:
         """What outsiders read: the sensed value, after the access callbacks had a chance to refresh it."""
         if self._access:
@@ -83,22 +151,42 @@ class UVar(Executable):
         return self._sensed
 
     def write(self, target: Any, value: Any) -> Any:
-        """An outsider assigns the slot: the value within ``rangemin`` and ``rangemax`` becomes the target."""
-        value = self._clamped(value)
+        """An outsider assigns the slot: the value within ``rangemin`` and ``rangemax``, blended, becomes the target."""
+        if self._meta.properties is not None:
+            value = self._limited(value)
+            blender = self.blender()
+            if blender is not None:
+                blender.assign(value)
+                return value
+        self.assign(value)
+        return value
+
+    def assign(self, value: Any) -> None:
+        """A value of an outsider, as it is."""
         before, self._target = self._target, value
         if self.owned:
-            self._tell_owner(before)
-            return value
+            if self._owner_change:
+                self._tell_owner(before)
+            if self.subscribers:
+                self._tell(value, owners=True)
+            return
         seen, self._sensed = self._sensed, value
         self.stamp = self.world.scheduler.clock.now()
-        try:
-            self._tell_owner(before)
-        except errors.UrbiError:
-            self._sensed = seen
-            raise
-        self._run(self._change)
+        if self._owner_change:
+            try:
+                self._tell_owner(before)
+            except errors.UrbiError:
+                self._sensed = seen
+                raise
+        if self.subscribers:
+            self._tell(value)
+        if self._change:
+            self._run(self._change)
         self._announce()
-        return value
+
+    def blender(self) -> Blender | None:
+        """What blends movements of this variable, None if nothing does."""
+        return blender_of(self.world, self._meta, lambda value: self.assign(self._limited(value)))
 
     def _tell_owner(self, before: Any) -> None:
         """Run the owner's callbacks; a value that it refuses (ValueError) is taken back and the writer told."""
@@ -108,14 +196,11 @@ class UVar(Executable):
             self._target = before
             raise errors.primitive(str(refusal), self.name) from refusal
 
-    def _clamped(self, value: Any) -> Any:
-        if value.__class__ is not float:
+    def _limited(self, value: Any) -> Any:
+        properties = self._meta.properties
+        if value.__class__ is not float or not properties:
             return value
-        holder, name = self._homes[0]
-        meta = peek_meta(holder, name)
-        if meta is None or not meta.properties:
-            return value
-        least, most = meta.properties.get("rangemin"), meta.properties.get("rangemax")
+        least, most = properties.get("rangemin"), properties.get("rangemax")
         if least.__class__ is float and value < least:
             return least
         if most.__class__ is float and value > most:
@@ -127,17 +212,17 @@ class UVar(Executable):
     @property
     def target(self) -> Any:
         """What outsiders last wrote, as a Python value."""
-        return to_python(self._target)
+        return from_urbi(self._target)
 
     @property
     def sensed(self) -> Any:
         """What outsiders read, as a Python value."""
-        return to_python(self._sensed)
+        return from_urbi(self._sensed)
 
     @property
     def value(self) -> Any:
         """The owner's view: of an owned variable the target, else the value."""
-        return to_python(self._target if self.owned else self._sensed)
+        return from_urbi(self._target if self.owned else self._sensed)
 
     @value.setter
     def value(self, value: Any) -> None:
@@ -148,49 +233,122 @@ class UVar(Executable):
 
         Callbacks, conditions and ``->changed`` run only if it differs from the last one.
         """
+        if get_ident() != self.thread:
+            registry_of(self.world).call(lambda: self.sense(value, stamp))
+            return
         self.stamp = self.world.scheduler.clock.now() if stamp is None else stamp
         if value.__class__ is not float:
-            value = self.world.from_python(value)
+            value = to_urbi(self.world, value, self.bypass)
         old = self._sensed
         if value is old or (value.__class__ is float and old.__class__ is float and value == old):
             return
+        self._take(value)
+
+    def receive(self, value: Any, stamp: float, writer: Subscriber | None) -> None:
+        """A connection reports an urbiscript value: as ``sense``, of equal values too; it does not come back to it."""
+        self.stamp = stamp
+        before, self.writer = self.writer, writer
+        try:
+            self._take(value)
+        finally:
+            self.writer = before
+
+    def _take(self, value: Any) -> None:
         self._sensed = value
         if not self.owned:
             self._target = value
+        if self.mirror is not None:
+            self.mirror(self)
+        if self.subscribers:
+            self._tell(value)
         if self._change or self._watched():
             self.world.soon(self._sensed_changed)
+        elif self.bypass:
+            self._forget_binary()
+
+    def current(self, owner: bool) -> Any:
+        """The urbiscript value: of an owned variable the target, for its owner."""
+        return self._target if owner and self.owned else self._sensed
 
     def age(self) -> float:
         """Seconds since the value was taken: since ``dated()`` if the owner says so, else since it last changed."""
         stamp = self.stamp if self.dated is None else self.dated()
         return self.world.scheduler.clock.now() - stamp
 
+    def own(self) -> None:
+        """Hold a target and a sensed value from now on (UOwned)."""
+        self.owned = True
+
+    def set_bypass(self, on: bool = True) -> None:
+        """Zero-copy mode: binaries written by the owner are not copied, may be changed by him afterwards, and can only
+        be read from within ``notify_change`` callbacks; at other times the variable is nil."""
+        self.bypass = on
+
+    def use_rtp(self, on: bool = True) -> None:
+        """Whether binary values may travel by RTP if the device runs in another process."""
+        self.set_property("rtp", on)
+        self.rtp = on
+
+    def get_property(self, name: str) -> Any:
+        """A property of the slot, such as ``rangemin``, as a Python value; None if it was not set."""
+        return from_urbi((self._meta.properties or {}).get(name))
+
     def set_property(self, name: str, value: Any) -> None:
-        """Set a property of the slot, such as ``rangemin``."""
-        holder, slot = self._homes[0]
-        meta = meta_of(holder, slot)
-        if meta.properties is None:
-            meta.properties = {}
-        meta.properties[name] = self.world.from_python(value)
+        """Set a property of the slot: ``rangemin``, ``rangemax``, ``speedmin``, ``speedmax``, ``delta``, ``blend``, or
+        any other name."""
+        if get_ident() != self.thread:
+            registry_of(self.world).call(lambda: self.set_property(name, value))
+            return
+        if self._meta.properties is None:
+            self._meta.properties = {}
+        self._meta.properties[name] = to_urbi(self.world, value)
+
+    def sync_value(self) -> Any:
+        """The value as it is now at the server; plugged in, that is the value."""
+        return self.value
 
     # ---------------------------------------------------------------- notification
 
-    def notify_change(self, callback: Callback, *, owner: bool = False) -> None:
-        """Call ``callback()`` or ``callback(uvar)`` after each write: by outsiders for the owner, else of the value."""
-        (self._owner_change if owner else self._change).append(_adapted(callback))
+    def notify_change(self, callback: Handler, *, owner: bool = False) -> Callback:
+        """Call ``callback()`` or ``callback(x)`` after each write: by outsiders for the owner, else of the value.
 
-    def notify_access(self, callback: Callback) -> None:
-        """Call ``callback()`` or ``callback(uvar)`` before the value is read."""
-        self._access.append(_adapted(callback))
+        ``x`` is this variable, or its value if the annotation says another type than UVar.  What is returned can be
+        handed to ``unnotify``.
+        """
+        made = Callback(self.world, callback, owner)
+        (self._owner_change if owner else self._change).append(made)
+        return made
 
-    def unnotify(self) -> None:
-        """Forget all callbacks."""
+    def notify_access(self, callback: Handler) -> Callback:
+        """Call ``callback()`` or ``callback(x)`` before the value is read."""
+        made = Callback(self.world, callback)
+        self._access.append(made)
+        return made
+
+    def unnotify(self, callback: Callback | Handler | None = None) -> None:
+        """Forget a callback, or all of them."""
+        for callbacks in (self._owner_change, self._change, self._access):
+            callbacks[:] = [kept for kept in callbacks if callback is not None and not kept.is_(callback)]
+
+    def _forget(self) -> None:
         for callbacks in (self._owner_change, self._change, self._access):
             callbacks.clear()
 
     def _sensed_changed(self) -> None:
         self._run(self._change)
         self._announce()
+        if self.bypass:
+            self._forget_binary()
+
+    def _forget_binary(self) -> None:
+        if isinstance(self._sensed, BinaryObject):
+            self._sensed = self.world.nil
+
+    def _tell(self, value: Any, owners: bool = False) -> None:
+        assert self.subscribers is not None
+        for subscriber, owns in list(self.subscribers.items()):
+            if subscriber is not self.writer and (not self.owned or owns is owners):
+                subscriber.changed(self, value)
 
     def _watched(self) -> bool:
         for holder, name in self._homes:
@@ -201,24 +359,21 @@ class UVar(Executable):
 
     def _announce(self) -> None:
         for holder, name in self._homes:
-            self.world.ops.announce(holder, name)
+            meta = peek_meta(holder, name)
+            if meta is not None:
+                if meta.changed is not None and self.hooked:
+                    self.world.send(meta.changed, "emit")
+                notify(meta)
 
     def _run(self, callbacks: list[Callback], *, refusable: bool = False) -> None:
         for callback in list(callbacks):
             try:
-                callback(self)
+                callback.run(self)
             except Exception as error:
                 if refusable and isinstance(error, ValueError):
                     raise
-                callbacks.remove(callback)
+                if self.remove_throwing and callback in callbacks:
+                    callbacks.remove(callback)
                 reason = "; ".join(self.world.describe(error)) if isinstance(error, errors.UrbiError) else repr(error)
-                log.error("callback on %s removed because it failed: %s", self.name, reason)
-
-
-def _adapted(callback: Callback) -> Callback:
-    """A callback that takes the UVar, whether the given one does or not."""
-    try:
-        wanted = len(inspect.signature(callback).parameters)
-    except (TypeError, ValueError):
-        wanted = 0
-    return callback if wanted else lambda _: callback()
+                kept = "removed because it" if self.remove_throwing else "has"
+                log.error("callback on %s %s failed: %s", self.name, kept, reason)

@@ -1,0 +1,35 @@
+"""Bytes with a header, as urbiscript holds them.
+
+The content is a Python buffer that nobody changes: images and sounds go from device to socket without being copied.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from urbihw.kernel.runtime.object import Obj
+
+if TYPE_CHECKING:
+    from urbihw.kernel.runtime.world import World
+
+Buffer = bytes | bytearray | memoryview
+
+
+class BinaryObject(Obj):
+    """An urbiscript Binary: ``keywords`` tell what is in ``content``."""
+
+    __slots__ = ("content", "keywords")
+
+    def __init__(self, world: World, protos: list[Obj], keywords: str = "", content: Buffer = b"") -> None:
+        super().__init__(world, protos)
+        self.keywords = keywords
+        self.content = content
+
+    @property
+    def data(self) -> str:
+        """The bytes, one character each."""
+        return bytes(self.content).decode("latin-1")
+
+    def clone(self) -> BinaryObject:
+        """A copy."""
+        return BinaryObject(self.world, [self], self.keywords, self.content)

@@ -1,0 +1,157 @@
+"""What happens when several movements, or a movement and an assignment, want the same place at the same time.
+
+The property ``blend`` of a slot decides, a String:
+
+- ``normal`` (and anything else): each writes; what was written last is read;
+- ``mix``: the mean of what all of them want; ``add``: the sum;
+- ``queue``: each waits until those before it are over;
+- ``discard``: a new one is dropped while there is another;
+- ``cancel``: a new one ends the others.
+
+An assignment is a movement of no length.  In the modes ``mix`` and ``add``, assignments to a device's variable are
+gathered until the end of the scheduler's round and then applied as one, so a fast program does not drown a slow device
+(manual, section 4.1.1).  Of a slot without a device behind it, only movements are blended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from urbihw.kernel.runtime.slot import SlotMeta, peek_meta
+from urbihw.kernel.runtime.values import String
+from urbihw.kernel.sched.waiting import WaitQueue
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from urbihw.kernel.runtime.world import World
+
+MODES = ("normal", "mix", "add", "queue", "discard", "cancel")
+
+
+class Cancelled(Exception):
+    """A later movement took the place of this one."""
+
+
+class Movement:
+    """One movement that goes on; ``value`` is what it wants at present."""
+
+    __slots__ = ("_blender", "cancelled", "value")
+
+    def __init__(self, blender: Blender) -> None:
+        self._blender = blender
+        self.value: float | None = None
+        self.cancelled = False
+
+    def write(self, value: float) -> None:
+        """What the movement wants from now on; raises Cancelled."""
+        if self.cancelled:
+            raise Cancelled
+        self.value = value
+        self._blender.apply(value)
+
+
+class Blender:
+    """The movements of one place; ``put`` writes to it."""
+
+    def __init__(self, world: World, meta: SlotMeta, put: Callable[[Any], Any]) -> None:
+        self._world = world
+        self._meta = meta
+        self._put = put
+        self._movements: dict[Movement, None] = {}
+        self._line = WaitQueue(world.scheduler)
+        self._waiting = 0
+        self._gathered: list[float] = []
+
+    @property
+    def mode(self) -> str:
+        """How to blend; see above."""
+        return mode_of(self._meta)
+
+    @contextmanager
+    def movement(self) -> Iterator[Movement | None]:
+        """A new movement, None if there is to be none; waits for its turn if it has to."""
+        mode = self.mode
+        if not self._admit(mode):
+            yield None
+            return
+        movement = Movement(self)
+        self._movements[movement] = None
+        try:
+            yield movement
+        except Cancelled:
+            pass
+        finally:
+            self._movements.pop(movement, None)
+            self._line.wake_one()
+
+    def _admit(self, mode: str) -> bool:
+        if mode == "discard":
+            return not self._movements
+        if mode == "cancel":
+            for other in self._movements:
+                other.cancelled = True
+            self._movements.clear()
+        if mode == "queue":
+            while self._movements or self._waiting:
+                self._waiting += 1
+                try:
+                    self._line.wait()
+                finally:
+                    self._waiting -= 1
+                if not self._movements:
+                    break
+        return True
+
+    def apply(self, value: float) -> None:
+        """Some movement wants another value: write what all of them want together."""
+        self._put(self._blended([]) if self.mode in ("mix", "add") else value)
+
+    def _blended(self, more: list[float]) -> float:
+        wanted = [movement.value for movement in self._movements if movement.value is not None] + more
+        return sum(wanted) if self.mode == "add" else sum(wanted) / len(wanted)
+
+    def assign(self, value: Any) -> None:
+        """An assignment of the place."""
+        mode = self.mode
+        if mode in ("mix", "add") and value.__class__ is float:
+            if not self._gathered:
+                scheduler = self._world.scheduler
+                scheduler.call_at(scheduler.clock.now(), lambda: self._world.soon(self._flush))
+            self._gathered.append(value)
+        elif self._admit(mode):
+            self._put(value)
+            self._line.wake_one()
+
+    def _flush(self) -> None:
+        gathered, self._gathered = self._gathered, []
+        self._put(self._blended(gathered))
+
+
+def mode_of(meta: SlotMeta) -> str:
+    """The blend mode of a slot."""
+    value = None if meta.properties is None else meta.properties.get("blend")
+    return value.s if isinstance(value, String) and value.s in MODES else "normal"
+
+
+def blender_of(world: World, meta: SlotMeta, put: Callable[[Any], Any]) -> Blender | None:
+    """The blender of a slot, None if its mode is ``normal``."""
+    if mode_of(meta) == "normal":
+        return None
+    if meta.blender is None:
+        meta.blender = Blender(world, meta, put)
+    return meta.blender
+
+
+def place(world: World, target: Any, name: str) -> tuple[dict[str, Any], Blender | None]:
+    """The properties of the slot that a movement is about to write, and its blender."""
+    holder = world.peek_obj(target).find(name)
+    meta = None if holder is None else peek_meta(holder, name)
+    if meta is None or not meta.properties:
+        return {}, None
+    accessor: Any = meta.accessor
+    if accessor is not None:
+        return meta.properties, accessor.blender() if hasattr(accessor, "blender") else None
+    return meta.properties, blender_of(world, meta, lambda value: world.update_slot(target, name, value))

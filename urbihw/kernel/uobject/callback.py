@@ -1,0 +1,56 @@
+"""What is called when a variable changes: adapted to how many arguments it takes and of which type."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from urbihw.kernel.uobject.convert import converter, hints_of
+from urbihw.kernel.uobject.registry import registry_of
+
+if TYPE_CHECKING:
+    from urbihw.kernel.runtime.world import World
+    from urbihw.kernel.uobject.uvar import UVar
+
+Handler = Callable[..., Any]
+
+
+class Callback:
+    """One handler of one variable; ``run(uvar)`` calls it."""
+
+    __slots__ = ("_owner", "_stats", "handler", "name", "run")
+
+    def __init__(self, world: World, handler: Handler, owner: bool = False) -> None:
+        self.handler = handler
+        self._owner = owner
+        self.name = getattr(handler, "__qualname__", type(handler).__name__)
+        self._stats = registry_of(world).stats
+        plain = self._adapted(world, handler)
+        stats = self._stats
+
+        def run(var: UVar) -> None:
+            if stats.enabled:
+                stats.timed(self.name, lambda: plain(var))
+            else:
+                plain(var)
+
+        self.run: Callable[[UVar], None] = run
+
+    def _adapted(self, world: World, handler: Handler) -> Callable[[UVar], Any]:
+        try:
+            parameters = list(inspect.signature(handler).parameters.values())
+        except (TypeError, ValueError):
+            parameters = []
+        takes = [one for one in parameters if one.kind not in (one.VAR_KEYWORD, one.KEYWORD_ONLY)]
+        if not takes:
+            return lambda var: handler()
+        wanted = hints_of(handler).get(takes[0].name, inspect.Parameter.empty)
+        if wanted is inspect.Parameter.empty or getattr(wanted, "__name__", wanted) in ("UVar", "Any", "object"):
+            return handler
+        convert, owner = converter(world, wanted), self._owner
+        return lambda var: handler(convert(var.current(owner), 1))
+
+    def is_(self, other: Callback | Handler) -> bool:
+        """Whether this is that callback, or the one of that handler."""
+        return self is other or self.handler == other

@@ -1,0 +1,130 @@
+"""What the class of a device declares: its variables, events and functions.
+
+In the manual's words: ``variable()`` is UBindVar, ``owned()`` is UBindVar and UOwned (and ``reading()`` is an owned one
+that nobody else may write), ``event()`` is UBindEvent, ``@function`` is UBindFunction, ``@threaded`` is
+UBindThreadedFunction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar, overload
+
+from urbihw.kernel.uobject.threads import Lock
+
+if TYPE_CHECKING:
+    from urbihw.kernel.uobject.uevent import UEvent
+    from urbihw.kernel.uobject.uobject import UObject
+    from urbihw.kernel.uobject.uvar import UVar
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+class Bound:
+    """A class attribute that becomes a slot of each instance."""
+
+    def __init__(self) -> None:
+        self.slot = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.slot = self.slot or name
+
+
+class variable(Bound):  # noqa: N801 - reads as a declaration
+    """A bound variable (UBindVar) with an initial value; on an instance, its UVar."""
+
+    owned = False
+    writable = True
+
+    def __init__(self, value: Any = None, name: str = "") -> None:
+        super().__init__()
+        self.initial = value
+        self.slot = name
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> variable: ...
+
+    @overload
+    def __get__(self, instance: UObject, owner: type) -> UVar: ...
+
+    def __get__(self, instance: UObject | None, owner: type) -> UVar | variable:
+        return self if instance is None else instance.variables[self.slot]
+
+
+class owned(variable):  # noqa: N801
+    """An owned variable (UOwned): a target written by urbiscript, a value sensed by the device."""
+
+    owned = True
+
+
+class reading(owned):  # noqa: N801
+    """A bound variable that only the device writes; urbiscript that assigns it is told so."""
+
+    writable = False
+
+
+class event(Bound):  # noqa: N801
+    """A bound event (UBindEvent); on an instance, its UEvent."""
+
+    def __init__(self, name: str = "") -> None:
+        super().__init__()
+        self.slot = name
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> event: ...
+
+    @overload
+    def __get__(self, instance: UObject, owner: type) -> UEvent: ...
+
+    def __get__(self, instance: UObject | None, owner: type) -> UEvent | event:
+        return self if instance is None else instance.events[self.slot]
+
+
+@overload
+def function(method: str) -> Callable[[F], F]: ...
+
+
+@overload
+def function(method: F) -> F: ...
+
+
+def function(method: F | str) -> F | Callable[[F], F]:
+    """Bind a method (UBindFunction), under its own name or ``@function("name")``; annotations give the conversions (see
+    ``convert``).
+
+    A ValueError that it raises is an error in urbiscript, with the same words.
+    """
+    if isinstance(method, str):
+        name = method
+
+        def named(inner: F) -> F:
+            inner.__urbi_name__ = name  # type: ignore[attr-defined]
+            return inner
+
+        return named
+    method.__urbi_name__ = method.__name__  # type: ignore[attr-defined]
+    return method
+
+
+def threaded(lock: Lock = Lock.NONE, name: str = "") -> Callable[[F], F]:
+    """Bind a method that runs in a thread while the calling job waits (UBindThreadedFunction).
+
+    ``lock`` says what it must not run beside; an urbiscript ``name`` may be given.
+    """
+
+    def bind(method: F) -> F:
+        method.__urbi_name__ = name or method.__name__  # type: ignore[attr-defined]
+        method.__urbi_lock__ = lock  # type: ignore[attr-defined]
+        return method
+
+    return bind
+
+
+def bound_attributes(kind: type[UObject]) -> list[Bound]:
+    """The declarations of a class and its bases, bases first."""
+    found: dict[str, Bound] = {}
+    for base in reversed(kind.__mro__):
+        for name, value in vars(base).items():
+            if isinstance(value, Bound):
+                found[name] = value
+    return list(found.values())

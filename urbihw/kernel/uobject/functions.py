@@ -1,0 +1,111 @@
+"""Methods of devices as urbiscript functions: arguments are checked and converted, results are converted back."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import logging
+from collections.abc import Callable, Hashable
+from typing import TYPE_CHECKING, Any
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.code import Primitive, make_primitive
+from urbihw.kernel.uobject.convert import converter, hints_of
+from urbihw.kernel.uobject.registry import registry_of
+from urbihw.kernel.uobject.threads import Lock
+from urbihw.kernel.uobject.uvalue import to_urbi
+
+if TYPE_CHECKING:
+    from urbihw.kernel.runtime.world import World
+    from urbihw.kernel.uobject.uobject import UObject
+
+log = logging.getLogger("urbihw.uobject")
+
+Method = Callable[..., Any]
+
+
+def bound_functions(kind: type[UObject]) -> dict[str, str]:
+    """urbiscript name to Python name of the bound methods; ``init`` is always bound."""
+    names = {"init": "init"}
+    for python, value in inspect.getmembers(kind, inspect.isfunction):
+        urbi = getattr(value, "__urbi_name__", None)
+        if urbi is not None:
+            names[urbi] = python
+    return names
+
+
+def arity(method: Method) -> tuple[int, int]:
+    """The least and the greatest number of arguments of a bound method or function; -1 for no limit."""
+    parameters = list(inspect.signature(method).parameters.values())
+    places = [one for one in parameters if one.kind in (one.POSITIONAL_ONLY, one.POSITIONAL_OR_KEYWORD)]
+    least = sum(1 for one in places if one.default is one.empty)
+    variadic = any(one.kind is one.VAR_POSITIONAL for one in parameters)
+    return least, -1 if variadic else len(places)
+
+
+def class_function(world: World, urbi: str, python: str, method: Method) -> Primitive:
+    """The function of a prototype: it calls the method of the instance on which it is called.
+
+    ``init`` may take any arguments although its base takes none, so only named parameters count.
+    """
+    inner: Method = functools.partial(method, None)
+
+    def find(this: Any) -> Method:
+        instance = getattr(this, "python", None)
+        if instance is None:
+            raise errors.primitive("this is a class: make an instance with new")
+        found: Method = getattr(instance, python)
+        return found
+
+    return _function(world, urbi, inner, find, getattr(method, "__urbi_lock__", None))
+
+
+def instance_function(world: World, urbi: str, method: Method, lock: Lock | None) -> Primitive:
+    """A function of one instance."""
+    return _function(world, urbi, method, lambda this: method, lock)
+
+
+def _function(
+    world: World, urbi: str, method: Method, find: Callable[[Any], Method], lock: Lock | None
+) -> Primitive:
+    registry = registry_of(world)
+    hints = hints_of(method)
+    parameters = list(inspect.signature(method).parameters.values())
+    convert = [converter(world, hints.get(one.name, inspect.Parameter.empty)) for one in parameters]
+    least, most = arity(method)
+
+    def run(this: Any, *args: Any) -> Any:
+        call = find(this)
+        given = [convert[min(index, len(convert) - 1)](value, index + 1) for index, value in enumerate(args)]
+
+        def work() -> Any:
+            if lock is None:
+                return call(*given)
+            return registry.threads.run(lambda: call(*given), _key(lock, this, urbi))
+
+        try:
+            if registry.stats.enabled:
+                return to_urbi(world, registry.stats.timed(f"{registry.class_name(this)}.{urbi}", work))
+            return to_urbi(world, work())
+        except errors.UrbiError:
+            raise
+        except ValueError as refusal:
+            raise errors.primitive(str(refusal)) from refusal
+        except Exception as error:
+            log.error("%s of %s failed: %s: %s", urbi, registry.class_name(this), type(error).__name__, error)
+            log.debug("its traceback", exc_info=error)
+            raise errors.primitive(f"{type(error).__name__}: {error}") from error
+
+    return make_primitive(world, urbi, run, least, most, False)
+
+
+def _key(lock: Lock, this: Any, urbi: str) -> Hashable:
+    """What must not run twice at the same time."""
+    if lock is Lock.NONE:
+        return None
+    if lock is Lock.FUNCTION:
+        return (lock, id(this), urbi)
+    if lock is Lock.INSTANCE:
+        return (lock, id(this))
+    kind = type(this.python)
+    return (lock, kind) if lock is Lock.CLASS else (lock, kind.__module__)

@@ -1,0 +1,48 @@
+"""How long bound functions, callbacks and timers take: ``uobjects.enableStats``, ``getStats``, ``clearStats``.
+
+Source: manual, release notes of 2.1 (average, least and greatest duration, and number of calls, of all bound functions
+called, timers included).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+
+class Stats:
+    """Durations by the name of what ran, in seconds; nothing is measured unless ``enabled``."""
+
+    def __init__(self) -> None:
+        self.enabled = False
+        self._entries: dict[str, list[float]] = {}
+
+    def add(self, name: str, seconds: float) -> None:
+        """One more call."""
+        entry = self._entries.get(name)
+        if entry is None:
+            self._entries[name] = [seconds, seconds, seconds, 1.0]
+            return
+        entry[0] += seconds
+        entry[1] = min(entry[1], seconds)
+        entry[2] = max(entry[2], seconds)
+        entry[3] += 1
+
+    def timed(self, name: str, action: Callable[[], Any]) -> Any:
+        """Run something and count it, if enabled."""
+        if not self.enabled:
+            return action()
+        began = time.perf_counter()
+        try:
+            return action()
+        finally:
+            self.add(name, time.perf_counter() - began)
+
+    def get(self) -> dict[str, list[float]]:
+        """Name to [average, least, greatest, number of calls]."""
+        return {name: [total / n, least, most, n] for name, (total, least, most, n) in self._entries.items()}
+
+    def clear(self) -> None:
+        """Forget what was measured."""
+        self._entries.clear()

@@ -1,0 +1,72 @@
+"""An event of a device: emitted by it, or listened to (manual, section 3.8)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from urbihw.kernel.runtime.event import Emission, Event
+from urbihw.kernel.uobject.registry import registry_of
+from urbihw.kernel.uobject.uvalue import from_urbi, to_urbi
+
+if TYPE_CHECKING:
+    from urbihw.kernel.runtime.world import World
+
+Handler = Callable[..., Any]
+
+
+class UEvent:
+    """An urbiscript event as device code sees it."""
+
+    def __init__(self, world: World, face: Event) -> None:
+        self._world = world
+        self.face = face
+        self.mirror: Callable[[list[Any]], None] | None = None
+
+    def emit(self, *payload: Any) -> None:
+        """Emit the event with a payload of Python values and devices, from any thread; handlers run as jobs."""
+        registry = registry_of(self._world)
+        if registry.foreign:
+            registry.call(lambda: self.emit(*payload))
+            return
+        values = [to_urbi(self._world, value) for value in payload]
+        if self.mirror is not None:
+            self.mirror(values)
+
+        def emit() -> None:
+            self.face.emit(values)
+
+        self._world.soon(emit)
+
+    def listen(self, begun: Handler | None, ended: Handler | None = None) -> Listener:
+        """Call ``begun(*payload)`` when an emission begins, ``ended(*payload)`` when it is over."""
+        listener = Listener(self._world, begun, ended)
+        self.face.subscribe(listener)
+        return listener
+
+    def forget(self, listener: Listener) -> None:
+        """Listen no more; harmless twice."""
+        self.face.subscriptions.pop(listener, None)
+
+
+class Listener:
+    """Device code that hears of emissions; it must return at once."""
+
+    def __init__(self, world: World, begun: Handler | None, ended: Handler | None) -> None:
+        self._world = world
+        self._begun = begun
+        self._ended = ended
+
+    def offer(self, emission: Emission) -> None:
+        """An emission begins."""
+        emission.matches.append((self, True))
+        self._call(self._begun, emission)
+
+    def ended(self, emission: Emission, match: Any) -> None:
+        """It is over."""
+        self._call(self._ended, emission)
+
+    def _call(self, handler: Handler | None, emission: Emission) -> None:
+        if handler is not None:
+            payload = [from_urbi(value) for value in emission.payload]
+            registry_of(self._world).guarded(lambda: handler(*payload), "handler of an event")
