@@ -118,6 +118,7 @@ class Service:
         self._kernel.programs.quiet = config.quiet
         for known in (kind, *kind.classes):
             self._kernel.host.register(known)
+        _show_to_load(manifest.folder)
         for name in manifest.library:
             await self._load(manifest.folder / name)
         try:
@@ -252,6 +253,11 @@ class Service:
                 os.unlink(self._config.port_file)
         if self._port >= 0:
             log.info("stopped")
+
+
+def _show_to_load(folder: Path) -> None:
+    """Let ``load`` find the files of the platform, such as its examples, behind those of the user."""
+    os.environ["URBI_PATH"] = os.pathsep.join((os.environ.get("URBI_PATH", ""), str(folder)))
 
 
 def _robot_settings(config: Config, url: str) -> RobotSettings:

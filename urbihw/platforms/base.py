@@ -181,6 +181,9 @@ class WiredRobot(Robot):
     def on_link_down(self, reason: str) -> None:
         """The link is down: what is measured is stale from now on."""
 
+    def on_stopped(self, reason: str) -> None:
+        """The worker brought the robot to its safe stop."""
+
     def on_refused(self, message: m.Refused) -> None:
         """A target or watch made no sense."""
         self.log.warning("%s: %s: %s", message.device, message.item, message.reason)
@@ -216,6 +219,7 @@ class WiredRobot(Robot):
                 self.on_refused(message)
             case m.Stopped():
                 self.log.info("%s stopped: %s", self.robot_name, message.reason)
+                self.on_stopped(message.reason)
                 self.stopped.emit(message.reason)
             case m.Ended():
                 self._ended(message)

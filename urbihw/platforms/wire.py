@@ -49,8 +49,8 @@ class Wire:
         """One of the other requests of the family."""
         self._ask(verb, device, "", 0, done)
 
-    def watch(self, device: Any, items: Iterable[str], period: float) -> None:
-        """Read items every ``period`` seconds (0: every tick) from now on."""
+    def watch(self, device: Any, items: Iterable[str], period: float | None) -> None:
+        """Read items every ``period`` seconds (0: every tick) from now on; None: no more."""
         self._outbox.append(Watch(device, tuple(items), period))
 
     def settle_later(self, device: Settles) -> None:

@@ -1,0 +1,103 @@
+"""Motors: the class Servo.
+
+``val`` is the position in degrees since the brick was switched on, ``speed`` a share of full power, -100..100,
+regulated by the brick (manual, chapter 24).  ``angle``, ``turn`` and ``torque`` are those of a RotationalMotor of
+chapter 22.  Writing ``val``, ``angle`` or ``turn`` lets the worker turn the motor there and hold it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from urbihw.kernel.uobject import UVar, function, owned, reading, variable
+from urbihw.platforms.nxt import protocol as p
+from urbihw.platforms.nxt.ports import PortDevice
+
+FULL = 100.0
+
+
+class Servo(PortDevice):
+    """A motor of the NXT on port "A", "B" or "C"."""
+
+    known_ports = p.OUTPUTS
+    items = ("rotation",)
+
+    val = owned(math.nan)
+    speed = variable(0.0)
+    angle = owned(math.nan)
+    turn = owned(math.nan)
+    # The brick does not measure it.
+    torque = reading(math.nan)
+
+    def init(self, port: str) -> None:
+        """``Servo.new("A")``"""
+        self.speed.set_property("rangemin", -FULL)
+        self.speed.set_property("rangemax", FULL)
+        self.settle_on(port)
+        self.notify_change(self.speed, self._speed_written)
+        self.notify_change(self.val, lambda: self._go(_number(self.val)))
+        self.notify_change(self.turn, lambda: self._go(_number(self.turn) * 360))
+        self.notify_change(self.angle, lambda: self._go(self._nearest(math.degrees(_number(self.angle)))))
+
+    @function
+    def coast(self) -> None:
+        """Let the motor go: it turns freely until it is told something else."""
+        self.aim("coast", True)
+        self.speed.sense(0.0)
+
+    @function
+    def reset(self) -> None:
+        """Let the position be 0 where the motor is now."""
+        if self.place is not None:
+            self.brick.wire.write(self.place, "rotation", 0, lambda reply: None)
+
+    def take(self, values: Mapping[str, Any], stamp: float) -> bool:
+        """See ``PortDevice``."""
+        degrees = float(values["rotation"])
+        self.val.sense(degrees, stamp)
+        self.angle.sense(math.radians(degrees % 360), stamp)
+        self.turn.sense(degrees / 360, stamp)
+        return True
+
+    def arrived(self) -> None:
+        """See ``PortDevice``.  Nothing moves by itself: the speed begins at 0."""
+        self.speed.sense(0.0)
+
+    def leaving(self) -> None:
+        """See ``PortDevice``."""
+        self.aim("power", 0)
+
+    def link_changed(self, up: bool) -> None:
+        """See ``PortDevice``."""
+        super().link_changed(up)
+        self.stopped()
+
+    def stopped(self) -> None:
+        """See ``PortDevice``."""
+        self.speed.sense(0.0)
+
+    def _speed_written(self) -> None:
+        self.aim("power", round(_number(self.speed)))
+
+    def _go(self, degrees: float) -> None:
+        if math.isinf(degrees):
+            raise ValueError("there is no such position")
+        self.speed.sense(0.0)
+        self.aim("goal", degrees)
+
+    def _nearest(self, degrees: float) -> float:
+        """The position with this angle that is nearest to where the motor is."""
+        now = float(self.val.sensed)
+        if math.isnan(now) or math.isinf(degrees):
+            raise ValueError("the position of the motor is not known yet")
+        return now + (degrees - now + 180) % 360 - 180
+
+
+def _number(var: UVar) -> float:
+    """What urbiscript wrote.  Raises ValueError for what is no number."""
+    value = var.value
+    if not isinstance(value, int | float) or math.isnan(value):
+        raise ValueError("this slot takes a number")
+    return float(value)

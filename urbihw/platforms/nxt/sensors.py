@@ -1,0 +1,231 @@
+"""Sensors: UltraSonicSensor, SoundSensor, LightSensor and Switch of the manual (chapter 24), and two more.
+
+``val`` is in the manual's units: cm, 0..1, 0 or 1.  Slots of the interfaces of chapter 22 stand beside it: ``distance``
+in m, ``pressure``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, ClassVar, Final
+
+from urbihw.kernel.uobject import event, function, reading, variable
+from urbihw.platforms.nxt import protocol as p
+from urbihw.platforms.nxt.i2c import NO_ECHO
+from urbihw.platforms.nxt.ports import PortDevice
+
+FULL: Final = 1023
+_MODE_BITS: Final = 0xE0
+
+Setting = tuple[int, int]
+"""Type and mode of an input."""
+
+
+class Sensor(PortDevice):
+    """What sensors share."""
+
+    known_ports = p.INPUTS
+    val = reading(math.nan)
+
+    def setting(self) -> Setting:
+        """How the port is to be set; override."""
+        raise NotImplementedError
+
+    def arrived(self) -> None:
+        """See ``PortDevice``."""
+        self.aim("mode", self.setting())
+
+
+class AnalogSensor(Sensor):
+    """A sensor that is a voltage; ``raw`` is what the brick measures, 0..1023."""
+
+    items = ("raw",)
+    pace = 0.02
+
+    raw = reading(math.nan)
+
+    def take(self, values: Mapping[str, Any], stamp: float) -> bool:
+        """See ``PortDevice``.  Values of the mode before are of no use."""
+        if (values["kind"], values["mode"] & _MODE_BITS) != self.setting():
+            return False
+        self.raw.sense(float(values["raw"]), stamp)
+        self.measured(values, stamp)
+        return True
+
+    def measured(self, values: Mapping[str, Any], stamp: float) -> None:
+        """Values have come; override."""
+        raise NotImplementedError
+
+
+class ModalSensor(AnalogSensor):
+    """A sensor with modes; ``mode`` is one of ``modes``."""
+
+    modes: ClassVar[Mapping[str, Setting]] = {}
+    mode = variable("")
+
+    def begin(self, port: int, mode: str) -> None:
+        """Called by ``init``."""
+        self._check(mode)
+        self.mode.sense(mode)
+        self.settle_on(port)
+        self.notify_change(self.mode, self._mode_written)
+
+    def setting(self) -> Setting:
+        """See ``Sensor``."""
+        return self.modes[str(self.mode.value)]
+
+    def _mode_written(self) -> None:
+        self._check(self.mode.value)
+        self.stale.sense(True)
+        self.arrived()
+
+    def _check(self, mode: Any) -> None:
+        if not isinstance(mode, str) or mode not in self.modes:
+            known = ", ".join(f'"{each}"' for each in self.modes)
+            raise ValueError(f"the modes of a {type(self).__name__} are {known}")
+
+
+class SoundSensor(ModalSensor):
+    """How loud it is, 0..1; "DBA" is adapted to the ear, "DB" is the whole band."""
+
+    modes = {"DBA": (p.SOUND_DBA, p.PERCENT), "DB": (p.SOUND_DB, p.PERCENT)}
+
+    def init(self, port: int, mode: str = "DBA") -> None:
+        """``SoundSensor.new(1, "DBA")``"""
+        self.begin(port, mode)
+
+    def measured(self, values: Mapping[str, Any], stamp: float) -> None:
+        """See ``AnalogSensor``."""
+        self.val.sense(values["normalised"] / FULL, stamp)
+
+
+class LightSensor(ModalSensor):
+    """How bright it is, 0..1: "Reflector" lights the LED, "Ambient" does not; "Normal" is 0..1023, without LED."""
+
+    modes = {
+        "Reflector": (p.LIGHT_ACTIVE, p.PERCENT),
+        "Ambient": (p.LIGHT_INACTIVE, p.PERCENT),
+        "Normal": (p.LIGHT_INACTIVE, p.RAW),
+    }
+
+    def init(self, port: int, mode: str = "Reflector") -> None:
+        """``LightSensor.new(3, "Reflector")``"""
+        self.begin(port, mode)
+
+    def measured(self, values: Mapping[str, Any], stamp: float) -> None:
+        """See ``AnalogSensor``."""
+        self.val.sense(float(values["scaled"]) if self.mode.value == "Normal" else values["normalised"] / FULL, stamp)
+
+
+class Switch(AnalogSensor):
+    """A touch sensor: 1 while it is pressed, else 0."""
+
+    pressure = reading(math.nan)
+
+    def init(self, port: int) -> None:
+        """``Switch.new(4)``"""
+        self.settle_on(port)
+
+    def setting(self) -> Setting:
+        """See ``Sensor``."""
+        return p.SWITCH, p.BOOLEAN
+
+    def measured(self, values: Mapping[str, Any], stamp: float) -> None:
+        """See ``AnalogSensor``."""
+        self.val.sense(float(values["scaled"]), stamp)
+        self.pressure.sense(float(values["scaled"]), stamp)
+
+
+class ColourSensor(AnalogSensor):
+    """A colour sensor (of the NXT 2.0): ``val`` is 1..6, ``colour`` its name."""
+
+    COLOURS: ClassVar = {1: "black", 2: "blue", 3: "green", 4: "yellow", 5: "red", 6: "white"}
+    colour = reading("")
+
+    def init(self, port: int) -> None:
+        """``ColourSensor.new(3)``"""
+        self.settle_on(port)
+
+    def setting(self) -> Setting:
+        """See ``Sensor``."""
+        return p.COLOUR, p.RAW
+
+    def measured(self, values: Mapping[str, Any], stamp: float) -> None:
+        """See ``AnalogSensor``."""
+        self.val.sense(float(values["scaled"]), stamp)
+        self.colour.sense(self.COLOURS.get(values["scaled"], ""))
+
+
+class UltraSonicSensor(Sensor):
+    """Distance in cm, 0..255; 255 when there is no echo and when the sensor cannot be read.  ``distance`` is in m."""
+
+    items = ("distance",)
+    pace = 0.05
+
+    distance = reading(math.nan)
+
+    def init(self, port: int) -> None:
+        """``UltraSonicSensor.new(2)``"""
+        self.settle_on(port)
+
+    def setting(self) -> Setting:
+        """See ``Sensor``."""
+        return p.LOWSPEED_9V, p.RAW
+
+    def take(self, values: Mapping[str, Any], stamp: float) -> bool:
+        """See ``PortDevice``."""
+        centimetres = float(values["distance"])
+        self.val.sense(centimetres, stamp)
+        self.distance.sense(math.inf if centimetres >= NO_ECHO else centimetres / 100, stamp)
+        return True
+
+
+class I2CSensor(PortDevice):
+    """Any sensor on the I2C bus, with ``address`` in the 8-bit form that makers print (2 for most).
+
+    ``read(register, count)`` and ``write(register, bytes)`` are in nxt.u; each waits for its answer.
+    """
+
+    known_ports = p.INPUTS
+
+    address = variable(2.0)
+    answered = event()
+
+    def init(self, port: int, address: int = 2) -> None:
+        """``I2CSensor.new(1, 2)``"""
+        if not 0 <= address <= 254 or address % 2:
+            raise ValueError("an I2C address is an even number from 0 to 254")
+        self.address.sense(float(address))
+        self.count = 0
+        self.settle_on(port)
+
+    def arrived(self) -> None:
+        """See ``PortDevice``."""
+        self.aim("mode", (p.LOWSPEED_9V, p.RAW))
+
+    @function
+    def transfer(self, data: list[Any], count: int) -> int:
+        """Write bytes, the first of them a register, and read ``count``; ``answered`` then has this number and a list,
+        or a text that says what went wrong."""
+        if not 1 <= len(data) <= 15 or not 0 <= count <= 16:
+            raise ValueError("a transfer writes 1 to 15 bytes and reads at most 16")
+        if self.place is None:
+            raise ValueError("this sensor is on no port")
+        self.count += 1
+        number = self.count
+        sent = bytes([int(self.address.value), *octets(data)])
+        self.brick.wire.write(
+            self.place,
+            "i2c",
+            (sent, count),
+            lambda reply: self.answered.emit(number, list(map(float, reply.value)) if reply.ok else reply.error),
+        )
+        return number
+
+
+def octets(values: list[Any]) -> bytes:
+    """A list of urbiscript as bytes.  Raises ValueError."""
+    if not all(isinstance(value, int | float) and value == int(value) and 0 <= value <= 255 for value in values):
+        raise ValueError("this takes a list of integers from 0 to 255")
+    return bytes(map(int, values))
