@@ -75,9 +75,11 @@ MODULES = (
     "process",
     "network",
     "kernel1",
+    "documentation",
     "interface",
     "localizer",
     "component",
+    "mobile",
 )
 
 

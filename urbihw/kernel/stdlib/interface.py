@@ -34,7 +34,7 @@ TABLES = [TABLE, MAKER]
 class Promise(Executable):
     """A slot that a kind of device promises."""
 
-    __slots__ = ("default", "getter", "kind", "name", "needed", "other", "setter")
+    __slots__ = ("basis", "default", "getter", "kind", "name", "needed", "other", "setter")
 
     def __init__(self, world: World, kind: str, name: str, *, needed: bool, default: Any) -> None:
         super().__init__(world, [world.primitive_proto])
@@ -43,6 +43,7 @@ class Promise(Executable):
         self.needed = needed
         self.default = default
         self.other = ""
+        self.basis = ""
         self.getter: Any = None
         self.setter: Any = None
 
@@ -51,12 +52,12 @@ class Promise(Executable):
         holder = provider(self.world, this, self.name)
         if holder is not None:
             return self._take(holder, self.name, this, args)
-        if self.getter is not None:
+        if self.getter is not None and self._based(this):
             return self.world.invoke(self.getter, this, args, self.name)
         holder = provider(self.world, this, self.other) if self.other else None
         if holder is not None:
             return self._take(holder, self.other, this, args)
-        if self.needed or args:
+        if self.needed or self.getter is not None or args:
             raise self._broken()
         return self.default
 
@@ -68,13 +69,15 @@ class Promise(Executable):
         """The slot is assigned."""
         name = self.name
         holder = provider(self.world, target, name)
-        if holder is None and self.setter is not None:
+        if holder is None and self.setter is not None and self._based(target):
             self.world.invoke(self.setter, target, (value,), name)
             return value
         if holder is None and self.other:
             name = self.other
             holder = provider(self.world, target, name)
-        if holder is None or (name == self.name and self.getter is not None and self.setter is None):
+        if holder is None:
+            if self.getter is not None and self._based(target):
+                raise errors.primitive("this slot can only be read", name)
             raise self._broken()
         meta = peek_meta(holder, name)
         if holder is target or (meta is not None and (meta.accessor is not None or meta.constant)):
@@ -85,9 +88,17 @@ class Promise(Executable):
     def kept(self, target: Any) -> bool:
         """Whether a device has the slot."""
         world = self.world
-        if self.getter is not None or provider(world, target, self.name) is not None:
+        if provider(world, target, self.name) is not None:
             return True
+        if self.getter is not None:
+            return self._based(target)
         return bool(self.other) and provider(world, target, self.other) is not None
+
+    def _based(self, target: Any) -> bool:
+        """Whether a device has the slot that the rule uses."""
+        holder = self.world.peek_obj(target).find(self.basis)
+        basis = None if holder is None else holder.slots[self.basis]
+        return basis.kept(target) if isinstance(basis, Promise) else holder is not None
 
     def _take(self, holder: Obj, name: str, this: Any, args: tuple[Any, ...]) -> Any:
         return self.world.invoke(self.world.ops.get_slot(holder, name), this, args, name)
@@ -203,10 +214,10 @@ def points(world: World, this: Any, kind: KindObject, specific: str) -> None:
 
 
 @MAKER.primitive("rule")
-def rule(world: World, this: Any, kind: KindObject, name: str, getter: Any, setter: Any = None) -> None:
-    """Say how a promised slot of a kind is read, and written, where a device does not have it."""
+def rule(world: World, this: Any, kind: KindObject, name: str, basis: str, getter: Any, setter: Any = None) -> None:
+    """Say how a promised slot of a kind is read, and written, where a device does not have it but has ``basis``."""
     promise = kind.promised(name)
-    promise.getter, promise.setter = getter, setter
+    promise.basis, promise.getter, promise.setter = basis, getter, setter
 
 
 @MAKER.primitive("missing")
