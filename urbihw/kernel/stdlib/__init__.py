@@ -75,7 +75,6 @@ MODULES = (
     "process",
     "network",
     "kernel1",
-    "documentation",
     "interface",
     "localizer",
     "component",
