@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+from collections import deque
 from typing import Any
 
 import pytest
@@ -14,7 +15,8 @@ from urbihw.kernel.sched.clock import SimClock
 class KernelSocket:
     """What ``socket.create_connection`` answers; time passes while somebody waits for bytes.
 
-    ``interrupt``: raise KeyboardInterrupt when there is nothing more to come, as a user would press Ctrl-C.
+    One thread may send while another one receives.  ``interrupt``: raise KeyboardInterrupt when there is nothing more
+    to come, as a user would press Ctrl-C.
     """
 
     def __init__(self, setup: str = "", *, quiet: bool = True, interrupt: bool = False) -> None:
@@ -22,6 +24,7 @@ class KernelSocket:
         self.sent = b""
         self._interrupt = interrupt
         self._said = b""
+        self._unread: deque[bytes] = deque()
         self.kernel.run_text(self.kernel.open_lobby(), setup, until=0.0)
         self.kernel.programs.quiet = quiet
         self.kernel.programs.shutdown = self.close
@@ -31,6 +34,7 @@ class KernelSocket:
         """A new connection."""
         self._lobby = self.kernel.open_lobby("127.0.0.1")
         self._lobby.on_quit = self._take
+        self._unread.clear()
         self._open = True
         return self
 
@@ -47,12 +51,14 @@ class KernelSocket:
         if not self._open:
             raise BrokenPipeError
         self.sent += data
-        self._lobby.feed(data)
+        self._unread.append(data)
 
     def recv(self, size: int) -> bytes:
         """What the server says within a minute of its own time."""
         end = self.kernel.clock.now() + 60
         while self._open:
+            while self._unread:
+                self._lobby.feed(self._unread.popleft())
             deadline = self.kernel.run()
             self._take()
             if self._said or not self._lobby.connected:

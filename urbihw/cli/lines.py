@@ -127,3 +127,10 @@ class Lines:
             return Line(raw, raw, self._channel, None, binaries)
         self._channel = (head[2] or b"").decode("utf-8", "replace")
         return Line(raw, raw[head.end() :], self._channel, int(head[1]), binaries)
+
+
+def guarded(body: str, channel: str) -> str:
+    """Code whose error is said on a channel, where a program waits for its answer; the statement is not yet ended."""
+    send = f'lobby.send("!!! " + %s, "{channel}")'
+    return (f"try {{ {body} }} catch (var e if e.isA(Exception)) {{ {send % 'e.message'} }} "
+            f"catch (var e) {{ {send % 'e'} }}")

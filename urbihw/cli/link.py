@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from types import TracebackType
 from typing import Final
 
-from urbihw.cli.lines import BadLine, Line, Lines
+from urbihw.cli.lines import BadLine, Line, Lines, guarded
 from urbihw.cli.options import EX_UNAVAILABLE, Refused
 
 NO_SERVER: Final = 1
@@ -108,11 +108,7 @@ class Link:
 
     def _run(self, body: str) -> None:
         """Run code in the background, its error being an answer: it neither waits for nor disturbs what else runs."""
-        words = "{ lobby.send(\"!!! \" + %s, \"" + self._channel + "\") }"
-        self.send(
-            f"try {{ {body} }} catch (var e if e.isA(Exception)) {words % 'e.message'} "
-            f"catch (var e) {words % 'e'},\n".encode()
-        )
+        self.send(guarded(body, self._channel).encode() + b",\n")
 
     def _answer(self, patience: float, silence: str) -> Line:
         limit = time.monotonic() + patience

@@ -18,6 +18,7 @@ EX_CONFIG: Final = 78
 COMMANDS: Final = {
     "serve": "serve a robot on a TCP port",
     "platforms": "list the robots that urbihw knows",
+    "console": "talk to a server",
     "dump": "show what becomes of urbiscript source on its way to Python",
     "doctor": "look whether this machine is ready for a robot",
 }

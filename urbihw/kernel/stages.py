@@ -1,4 +1,4 @@
-"""The stages of the compiler, as text for people: what ``urbihw dump`` prints."""
+"""What the commands ask of the compiler: its stages as text for people, its words, and whether a text is whole."""
 
 from __future__ import annotations
 
@@ -8,7 +8,13 @@ from typing import Final
 
 from urbihw.kernel.compiler import compile_node
 from urbihw.kernel.syntax.lexer import Lexer
-from urbihw.kernel.syntax.reader import Statement, SyntaxProblem, parse_program
+from urbihw.kernel.syntax.reader import Reader, Statement, SyntaxProblem, parse_program
+from urbihw.kernel.syntax.tokens import ANGLES, DURATIONS, IGNORED, KEYWORDS, SYNONYMS
+
+WORDS: Final = frozenset({*KEYWORDS, *SYNONYMS, *IGNORED})
+"""The words that are no names."""
+UNITS: Final = (*DURATIONS, *ANGLES)
+"""What may stand behind a number."""
 
 
 def tokens(statement: Statement) -> str:
@@ -47,3 +53,25 @@ def dump(text: str, stage: str, file: str | None = None) -> tuple[list[str], lis
         else:
             shown.append(STAGES[stage](item))
     return shown, problems
+
+
+class Input:
+    """What is on its way to a server, watched for where its statements end."""
+
+    def __init__(self) -> None:
+        self._reader = Reader()
+
+    def feed(self, data: bytes) -> None:
+        """Some more of it."""
+        self._reader.feed(data)
+
+    def ends_within(self) -> bool:
+        """Whether a server waits for the rest of a statement.  To be asked once, at the end."""
+        return bool(self._reader.finish())
+
+
+def unfinished(text: str) -> bool:
+    """Whether a server that was sent this text waits for the rest of a statement."""
+    watched = Input()
+    watched.feed(text.encode("utf-8", "surrogateescape") + b"\n")
+    return watched.ends_within()

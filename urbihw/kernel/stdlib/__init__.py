@@ -75,6 +75,7 @@ MODULES = (
     "process",
     "network",
     "kernel1",
+    "documentation",
     "interface",
     "localizer",
     "component",

@@ -45,6 +45,7 @@ class Lobby(Protocol):
     connected: bool
     received: int
     programs: Any
+    shell: Any
 
     def feed(self, data: bytes) -> None:
         """Bytes as if from the client."""
@@ -106,6 +107,12 @@ def write(world: World, this: Any, text: str) -> None:
 def receive(world: World, this: Any, text: str) -> None:
     """Take a string as if the client had typed it; a lobby whose connection is gone takes nothing."""
     real(this).feed(text.encode("latin-1", "replace"))
+
+
+@TABLE.primitive("interrupt")
+def interrupt(world: World, this: Any) -> None:
+    """Kill what the client runs in the foreground, and drop what waits behind it.  Not in the manual."""
+    world.scheduler.post(real(this).shell.interrupt)
 
 
 @TABLE.primitive("quit")

@@ -1,0 +1,367 @@
+"""The console's parts, with a kernel in memory where they talk to a server.  The whole of it: tests/e2e."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import io
+import os
+from collections.abc import Callable, Coroutine
+from typing import Any, TypeVar
+
+import pytest
+from kernel_socket import KernelSocket, serve
+from pygments.token import Comment, Error, Keyword, Name, Number, String  # type: ignore[import-untyped]
+
+from urbihw.cli.console import address, plain
+from urbihw.cli.console.assistant import Assistant, Description, NoAnswer, strings, written
+from urbihw.cli.console.colours import painted
+from urbihw.cli.console.completion import candidates
+from urbihw.cli.console.help import described
+from urbihw.cli.console.lexer import UrbiscriptLexer
+from urbihw.cli.console.screen import depth, history, is_command
+from urbihw.cli.console.session import Session
+from urbihw.cli.console.subject import Subject, subject, whole_path
+from urbihw.cli.lines import Line, Lines
+from urbihw.cli.main import main
+from urbihw.cli.options import Refused
+
+T = TypeVar("T")
+
+# ---------------------------------------------------------------- options
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [
+        ("robot", ("robot", 54000)),
+        ("robot:1", ("robot", 1)),
+        (":2", ("127.0.0.1", 2)),
+        ("54001", ("127.0.0.1", 54001)),
+        ("[::1]:3", ("::1", 3)),
+        ("[::1]", ("::1", 54000)),
+    ],
+)
+def test_addresses(text: str, meant: tuple[str, int]) -> None:
+    assert address(text) == meant
+
+
+@pytest.mark.parametrize("text", ["robot:x", "robot:0", "robot:70000", "::1"])
+def test_what_is_no_address(text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(argparse.ArgumentTypeError, match="give HOST:PORT"):
+        address(text)
+    with pytest.raises(SystemExit) as caught:
+        main(["console", text])
+    assert caught.value.code == 78
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+# ---------------------------------------------------------------- in a pipe
+
+
+def piped(monkeypatch: pytest.MonkeyPatch, text: bytes, **options: Any) -> int:
+    """What the console does with an input that is no terminal."""
+    serve(monkeypatch, **options)
+    reading, writing = os.pipe()
+    os.write(writing, text)
+    os.close(writing)
+    with open(reading, "rb") as source:
+        return plain.talk("here", 1, source)
+
+
+@pytest.mark.parametrize("text", [b"1 + 1; echo(3);\n", b"1 + 1; echo(3)"])
+def test_a_pipe_is_answered_to_its_end(
+    monkeypatch: pytest.MonkeyPatch, capsysbinary: pytest.CaptureFixture[bytes], text: bytes
+) -> None:
+    assert piped(monkeypatch, text, quiet=False) == 0
+    assert capsysbinary.readouterr().out == b"[00000000] 2\n[00000000] *** 3\n"
+
+
+@pytest.mark.parametrize(("text", "code"), [(b"1; 2 3; foo;", 65), (b"foo; 1+;", 70), (b'cerr << "x";', 0)])
+def test_the_first_error_decides_about_the_exit_code(monkeypatch: pytest.MonkeyPatch, text: bytes, code: int) -> None:
+    assert piped(monkeypatch, text) == code
+
+
+def test_an_input_that_ends_within_a_statement(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(Refused, match="ends within a statement") as caught:
+        piped(monkeypatch, b"1; { 2; ")
+    assert caught.value.code == 65
+
+
+@pytest.mark.parametrize("last", [b"quit;", b"shutdown;"])
+def test_who_ends_the_connection_is_content(monkeypatch: pytest.MonkeyPatch, last: bytes) -> None:
+    assert piped(monkeypatch, b"1;" + last) == 0
+
+
+def test_a_pipe_needs_no_extra(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    serve(monkeypatch)
+    with open(os.devnull, "rb") as nothing:
+        monkeypatch.setattr("sys.stdin", io.TextIOWrapper(nothing))
+        monkeypatch.setitem(__import__("sys").modules, "prompt_toolkit", None)
+        assert main(["console", "here:1"]) == 0
+
+
+# ---------------------------------------------------------------- what stands before the cursor
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [
+        ("", Subject((), "")),
+        ("mot", Subject((), "mot")),
+        ("x = mot", Subject((), "mot")),
+        ("robot.arm.gr", Subject(("robot", "arm"), "gr")),
+        ("echo(robot.", Subject(("robot",), "")),
+        ("motors[6].va", Subject(("motors", (6.0,)), "va")),
+        ('legs["left"].\n  kn', Subject(("legs", ("left",)), "kn")),
+        ("lobby.conn", Subject((), "conn")),
+        ("1 + x", Subject((), "x")),
+        ('"abc".len', Subject(("String",), "len")),
+        ('"a // b"; mo', Subject((), "mo")),
+        ("// a\nmo", Subject((), "mo")),
+    ],
+)
+def test_subjects(text: str, meant: Subject) -> None:
+    assert subject(text) == meant
+
+
+@pytest.mark.parametrize("text", ["f(1).na", "3.", "12ab", 'x = "mot', "// mot", "/* mot", "x->ra", "[1].si"])
+def test_where_no_name_can_be_known(text: str) -> None:
+    assert subject(text) is None
+
+
+def test_paths_and_commands() -> None:
+    assert whole_path(" motors[6].val ;") == ("motors", (6.0,), "val")
+    assert whole_path("lobby") == ("lobby",)
+    assert whole_path("f(1)") is None
+    assert [text for text in ("help", "help x.y;", "help = 3;", "helper;", "help(1);") if is_command(text)] == [
+        "help", "help x.y;",
+    ]
+
+
+def test_candidates_are_names_that_can_be_typed() -> None:
+    names = ["val", "+", "_hidden", "value", "Velocity", "load"]
+    assert candidates(Subject(("motor",), "v"), names, first=False) == ["val", "value"]
+    assert candidates(Subject(("motor",), "_"), names, first=False) == ["_hidden"]
+    assert candidates(Subject((), "wh"), names, first=False) == ["whenever", "while"]
+    assert "help" in candidates(Subject((), "he"), [], first=True)
+    assert "help" not in candidates(Subject((), "he"), [], first=False)
+
+
+def test_depth_of_a_text() -> None:
+    assert [depth(text) for text in ("", "{", "{ f(", "{}", "}")] == [0, 1, 2, 0, 0]
+
+
+# ---------------------------------------------------------------- the assistant
+
+
+class _Reader:
+    def __init__(self, server: KernelSocket) -> None:
+        self._server = server
+
+    async def read(self, size: int) -> bytes:
+        return self._server.recv(size)
+
+
+class _Writer:
+    def __init__(self, server: KernelSocket) -> None:
+        self.write: Callable[[bytes], None] = server.sendall
+        self.close = server.close
+
+
+def asked(
+    monkeypatch: pytest.MonkeyPatch, setup: str, question: Callable[[Assistant, str], Coroutine[Any, Any, T]]
+) -> T:
+    """Ask an assistant about the lobby in which ``setup`` was run."""
+    server = KernelSocket()
+    user = server.kernel.open_lobby()
+    server.kernel.run_text(user, setup, until=0.0)
+    uid = server.kernel.run_text(user, "lobby.uid;", until=0.0).partition('"')[2].rstrip('"\n')
+
+    async def connect(host: str, port: int) -> tuple[_Reader, _Writer]:
+        server.open()
+        return _Reader(server), _Writer(server)
+
+    monkeypatch.setattr(asyncio, "open_connection", connect)
+    return asyncio.run(question(Assistant("here", 1), uid))
+
+
+ROBOT = """
+class Global.Motor { var val = 1; function stop() { echo("STOPPED") }; function load() { val } };
+var Global.robot = Object.clone | var Global.robot.arm = Motor.new | var Global.robot.legs = [Motor.new]|;
+var mine = 3;
+"""
+
+
+def test_names_are_those_of_the_users_lobby(monkeypatch: pytest.MonkeyPatch) -> None:
+    names = asked(monkeypatch, ROBOT, lambda assistant, uid: assistant.names(uid, ()))
+    assert {"mine", "robot", "echo", "connectionTag"} <= set(names)
+
+
+@pytest.mark.parametrize("path", [("robot", "arm"), ("robot", "legs", (0.0,)), ("Motor",)])
+def test_names_along_a_path(monkeypatch: pytest.MonkeyPatch, path: tuple[Any, ...]) -> None:
+    names = asked(monkeypatch, ROBOT, lambda assistant, uid: assistant.names(uid, path))
+    assert {"val", "stop", "load"} <= set(names)
+
+
+@pytest.mark.parametrize("path", [("robot", "arm", "stop"), ("nobody",), ("robot", "legs", (7.0,))])
+def test_nothing_is_called_on_the_way(monkeypatch: pytest.MonkeyPatch, path: tuple[Any, ...]) -> None:
+    with pytest.raises(NoAnswer) as caught:
+        asked(monkeypatch, ROBOT, lambda assistant, uid: assistant.names(uid, path))
+    assert "STOPPED" not in str(caught.value)
+
+
+def test_descriptions(monkeypatch: pytest.MonkeyPatch) -> None:
+    def describe(path: tuple[Any, ...], name: str) -> Description:
+        return asked(monkeypatch, ROBOT, lambda assistant, uid: assistant.describe(uid, path, name))
+
+    sleep = describe((), "sleep")
+    assert (sleep.type, sleep.source, sleep.slots) == ("Primitive", "", ())
+    assert sleep.text.startswith("Do nothing for a duration in seconds")
+    stop = describe(("robot", "arm"), "stop")
+    assert (stop.type, stop.text) == ("Code", "")
+    assert 'echo("STOPPED")' in stop.source
+    arm = describe(("robot",), "arm")
+    assert (arm.type, arm.protos) == ("Motor", "Motor")
+    assert "val" in arm.slots
+    assert describe((), "mine").text
+    shown = "".join(part[1] for part in described("robot.arm", arm))  # type: ignore[union-attr]
+    assert shown.startswith("robot.arm: Motor\n")
+
+
+def test_what_is_written_is_read() -> None:
+    assert written(("a", (6.0,), ('le"ft',))) == '["a", [6], ["le\\"ft"]]'
+    assert strings('["a", "b\\"\\n\\x41\\\\", [], ["c"]]') == ["a", 'b"\nA\\', "c"]
+
+
+def test_only_the_foreground_of_the_user_is_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
+    server = KernelSocket()
+    user = server.kernel.open_lobby()
+    uid = server.kernel.run_text(user, "lobby.uid;", until=0.0).partition('"')[2].rstrip('"\n')
+    server.kernel.run_text(user, 'every (1s) echo("back"), sleep; echo("never");', until=0.5)
+
+    async def connect(host: str, port: int) -> tuple[_Reader, _Writer]:
+        return _Reader(server), _Writer(server)
+
+    monkeypatch.setattr(asyncio, "open_connection", connect)
+    asyncio.run(Assistant("here", 1).interrupt(uid))
+    assert "killing foreground job" in server.kernel.run_text(user, "", until=0.6)
+    assert "*** back" in server.kernel.run_text(user, "echo(1);", until=3.0)
+
+
+def test_a_server_that_says_nothing_leaves_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def connect(host: str, port: int) -> None:
+        raise ConnectionRefusedError("refused")
+
+    monkeypatch.setattr(asyncio, "open_connection", connect)
+    with pytest.raises(NoAnswer, match="refused"):
+        asyncio.run(Assistant("here", 1).names("0x1", ()))
+
+
+# ---------------------------------------------------------------- how it looks
+
+
+def test_lexer_of_a_program() -> None:
+    text = 'tag: at (motor6.val > 20deg) echo("a\\n") onleave { 1.5s; 0x1f }, // so\n/* two\nlines */ var x = true;'
+    kinds: dict[Any, set[str]] = {}
+    for kind, value in UrbiscriptLexer().get_tokens(text):
+        kinds.setdefault(kind, set()).add(value)
+    assert Error not in kinds
+    assert {"at", "onleave"} <= kinds[Keyword]
+    assert kinds[Keyword.Declaration] == {"var"}
+    assert kinds[Keyword.Constant] == {"true"}
+    assert kinds[Number] == {"20deg", "1.5s"}
+    assert kinds[Name.Label] == {"tag"}
+    assert kinds[Name.Function] == {"echo"}
+    assert kinds[String.Escape] == {"\\n"}
+    assert kinds[Comment.Single] == {"// so"}
+    assert "".join(value for _, value in UrbiscriptLexer(ensurenl=False).get_tokens(text)) == text
+
+
+def line_of(data: bytes) -> Line:
+    (line,) = Lines().feed(data)
+    return line
+
+
+def test_each_channel_has_its_colour() -> None:
+    styles = {}
+    for channel in ("error", "clog", "mine"):
+        (*_, body, _) = painted(line_of(f"[00000001:{channel}] text\n".encode()))
+        styles[channel] = body[0]
+    assert styles == {"error": "class:error", "clog": "class:log", "mine": "class:other"}
+    assert painted(line_of(b"[00000001] *** hi\n"))[-2] == ("class:echo", "*** hi")
+    assert ("class:pygments.literal.number", "2") in painted(line_of(b"[00000001] 2\n"))
+
+
+def test_nothing_from_a_server_steers_the_terminal() -> None:
+    text = "".join(part[1] for part in painted(line_of(b"[00000001] *** \x1b[31mred\x07\n")))
+    assert text == "[00000001] *** �[31mred�\n"
+
+
+def test_of_a_binary_the_size_is_shown() -> None:
+    text = "".join(part[1] for part in painted(line_of(b"[00000001] [BIN 4 jpeg 1 2\n\x00\n\xff\x1b, 2]\n")))
+    assert text == "[00000001] [BIN 4 jpeg 1 2 (4 bytes), 2]\n"
+
+
+# ---------------------------------------------------------------- session and history
+
+
+def test_a_session_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    server = KernelSocket()
+    events: list[str] = []
+    heard: list[bytes] = []
+
+    class Reader(_Reader):
+        async def read(self, size: int) -> bytes:
+            await asyncio.sleep(0)
+            try:
+                return await super().read(size)
+            except TimeoutError:
+                return b""
+
+    class Writer(_Writer):
+        def get_extra_info(self, name: str) -> KernelSocket:
+            return server
+
+        async def wait_closed(self) -> None:
+            pass
+
+    attempts = iter([ConnectionRefusedError(111, "Connection refused"), None, None])
+
+    async def connect(host: str, port: int) -> tuple[Reader, Writer]:
+        error = next(attempts, asyncio.CancelledError())
+        if error is not None:
+            raise error
+        server.open()
+        return Reader(server), Writer(server)
+
+    async def no_pause(seconds: float) -> None:
+        events.append(f"pause {seconds:g}" if seconds else "turn")
+
+    monkeypatch.setattr(asyncio, "open_connection", connect)
+    monkeypatch.setattr(asyncio, "sleep", no_pause)
+
+    def changed() -> None:
+        events.append(f"{session.state} {session.uid != ''}")
+        if session.state == "connected":
+            assert session.send("1 + 1;\n")
+
+    session = Session("here", 1, lambda lines: heard.extend(line.text for line in lines), changed)
+    assert not session.send("1;")
+    with pytest.raises(asyncio.CancelledError):
+        asyncio.run(session.run())
+    assert [event for event in events if event != "turn"] == [
+        "lost False", "pause 0.25", "connected False", "lost False", "pause 0.25", "connected False", "lost False",
+        "pause 0.25",
+    ]
+    assert heard == [b"2", b"2"]
+
+
+def test_history_is_kept_where_it_belongs(tmp_path: Any) -> None:
+    kept = history({"XDG_STATE_HOME": str(tmp_path)})
+    kept.store_string("1;")
+    path = tmp_path / "urbihw" / "console_history"
+    assert "1;" in path.read_text()
+    assert path.stat().st_mode & 0o077 == 0
+    (tmp_path / "file").write_text("")
+    assert list(history({"XDG_STATE_HOME": str(tmp_path / "file")}).load_history_strings()) == []

@@ -1,0 +1,129 @@
+"""What the console asks for itself: names to complete, descriptions, to interrupt.
+
+It has a connection of its own, made when it is first needed, so that it gets answers while a statement of the user is
+running, and leaves no trace in the user's lobby.  The questions are functions of ``assistant.u``.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import Final
+
+from urbihw.cli.lines import BadLine, Lines, guarded
+
+CHANNEL: Final = "__urbihw_assistant"
+PATIENCE: Final = 1.0
+"""Seconds that an answer may take; nobody waits longer for a completion."""
+CHUNK: Final = 256 * 1024
+
+Step = str | tuple[float | str]
+"""A name, or an index."""
+
+_STRING: Final = re.compile(r'"((?:[^"\\]|\\.)*)"', re.DOTALL)
+_ESCAPE: Final = re.compile(r"\\(x[0-9a-fA-F]{2}|.)", re.DOTALL)
+_LETTERS: Final = {"n": "\n", "t": "\t", "r": "\r", "a": "\a", "b": "\b", "f": "\f", "v": "\v"}
+
+
+class NoAnswer(Exception):
+    """The server did not answer, or with an error; the message says which."""
+
+
+@dataclass(frozen=True)
+class Description:
+    """What is known of a slot; ``source`` is that of a function, ``slots`` are those that not everything has."""
+
+    type: str
+    text: str
+    protos: str
+    source: str
+    slots: tuple[str, ...]
+
+
+class Assistant:
+    """Asks one question at a time."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._host = host
+        self._port = port
+        self._streams: tuple[asyncio.StreamReader, asyncio.StreamWriter] | None = None
+        self._lines = Lines()
+        self._turn = asyncio.Lock()
+
+    async def names(self, uid: str, path: Sequence[Step]) -> list[str]:
+        """The names of all slots of what a path leads to.  Raises NoAnswer."""
+        return strings(await self._ask(f"assistant_names({quoted(uid)}, {written(path)})"))
+
+    async def describe(self, uid: str, path: Sequence[Step], name: str) -> Description:
+        """What is known of a slot.  Raises NoAnswer."""
+        answer = await self._ask(f"assistant_help({quoted(uid)}, {written(path)}, {quoted(name)})")
+        kind, text, protos, source, *slots = strings(answer)
+        return Description(kind, text, protos, source, tuple(slots))
+
+    async def interrupt(self, uid: str) -> None:
+        """Kill what the user runs in the foreground.  Raises NoAnswer."""
+        await self._ask(f"assistant_interrupt({quoted(uid)})")
+
+    async def _ask(self, expression: str) -> str:
+        async with self._turn:
+            try:
+                return await asyncio.wait_for(self._answer(expression), PATIENCE)
+            except TimeoutError:
+                self.close()
+                raise NoAnswer("the server does not answer") from None
+            except (OSError, BadLine) as error:
+                self.close()
+                raise NoAnswer(str(error)) from error
+
+    async def _answer(self, expression: str) -> str:
+        if self._streams is None:
+            self._streams = await asyncio.open_connection(self._host, self._port)
+            self._lines = Lines()
+            self._streams[1].write(files("urbihw.cli.console").joinpath("assistant.u").read_bytes())
+        reader, writer = self._streams
+        writer.write(guarded(f'Channel.new("{CHANNEL}") << {{ {expression} }}', CHANNEL).encode() + b";\n")
+        while data := await reader.read(CHUNK):
+            for line in self._lines.feed(data):
+                if line.channel == CHANNEL and line.is_error:
+                    raise NoAnswer(line.shown.removeprefix("!!! "))
+                if line.channel == CHANNEL:
+                    return line.shown
+        self.close()
+        raise NoAnswer("the server closed the connection")
+
+    def close(self) -> None:
+        """Hang up; the next question makes a new connection."""
+        if self._streams is not None:
+            with contextlib.suppress(OSError, RuntimeError):
+                self._streams[1].close()
+            self._streams = None
+
+
+def quoted(text: str) -> str:
+    """A string of urbiscript."""
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
+
+
+def written(path: Sequence[Step]) -> str:
+    """A path as ``assistant_find`` wants it."""
+    steps = []
+    for step in path:
+        if isinstance(step, str):
+            steps.append(quoted(step))
+        else:
+            steps.append(f"[{quoted(step[0]) if isinstance(step[0], str) else format(step[0], 'g')}]")
+    return f"[{', '.join(steps)}]"
+
+
+def strings(answer: str) -> list[str]:
+    """The strings in a list as the server prints it, those of lists within included."""
+    return [_ESCAPE.sub(_unescaped, text) for text in _STRING.findall(answer)]
+
+
+def _unescaped(match: re.Match[str]) -> str:
+    code = match[1]
+    return chr(int(code[1:], 16)) if len(code) == 3 else _LETTERS.get(code, code)

@@ -1,0 +1,75 @@
+"""How answers look: each channel its colour, values as urbiscript."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final
+
+from prompt_toolkit.formatted_text import FormattedText, PygmentsTokens, to_formatted_text
+from prompt_toolkit.styles import Style, merge_styles, style_from_pygments_cls
+from prompt_toolkit.styles.base import BaseStyle
+from pygments.styles import get_style_by_name  # type: ignore[import-untyped]
+
+from urbihw.cli.console.lexer import UrbiscriptLexer
+from urbihw.cli.lines import Line
+
+CHANNELS: Final = {"error": "class:error", "warning": "class:warning", "output": "class:echo", "clog": "class:log"}
+"""Channel -> style of its text; others have one in common."""
+
+LONGEST_LEXED: Final = 4000
+"""Bytes up to which a value is coloured; what is longer is data."""
+
+
+def style(dark: bool = True) -> BaseStyle:
+    """All colours, for a dark or a light background."""
+    own = {
+        "stamp": "ansibrightblack",
+        "channel": "ansimagenta",
+        "error": "ansired",
+        "warning": "ansiyellow",
+        "echo": "ansigreen",
+        "log": "ansicyan",
+        "other": "ansicyan",
+        "note": "italic ansibrightblack",
+        "prompt": "bold ansiblue",
+        "prompt.lost": "bold ansired",
+        "hint": "ansibrightblack",
+        "bottom-toolbar": "noreverse ansibrightblack",
+    }
+    return merge_styles([style_from_pygments_cls(get_style_by_name("native" if dark else "default")),
+                         Style(list(own.items()))])
+
+
+def painted(line: Line) -> FormattedText:
+    """A line as it is shown, with its line end; of a Binary only the size is."""
+    text = _shown(line)
+    if line.stamp is None:
+        return FormattedText([(CHANNELS.get(line.channel, ""), f"{text}\n")])
+    parts: list[tuple[str, str]] = [("class:stamp", f"[{line.stamp:08d}")]
+    if line.channel:
+        parts += [("class:stamp", ":"), ("class:channel", line.channel)]
+    parts.append(("class:stamp", "] "))
+    return FormattedText([*parts, *_body(line, text), ("", "\n")])
+
+
+def _shown(line: Line) -> str:
+    """The text, with the sizes of the binaries in place of their data, and nothing that could steer a terminal."""
+    raw = line.text
+    for binary in line.binaries:
+        size = str(len(binary.data)).encode()
+        raw = raw.replace(b"\n" + binary.data, b" (" + size + b" bytes)", 1)
+    text = raw.decode("utf-8", "replace")
+    return "".join(character if character.isprintable() or character == "\t" else "�" for character in text)
+
+
+def _body(line: Line, text: str) -> Iterable[tuple[str, str]]:
+    if line.is_error:
+        return [("class:warning" if line.channel == "warning" else "class:error", text)]
+    if line.channel:
+        return [(CHANNELS.get(line.channel, "class:other"), text)]
+    if text.startswith("***"):
+        return [("class:echo", text)]
+    if len(text) > LONGEST_LEXED:
+        return [("", text)]
+    tokens = PygmentsTokens(list(UrbiscriptLexer(ensurenl=False, stripnl=False).get_tokens(text)))
+    return [(part[0], part[1]) for part in to_formatted_text(tokens)]

@@ -1,0 +1,61 @@
+"""Completion: words of the language, and the names of the slots that are there at this moment."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import AsyncGenerator, Iterable
+from typing import Final
+
+from prompt_toolkit.completion import CompleteEvent, Completer, Completion
+from prompt_toolkit.document import Document
+
+from urbihw.cli.console.assistant import Assistant, NoAnswer
+from urbihw.cli.console.session import Session
+from urbihw.cli.console.subject import Subject, subject
+from urbihw.kernel.stages import WORDS
+
+COMMANDS: Final = ("help",)
+_IDENTIFIER: Final = re.compile(r"[A-Za-z_]\w*")
+
+
+class LiveCompleter(Completer):
+    """Asks the server; without an answer only the words are left."""
+
+    def __init__(self, session: Session, assistant: Assistant) -> None:
+        self._session = session
+        self._assistant = assistant
+
+    def get_completions(self, document: Document, complete_event: CompleteEvent) -> Iterable[Completion]:
+        """Never called: this one is asynchronous."""
+        return ()
+
+    async def get_completions_async(
+        self, document: Document, complete_event: CompleteEvent
+    ) -> AsyncGenerator[Completion, None]:
+        """What may stand at the cursor."""
+        wanted = subject(document.text_before_cursor)
+        if wanted is None:
+            return
+        first = not document.text_before_cursor.removesuffix(wanted.prefix).strip()
+        for name in candidates(wanted, await self._names(wanted), first=first):
+            yield Completion(name, -len(wanted.prefix))
+
+    async def _names(self, wanted: Subject) -> list[str]:
+        if not self._session.uid:
+            return []
+        try:
+            return await self._assistant.names(self._session.uid, wanted.path)
+        except NoAnswer:
+            return []
+
+
+def candidates(wanted: Subject, names: Iterable[str], *, first: bool) -> list[str]:
+    """The names to offer, in order; hidden ones (``_x``) only to who asks for them."""
+    offered = {name for name in names if _IDENTIFIER.fullmatch(name)}
+    if not wanted.path:
+        offered |= WORDS
+        if first:
+            offered |= set(COMMANDS)
+    if not wanted.prefix.startswith("_"):
+        offered = {name for name in offered if not name.startswith("_")}
+    return sorted((name for name in offered if name.startswith(wanted.prefix)), key=lambda name: (name.lower(), name))

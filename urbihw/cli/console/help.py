@@ -1,0 +1,41 @@
+"""What ``help`` shows."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import textwrap
+from typing import Final
+
+from prompt_toolkit.formatted_text import AnyFormattedText, FormattedText
+
+from urbihw.cli.console.assistant import Description
+
+KEYS: Final = """what you type goes to the server when it ends with ; (and wait) or , (in the background)
+   Enter         send, or begin a new line while the statement is unfinished; Esc Enter: send as it is
+   Tab           complete the name of a slot; Up, Down: what was typed before; Ctrl-R: search it
+   Ctrl-C        drop what is typed; with nothing typed: kill what runs in the foreground
+   Ctrl-D        leave; the server goes on
+   help NAME     what the server knows of a slot, such as help String.split"""
+
+MOST_LINES: Final = 12
+"""Lines of a function's source that are shown."""
+_IDENTIFIER: Final = re.compile(r"[A-Za-z_]\w*")
+
+
+def described(name: str, what: Description) -> AnyFormattedText:
+    """A description for the screen."""
+    parts: list[tuple[str, str]] = [("class:prompt", name), ("", f": {what.type}\n")]
+    if what.text:
+        parts.append(("", textwrap.indent(what.text.strip(), "  ") + "\n"))
+    if what.protos:
+        parts.append(("class:note", f"  prototypes: {what.protos}\n"))
+    if what.source:
+        lines = what.source.splitlines()
+        cut = [*lines[:MOST_LINES], "..."] if len(lines) > MOST_LINES else lines
+        parts.append(("", textwrap.indent("\n".join(cut), "  ") + "\n"))
+    slots = [slot for slot in what.slots if _IDENTIFIER.fullmatch(slot) and not slot.startswith("_")]
+    if slots:
+        width = max(40, shutil.get_terminal_size().columns - 2)
+        parts.append(("class:other", textwrap.indent(textwrap.fill("  ".join(sorted(slots)), width), "  ") + "\n"))
+    return FormattedText(parts)

@@ -1,0 +1,113 @@
+"""The connection of the console: it comes back by itself when it was lost."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import socket
+from collections.abc import Callable
+from typing import Final, Literal
+
+from urbihw.cli.lines import BadLine, Line, Lines
+
+CHUNK: Final = 256 * 1024
+PATIENCE: Final = 5.0
+FIRST_PAUSE: Final = 0.25
+LONGEST_PAUSE: Final = 2.0
+CHANNEL: Final = "__urbihw_console"
+"""On which the server tells who we are; nothing of it is shown."""
+
+State = Literal["connecting", "connected", "lost"]
+
+
+class Session:
+    """One server, for as long as the console runs.
+
+    ``heard`` gets the lines of each packet.  ``changed`` is called when ``state`` is another one; ``reason`` then says
+    why there is no connection.
+    """
+
+    def __init__(
+        self, host: str, port: int, heard: Callable[[list[Line]], None], changed: Callable[[], None]
+    ) -> None:
+        self.host = host
+        self.port = port
+        self.state: State = "connecting"
+        self.reason = ""
+        self.uid = ""
+        """The ``uid`` of our lobby, by which the assistant finds it; empty while it is not known."""
+        self._heard = heard
+        self._changed = changed
+        self._writer: asyncio.StreamWriter | None = None
+
+    @property
+    def name(self) -> str:
+        """The server, for people."""
+        return f"{self.host}:{self.port}"
+
+    async def run(self) -> None:
+        """Connect, listen, connect again; for ever."""
+        pause = FIRST_PAUSE
+        while True:
+            try:
+                reader, writer = await asyncio.wait_for(asyncio.open_connection(self.host, self.port), PATIENCE)
+            except (OSError, TimeoutError) as error:
+                self.reason = _reason(error)
+                self._enter("lost")
+                await asyncio.sleep(pause)
+                pause = min(pause * 2, LONGEST_PAUSE)
+                continue
+            pause = FIRST_PAUSE
+            self._writer = writer
+            await self._converse(reader, writer)
+            self._writer = None
+            self.uid = ""
+            self._enter("lost")
+            await asyncio.sleep(pause)
+
+    async def _converse(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        # Between push and pop it leaves no trace in the positions of later errors.
+        writer.write(f'//#push 1 "console"\nChannel.new("{CHANNEL}") << lobby.uid|;\n//#pop\n'.encode())
+        self._enter("connected")
+        self.reason = "the server closed the connection"
+        lines = Lines()
+        try:
+            while data := await reader.read(CHUNK):
+                self._take(lines.feed(data))
+        except OSError as error:
+            self.reason = _reason(error)
+        except BadLine as error:
+            self.reason = str(error)
+        writer.close()
+        with contextlib.suppress(OSError):
+            await writer.wait_closed()
+
+    def _take(self, lines: list[Line]) -> None:
+        for line in lines:
+            if line.channel == CHANNEL:
+                self.uid = line.shown.strip('"')
+        shown = [line for line in lines if line.channel != CHANNEL]
+        if shown:
+            self._heard(shown)
+
+    def _enter(self, state: State) -> None:
+        if state != self.state:
+            self.state = state
+            self._changed()
+
+    def send(self, text: str) -> bool:
+        """Say something; False when there is nobody to hear it."""
+        if self._writer is None or self.state != "connected":
+            return False
+        self._writer.write(text.encode("utf-8", "surrogateescape"))
+        return True
+
+
+def _reason(error: BaseException) -> str:
+    """Why there is no connection, in a few words."""
+    if isinstance(error, TimeoutError):
+        return "no answer"
+    number = getattr(error, "errno", None)
+    return os.strerror(number) if number and number > 0 else str(error) or type(error).__name__

@@ -1,0 +1,59 @@
+"""What stands before the cursor: which object's slots are meant, and how far the name is typed."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Final
+
+from urbihw.cli.console.assistant import Step
+
+_NAME: Final = r"[A-Za-z_]\w*"
+_INDEX: Final = r'\[\s*(?:-?\d+(?:\.\d+)?|"[^"\\]*")\s*\]'
+_SUBJECT: Final = re.compile(rf"((?:{_NAME}(?:{_INDEX})*\s*\.\s*)*)({_NAME})?$")
+_STEP: Final = re.compile(rf'({_NAME})|\[\s*(?:(-?\d+(?:\.\d+)?)|"([^"\\]*)")\s*\]')
+_CLOSED: Final = re.compile(r'"(?:[^"\\]|\\.)*"|//[^\n]*\n|/\*.*?\*/', re.DOTALL)
+_OPEN: Final = re.compile(r'"|//|/\*')
+"""Whatever opens a string or a comment and is left when those that are closed are taken away."""
+_PATH: Final = re.compile(rf"{_NAME}(?:{_INDEX})*(?:\s*\.\s*{_NAME}(?:{_INDEX})*)*")
+
+
+@dataclass(frozen=True)
+class Subject:
+    """``path`` leads from the lobby to the object, ``prefix`` is the beginning of the name of its slot."""
+
+    path: tuple[Step, ...]
+    prefix: str
+
+
+def subject(text: str) -> Subject | None:
+    """The subject at the end of a text; None where no name is expected, or that of a value that is not known."""
+    match = _SUBJECT.search(text)
+    if match is None or _OPEN.search(_CLOSED.sub("", text)):
+        return None
+    before = text[: match.start()].rstrip()
+    prefix = match[2] or ""
+    if before.endswith('".') and not match[1]:
+        return Subject(("String",), prefix)
+    if before.endswith((".", "->")) or text[: match.start()][-1:].isalnum():
+        return None
+    return Subject(steps(match[1]), prefix)
+
+
+def steps(text: str) -> tuple[Step, ...]:
+    """The steps of a path such as ``motors[6].val``; the lobby, where all paths begin, is none."""
+    found: list[Step] = []
+    for name, number, word in _STEP.findall(text):
+        if name:
+            found.append(name)
+        else:
+            found.append((float(number),) if number else (word,))
+    while found and found[0] in ("lobby", "this"):
+        del found[0]
+    return tuple(found)
+
+
+def whole_path(text: str) -> tuple[Step, ...] | None:
+    """The steps of a text that is a path and nothing else."""
+    stripped = text.strip().rstrip(";").rstrip()
+    return steps(stripped) or ("lobby",) if _PATH.fullmatch(stripped) else None
