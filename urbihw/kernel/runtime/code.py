@@ -24,6 +24,9 @@ class _Missing:
 
 MISSING: Any = _Missing()
 
+Direct = tuple[Callable[..., Any] | None, Callable[..., Any] | None, Callable[..., Any] | None]
+"""The functions that run a built-in for no, one and two arguments, where there are such."""
+
 
 class Executable(Obj):
     """Anything that runs when called; ``strict`` says whether it takes values (and no call message).
@@ -237,38 +240,26 @@ class LazyPrimitive(Primitive):
         return self.fn(message)
 
 
-class Primitive0(Primitive):
-    """A built-in of no argument."""
+class DirectPrimitive(Primitive):
+    """A built-in with shorter ways for some numbers of arguments: Python functions in the place of ``c0`` to ``c2``."""
 
-    __slots__ = ("c0",)
+    __slots__ = ("c0", "c1", "c2")
 
-
-class Primitive1(Primitive):
-    """A built-in of one argument."""
-
-    __slots__ = ("c1",)
-
-
-class Primitive2(Primitive):
-    """A built-in of two arguments."""
-
-    __slots__ = ("c2",)
+    def __init__(
+        self, world: World, name: str, fn: Callable[..., Any], least: int, most: int, direct: Direct
+    ) -> None:
+        super().__init__(world, name, fn, least, most)
+        self.c0 = direct[0] or super().c0  # type: ignore[method-assign]
+        self.c1 = direct[1] or super().c1  # type: ignore[method-assign]
+        self.c2 = direct[2] or super().c2  # type: ignore[method-assign]
 
 
-def make_primitive(world: World, name: str, fn: Callable[..., Any], least: int, most: int, lazy: bool) -> Primitive:
-    """The Primitive for a Python function."""
-    if lazy:
-        return LazyPrimitive(world, name, fn, least, most)
-    if least == most == 0:
-        made0 = Primitive0(world, name, fn, 0, 0)
-        made0.c0 = fn  # type: ignore[method-assign]
-        return made0
-    if least == most == 1:
-        made1 = Primitive1(world, name, fn, 1, 1)
-        made1.c1 = fn  # type: ignore[method-assign]
-        return made1
-    if least == most == 2:
-        made2 = Primitive2(world, name, fn, 2, 2)
-        made2.c2 = fn  # type: ignore[method-assign]
-        return made2
-    return Primitive(world, name, fn, least, most)
+def make_primitive(
+    world: World, name: str, fn: Callable[..., Any], least: int, most: int, direct: Direct | None = None
+) -> Primitive:
+    """The Primitive for a Python function; one that takes a certain small number of arguments is its own short way."""
+    if direct is None and least == most < 3:
+        direct = (fn if most == 0 else None, fn if most == 1 else None, fn if most == 2 else None)
+    if direct is None or not any(direct):
+        return Primitive(world, name, fn, least, most)
+    return DirectPrimitive(world, name, fn, least, most, direct)

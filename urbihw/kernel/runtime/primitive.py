@@ -24,7 +24,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from urbihw.kernel import errors
-from urbihw.kernel.runtime.code import Primitive, make_primitive
+from urbihw.kernel.runtime.code import LazyPrimitive, Primitive, make_primitive
 from urbihw.kernel.runtime.values import FloatObject, List, String
 
 if TYPE_CHECKING:
@@ -91,14 +91,14 @@ class Table:
 def build(world: World, name: str, row: Row) -> Primitive:
     """The Primitive for a row."""
     if row.kind == "raw":
-        return make_primitive(world, name, row.function(world), row.least, row.most, False)
+        return make_primitive(world, name, row.function(world), row.least, row.most)
     if row.kind == "lazy":
         function = row.function
 
         def run(message: Any) -> Any:
             return give(world, function(world, message))
 
-        return make_primitive(world, name, run, row.least, row.most, True)
+        return LazyPrimitive(world, name, run, row.least, row.most)
     return _checked(world, name, row.function)
 
 
@@ -108,13 +108,14 @@ def give(world: World, value: Any) -> Any:
 
 
 def _checked(world: World, name: str, function: Function) -> Primitive:
-    parameters = list(inspect.signature(function).parameters.values())[1:]
+    signature = inspect.signature(function)
+    parameters = list(signature.parameters.values())[1:]
     checks = [_check(world, str(parameter.annotation)) for parameter in parameters]
     variadic = bool(parameters) and parameters[-1].kind is inspect.Parameter.VAR_POSITIONAL
     fixed = parameters[1 : len(parameters) - variadic]
     least = sum(1 for parameter in fixed if parameter.default is inspect.Parameter.empty)
     most = -1 if variadic else len(fixed)
-    raw_result = str(inspect.signature(function).return_annotation) == "Any"
+    raw_result = str(signature.return_annotation) == "Any"
     check_this, *check_args = checks
     if variadic:
         check_args += [check_args[-1]] * 64
@@ -136,7 +137,21 @@ def _checked(world: World, name: str, function: Function) -> Primitive:
         result = function(world, this)
         return result if raw_result or result.__class__ is float else world.from_python(result)
 
-    return make_primitive(world, name, run0 if most == 0 else run, least, most, False)
+    check_first = check_args[0] if check_args else None
+
+    def run1(this: Any, argument: Any) -> Any:
+        if check_this is not None:
+            this = check_this(this, None)
+        if check_first is not None:
+            argument = check_first(argument, 1)
+        result = function(world, this, argument)
+        return result if raw_result or result.__class__ is float else world.from_python(result)
+
+    # The way for any number is slower, and deeper in C, whose stack each sleeping job keeps.
+    takes_one = least <= 1 and (most < 0 or most >= 1)
+    return make_primitive(
+        world, name, run, least, most, (None if least else run0, run1 if takes_one else None, None)
+    )
 
 
 def _check(world: World, annotation: str) -> Check | None:
@@ -146,9 +161,13 @@ def _check(world: World, annotation: str) -> Check | None:
     if kind in ("float", "int", "str", "bool", "list[Any]", "list"):
         return _python_check(world, kind)
     wanted = kind
+    known: dict[type, bool] = {}
 
     def check_class(value: Any, index: int | None) -> Any:
-        if any(cls.__name__ == wanted for cls in type(value).__mro__):
+        cls = value.__class__
+        if cls not in known:
+            known[cls] = any(base.__name__ == wanted for base in cls.__mro__)
+        if known[cls]:
             return value
         raise world.type_error(index, value, wanted.removesuffix("Object"))
 

@@ -169,7 +169,7 @@ class World:
             found.append(member)
             return self.void
 
-        taker = make_primitive(self, "each", take, 1, 1, False)
+        taker = make_primitive(self, "each", take, 1, 1)
         self.send(items, "each", taker)
         return found
 

@@ -87,6 +87,12 @@ class Job:
         self.body = None
         self.scheduler.ended(self)
 
+    def time_is_up(self) -> None:
+        """A sleeper's time has come: it is ready."""
+        self.timer = None
+        self.state = READY
+        self.scheduler.ready.append(self)
+
     def frame(self) -> FrameType | None:
         """The Python frame in which a suspended job stands, to look at its call stack."""
         return None if self.carrier is None else self.carrier.frame()

@@ -175,9 +175,8 @@ class Scheduler:
             self.yield_()
             return
         job = self.running()
-        job.timer = self.timers.add(self.clock.now() + seconds, lambda: self._wake_sleeper(job))
+        job.timer = self.timers.add(self.clock.now() + seconds, job.time_is_up)
         job.state = states.SLEEPING
-        job.undo = lambda: self._forget_timer(job)
         self._leave(job)
 
     def suspend(self, undo: Callable[[], None] | None) -> None:
@@ -208,6 +207,9 @@ class Scheduler:
                 job.pending = error
             return
         job.pending = error
+        if job.timer is not None:
+            job.timer.cancel()
+            job.timer = None
         if job.undo is not None:
             undo, job.undo = job.undo, None
             undo()
@@ -245,7 +247,7 @@ class Scheduler:
             job.state = states.READY
             self.ready.append(job)
         elif job.timer is not None:
-            job.timer = self.timers.add(now + job.wake_left, lambda: self._wake_sleeper(job))
+            job.timer = self.timers.add(now + job.wake_left, job.time_is_up)
 
     def hold_if_frozen(self) -> None:
         """The running job stops here while a tag holds it (it froze itself, or it stands at a frozen tag's door)."""
@@ -391,17 +393,6 @@ class Scheduler:
         assert carrier is not None
         carrier.coro.switch()
         self.current = None
-
-    def _wake_sleeper(self, job: Job) -> None:
-        job.timer = None
-        job.undo = None
-        job.state = states.READY
-        self.ready.append(job)
-
-    def _forget_timer(self, job: Job) -> None:
-        if job.timer is not None:
-            job.timer.cancel()
-            job.timer = None
 
 
 def _goes_further(new: BaseException, old: BaseException) -> bool:

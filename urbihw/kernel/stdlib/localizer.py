@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from urbihw.kernel import errors
-from urbihw.kernel.runtime.code import make_primitive
+from urbihw.kernel.runtime.code import LazyPrimitive
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import CallMessage
@@ -141,6 +141,6 @@ def install(world: World, programs: Any) -> None:
             raise errors.lookup_failed(message.message)
         return world.send(this.group(), message.message, *[argument.force() for argument in message.args])
 
-    proto.slots["[]"] = make_primitive(world, "[]", read, 1, 1, True)
-    proto.slots["[]="] = make_primitive(world, "[]=", write, 2, 2, True)
-    proto.slots["fallback"] = make_primitive(world, "fallback", fallback, 0, -1, True)
+    proto.slots["[]"] = LazyPrimitive(world, "[]", read, 1, 1)
+    proto.slots["[]="] = LazyPrimitive(world, "[]=", write, 2, 2)
+    proto.slots["fallback"] = LazyPrimitive(world, "fallback", fallback, 0, -1)

@@ -47,7 +47,7 @@ def field(world: World, proto: Obj, name: str, read: Getter, write: Setter) -> N
 
     ``read(target)`` and ``write(target, value)`` handle urbiscript values.
     """
-    proto.slots[name] = make_primitive(world, name, read, 0, 0, False)
+    proto.slots[name] = make_primitive(world, name, read, 0, 0)
     meta_of(proto, name).accessor = Field(read, write)
 
 
@@ -59,7 +59,7 @@ def constant(proto: Obj, name: str, value: Any) -> None:
 
 def native(world: World, name: str, function: Callable[..., Any], least: int, most: int | None = None) -> Primitive:
     """A Primitive made on the spot; ``function(this, *args)`` takes and gives urbiscript values."""
-    return make_primitive(world, name, function, least, least if most is None else most, False)
+    return make_primitive(world, name, function, least, least if most is None else most)
 
 
 def slot_holder(world: World, target: Any, name: str) -> Obj:
