@@ -276,7 +276,7 @@ def install(world: World, registry: Registry) -> None:
     LOBBY.install(world, world.lobby_proto)
     world.external = lambda *words: declare(world, *words)
     switch = RtpSwitch(world)
-    world.uvar_proto.slots["rtp"] = make_primitive(world, "rtp", switch.read, 0, 0, False)
+    world.uvar_proto.slots["rtp"] = make_primitive(world, "rtp", switch.read, 0, 0)
     meta_of(world.uvar_proto, "rtp").accessor = switch
     gone = world.lobby_proto.slots["onDisconnect"]
     assert isinstance(gone, Event)

@@ -96,7 +96,7 @@ def _function(
             log.debug("its traceback", exc_info=error)
             raise errors.primitive(f"{type(error).__name__}: {error}") from error
 
-    return make_primitive(world, urbi, run, least, most, False)
+    return make_primitive(world, urbi, run, least, most)
 
 
 def _key(lock: Lock, this: Any, urbi: str) -> Hashable:

@@ -197,7 +197,7 @@ def install(world: World) -> None:
     UOBJECTS.install(world, holder)
     SYSTEM.install(world, slots["System"])
     hook = HookChanged(registry)
-    world.uvar_proto.slots["hookChanged"] = make_primitive(world, "hookChanged", hook.read, 0, 0, False)
+    world.uvar_proto.slots["hookChanged"] = make_primitive(world, "hookChanged", hook.read, 0, 0)
     meta_of(world.uvar_proto, "hookChanged").accessor = hook
     slots["uobjects_handle"] = Plain(world, [world.object])
     external.install(world, registry)
