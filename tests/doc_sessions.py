@@ -8,10 +8,11 @@ A block is fenced as ``urbiscript``, followed by the world it is played in and, 
     ```
 
 The worlds: none (a kernel without a robot), ``servo`` (the class of docs/examples/servo.py, with three motors in
-software), ``bioloid`` (the fake kit).  The blocks of a page that name the same world are played in it, in order; each
-window is a connection of its own.  Answers look as in the transcripts (``tests/lang/transcript.py``), and so does the
-rule for their stamps; with a robot, whose times are those of a person's hands, stamps are never compared.  Nor are the
-positions in error messages: they count the lines of a connection, and a page shows some of them.
+software), or that of a platform (its robot in software).  The blocks of a page that name the same world are played in
+it, in order; each window is a connection of its own.  Answers look as in the transcripts
+(``tests/lang/transcript.py``), and so does the rule for their stamps; with a robot, whose times are those of a person's
+hands, stamps are never compared.  Nor are the positions in error messages: they count the lines of a connection, and a
+page shows some of them.
 
 A line ``// robot: WORDS`` is what is typed at the console of the fake (``python -m fakes``) at that moment.
 """
@@ -25,7 +26,8 @@ from pathlib import Path
 
 from lang.transcript import Unit, compare, read, unstamped
 
-WORLDS = ("", "servo", "bioloid")
+PLATFORMS = Path(__file__).resolve().parents[1] / "urbihw" / "platforms"
+WORLDS = ("", "servo", *sorted(path.parent.name for path in PLATFORMS.glob("*/platform.toml")))
 
 _BLOCK = re.compile(r"^```urbiscript *(\w*) *(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _FENCE = re.compile(r"^```urbiscript\b", re.MULTILINE)

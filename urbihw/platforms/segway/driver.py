@@ -98,7 +98,10 @@ class RmpDriver:
 
     def attach(self, port: Port) -> list[FromWorker]:
         """Take an open port; the base is found when it is heard."""
-        self._line = line_over(port)
+        line = line_over(port)
+        # What waited in the system from before is too old to look at.
+        line.receive()
+        self._line = line
         self._clock = port.clock
         self._attached_at = self._clock.now()
         self._state = ""

@@ -10,7 +10,7 @@ is not acknowledged, readings of SETTLING seconds do not count (segway_rmp), and
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 from urbihw.buses.can.frame import Frame
 from urbihw.platforms.segway import protocol as p
@@ -33,6 +33,8 @@ class Monitor:
         off_at: when the user interface box last said that the base is off; None if never.
         old: the base has the oldest firmware.
         restarts: how often the base was found to have begun anew.
+
+    A cycle also has "resets", how often the counters were reset: across one of those, differences mean nothing.
     """
 
     def __init__(self) -> None:
@@ -48,6 +50,7 @@ class Monitor:
         self._raw: dict[str, int] = {}
         self._totals: dict[str, int] = {}
         self._settled_at = dict.fromkeys(p.COUNTERS, 0.0)
+        self._resets = 0
         self._first = b""
 
     def take(self, frame: Frame, now: float) -> None:
@@ -83,12 +86,11 @@ class Monitor:
 
     def reset(self, mask: int, now: float) -> None:
         """The counters of a mask (see `protocol.CONFIGURATIONS`) are being reset."""
-        self._start_over((name for name, bit in RESET_BITS.items() if mask & bit), now)
-
-    def _start_over(self, names: Iterable[str], now: float) -> None:
-        for name in names:
-            self._totals[name] = 0
-            self._settled_at[name] = now + SETTLING
+        self._resets += 1
+        for name, bit in RESET_BITS.items():
+            if mask & bit:
+                self._totals[name] = 0
+                self._settled_at[name] = now + SETTLING
 
     def _finish_old(self, now: float) -> None:
         if not self._modern and self._seen == _OLD:
@@ -103,6 +105,7 @@ class Monitor:
         self.restarts += restarted
         for name in p.COUNTERS:
             values[name] = self._count(name, values[name], restarted, now)
+        values["resets"] = self._resets
         self.heard_at, self._latest = now, values
 
     def _began_anew(self, frames: int, elapsed: float) -> bool:

@@ -1,0 +1,461 @@
+"""The class RMP of the manual and the object ``robot``, against the base in software in simulated time."""
+
+from __future__ import annotations
+
+import logging
+import math
+import re
+
+import pytest
+from segway_lab import Lab
+
+from fakes.segway import frames as f
+from fakes.segway.rmp import SegwayRmp
+from urbihw.kernel.uobject import BadConfig, NotReady
+
+READINGS = ("leftSpeed", "rightSpeed", "forward", "yaw", "left", "right")
+COEFFICIENTS = tuple(f"{name}Coeff" for name in ("forwardSpeed", "yawSpeed", *READINGS))
+
+
+# ---------------------------------------------------------------- the manual's chapter
+
+
+def test_an_rmp_is_made_as_the_manual_has_it() -> None:
+    lab = Lab.ready()
+    assert lab.say("var rmp = RMP.new(0.05);").startswith("RMP_")
+    assert lab.say("rmp.period;") == "0.05"
+    assert lab.say("rmp.forwardSpeed = 0.5;", 2.0) == "0.5"
+    assert lab.number("rmp.forwardSpeed") == pytest.approx(0.5, abs=0.005)
+    assert lab.base.body.speed == pytest.approx(0.5, abs=0.005)
+    assert lab.say("rmp.forwardSpeed = 0 | rmp.yawSpeed = 0.4;", 2.0) == "0.4"
+    assert lab.number("rmp.yawSpeed") == pytest.approx(0.4, abs=0.005)
+    assert lab.base.body.turn == pytest.approx(0.4, abs=0.005)
+    assert lab.base.body.speed == 0.0
+
+
+def test_all_raw_sensors_of_the_manual_measure() -> None:
+    lab = Lab.ready()
+    lab.say("rmp.forwardSpeed = 1 | rmp.yawSpeed = 0.2;", 3.0)
+    body = lab.base.body
+    wanted = (body.left_speed, body.right_speed, body.forward, body.yaw, body.left, body.right)
+    # Every value is one of a moment ago.
+    assert [lab.number(f"rmp.{name}") for name in READINGS] == pytest.approx(wanted, abs=0.05)
+    assert lab.number("rmp.forward") > 2
+    assert lab.number("rmp.yaw") == pytest.approx(0.59, abs=0.05)
+
+
+@pytest.mark.parametrize("name", READINGS)
+def test_raw_sensors_cannot_be_written(name: str) -> None:
+    lab = Lab.ready()
+    assert "this slot can only be read" in lab.say(f"rmp.{name} = 1;")
+
+
+@pytest.mark.parametrize("name", COEFFICIENTS)
+def test_every_coefficient_scales_what_it_is_of(name: str) -> None:
+    lab = Lab.ready()
+    lab.base.preset(left=1000, right=1000, forward=1000, yaw=1000)
+    lab.say("rmp.forwardSpeed = 0.5 | rmp.yawSpeed = 0.5;", 3.0)
+    slot = name.removesuffix("Coeff")
+    before, coefficient = lab.number(f"rmp.{slot}"), lab.number(f"rmp.{name}")
+    assert before != 0
+    lab.say(f"rmp.{name} = {coefficient * 10};")
+    assert lab.number(f"rmp.{slot}") == pytest.approx(before * 10, rel=0.1)
+
+
+@pytest.mark.parametrize(("model", "speed", "metre", "turn"), [("50", 401, 40181, 117031), ("200", 332, 33215, 112644)])
+def test_usegway_holds_values_for_metre_second_radian(model: str, speed: float, metre: float, turn: float) -> None:
+    lab = Lab.ready(SegwayRmp(model), model=model)
+    assert 1 / lab.number("rmp.leftSpeedCoeff") == pytest.approx(speed, rel=1e-4)
+    assert 1 / lab.number("rmp.forwardCoeff") == pytest.approx(metre, rel=1e-4)
+    assert math.tau / lab.number("rmp.yawCoeff") == pytest.approx(turn, rel=1e-4)
+    lab.say("rmp.forwardSpeed = 1;", 3.0)
+    assert lab.base.body.speed == pytest.approx(1.0, abs=0.005)
+    assert lab.number("rmp.forwardSpeed") == pytest.approx(1.0, abs=0.005)
+    assert lab.number("rmp.forward") == pytest.approx(lab.base.body.forward, abs=0.05)
+
+
+def test_the_coefficients_of_another_model_can_be_asked_for() -> None:
+    lab = Lab.ready()
+    lab.say('rmp.calibrate("50");')
+    assert 1 / lab.number("rmp.leftCoeff") == pytest.approx(40181, rel=1e-4)
+    assert "there are: 100, 200, 400, 50" in lab.say('rmp.calibrate("300");')
+
+
+def test_the_standard_robot_api() -> None:
+    lab = Lab.ready()
+    assert lab.say("robot.flatDump;").splitlines()[:2] == ["*** Battery: battery", "*** GyroSensor: gyroX gyroY"]
+    lab.say("robot.body.x.speed = 0.3;", 2.0)
+    assert lab.base.body.speed == pytest.approx(0.3, abs=0.005)
+    assert lab.number("robot.body.x.val") == pytest.approx(0.3, abs=0.005)
+    lab.say("robot.body.x.val = 0 | robot.body.yaw.speed = 0.2;", 2.0)
+    assert (lab.base.body.speed, lab.number("yaw.speed")) == pytest.approx((0, 0.2), abs=0.005)
+    assert lab.number("wheelR.speed") == pytest.approx(0.2 * 0.27, abs=0.005)
+    assert lab.number("battery.voltage") == pytest.approx(77.5, abs=0.3)
+    assert 0.9 < lab.number("battery.remain") < 1.0
+    assert lab.say("robot.drive(0, 0);", 2.0) == ""
+    assert lab.base.body.turn == 0.0
+    assert lab.say("robot.model;") == '"Segway RMP 200"'
+    for part in ("robot", "battery", "robot.body.x", "robot.body.yaw", "wheelL", "gyroX"):
+        assert lab.say(f"Interface.Promises.missing({part});") in ("[]", '["force"]')
+
+
+def test_odometry_follows_a_curve_and_is_not_lost_by_a_reset() -> None:
+    lab = Lab.ready()
+    # A quarter of a circle with a radius of 1 m, to the left.
+    lab.say("robot.drive(0.5, 0.5);", 1.0)
+    lab.say("rmp.resetCoders;", math.pi / 2 / 0.5 - 1.0)
+    lab.say("robot.drive(0, 0);", 2.0)
+    x, y, heading = (lab.number(f"robot.odometry[{index}]") for index in range(3))
+    body = lab.base.body
+    assert heading == pytest.approx(body.yaw, abs=0.2)
+    assert (x, y) == pytest.approx((math.sin(heading), 1 - math.cos(heading)), abs=0.15)
+    assert lab.number("rmp.forward") < body.forward - 0.3
+
+
+# ---------------------------------------------------------------- what else there is
+
+
+def test_speeds_are_clamped_and_the_limit_is_seen() -> None:
+    lab = Lab.ready()
+    assert lab.number("rmp.forwardSpeed->rangemax") == pytest.approx(3.576)
+    assert lab.number("rmp.yawSpeed->rangemin") == pytest.approx(-1024 / 446.9071, rel=1e-4)
+    lab.say("rmp.forwardSpeed = 100;", 0.1)
+    assert lab.base.reading().velocity == 1176
+    lab.say("rmp.forwardSpeed = -inf;", 0.1)
+    assert lab.base.reading().velocity == -1176
+    assert "this slot takes a number" in lab.say("rmp.forwardSpeed = nan;")
+    assert "this slot takes a number" in lab.say('rmp.forwardSpeed = "fast";')
+    assert lab.base.reading().velocity == -1176
+
+
+@pytest.mark.parametrize("value", ["0", "nan", "inf", '"x"'])
+def test_coefficients_without_sense_are_refused(value: str) -> None:
+    lab = Lab.ready()
+    assert "!!!" in lab.say(f"rmp.velocityCoeff = {value};")
+    lab.say("rmp.forwardSpeed = 1;", 2.0)
+    assert lab.base.body.speed == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_negative_coefficient_turns_the_other_way_round() -> None:
+    lab = Lab.ready()
+    lab.say("rmp.turnCoeff = -rmp.turnCoeff;")
+    lab.say("rmp.yawSpeed = 0.5;", 1.0)
+    assert lab.base.body.turn == pytest.approx(-0.5, abs=0.01)
+    assert lab.number("rmp.yawSpeed->rangemax") > 2
+
+
+def test_speeds_stay_true_below_a_lower_limit() -> None:
+    lab = Lab.ready()
+    lab.say("rmp.speedScale = 0.5;", 0.2)
+    assert (lab.base.velocity_scale, lab.number("rmp.speedScale")) == (8, 0.5)
+    assert lab.number("rmp.forwardSpeed->rangemax") == pytest.approx(3.576 / 2)
+    lab.say("rmp.forwardSpeed = 1;", 3.0)
+    assert lab.base.body.speed == pytest.approx(1.0, abs=0.01)
+    lab.say("rmp.forwardSpeed = 3;", 3.0)
+    assert lab.base.body.speed == pytest.approx(3.576 / 2, abs=0.01)
+    lab.say("rmp.speedScale = 0;", 0.2)
+    lab.say("rmp.forwardSpeed = 1;", 3.0)
+    assert lab.base.body.speed == 0.0
+
+
+def test_the_other_settings_reach_the_base() -> None:
+    lab = Lab.ready()
+    lab.say('rmp.accelerationScale = 0.25 | rmp.turnScale = 0.5 | rmp.currentLimit = 1 | rmp.gain = "heavy";', 0.5)
+    lab.say("rmp.lockout = true;", 0.2)
+    base = lab.base
+    assert (base.acceleration_scale, base.turn_scale, base.current_limit, base.gain) == (4, 8, 256, 2)
+    assert lab.say("rmp.gain; rmp.lockout;") == '"heavy"\ntrue'
+
+
+def test_modes_by_name(caplog: pytest.LogCaptureFixture) -> None:
+    lab = Lab.ready(SegwayRmp(mode=f.TRACTOR))
+    assert lab.say("rmp.mode;") == '"tractor"'
+    lab.say('rmp.mode = "balance";', 0.5)
+    assert lab.say("rmp.mode;") == '"balance"'
+    assert "one of disabled, tractor, balance, power down" in lab.say('rmp.mode = "flying";')
+    lab.base.estop = True
+    lab.say('at (segway.refused?(var slot, var why)) echo(slot + ": " + why);')
+    last = lab.say('rmp.mode = "tractor";', 2.0).splitlines()[-1]
+    assert last.startswith("*** mode: the base stays in mode disabled")
+    assert [record.message for record in caplog.records if "not done" in record.message] != []
+
+
+def test_faults_are_said_in_words() -> None:
+    lab = Lab.ready(SegwayRmp(mode=f.TRACTOR))
+    assert lab.say("rmp.fault; rmp.motors;") == '""\ntrue'
+    lab.say("at (rmp.faulted?(var what)) echo(what);")
+    lab.base.estop = True
+    lab.run(0.2)
+    assert lab.heard() == "*** motors disabled on request, emergency stop switch open"
+    assert lab.say("rmp.motors;") == "false"
+
+
+def test_the_lean_is_seen() -> None:
+    lab = Lab.ready()
+    lab.base.body.push(0.1)
+    lab.run(0.02)
+    assert abs(lab.number("rmp.pitch")) > 0.03
+    assert lab.number("gyroY.angle") == lab.number("rmp.pitch")
+    lab.run(2.0)
+    assert abs(lab.number("rmp.pitch")) < 0.01
+
+
+def test_coders_begin_anew() -> None:
+    lab = Lab.ready()
+    lab.say("rmp.forwardSpeed = 1;", 2.0)
+    lab.say("rmp.forwardSpeed = 0;", 1.5)
+    assert lab.number("rmp.forward") > 1
+    lab.say("rmp.resetCoders;", 0.5)
+    assert [lab.number(f"rmp.{name}") for name in ("forward", "yaw", "left", "right")] == [0, 0, 0, 0]
+
+
+def test_switching_off() -> None:
+    lab = Lab.ready()
+    lab.say("segway.shutdown;", 0.5)
+    assert not lab.base.powered
+    assert lab.say("segway.state; rmp.stale;") == '"lost"\ntrue'
+
+
+def test_two_faces_of_one_base() -> None:
+    lab = Lab.ready()
+    lab.say("var Global.a = RMP.new(50ms) | var Global.b = RMP.new(20ms);", 0.1)
+    lab.say("a.forwardSpeed = 1;", 1.0)
+    lab.say("b.forwardSpeed = 0.2;", 2.0)
+    assert lab.base.body.speed == pytest.approx(0.2, abs=0.005)
+    assert lab.number("a.forwardSpeed") == lab.number("b.forwardSpeed") == pytest.approx(0.2, abs=0.005)
+
+
+@pytest.mark.parametrize(("period", "rate", "readings"), [("10ms", 50, 50), ("50ms", 20, 20), ("500ms", 20, 2)])
+def test_the_period_is_kept_within_what_the_base_needs(period: str, rate: float, readings: int) -> None:
+    lab = Lab.ready()
+    lab.say(f"var Global.r = RMP.new({period});", 0.2)
+    heard = lab.base.heard
+    lab.say("var Global.n = 0 | at (r.forward->changed?) Global.n += 1 | r.forwardSpeed = 0.5;", 2.5)
+    assert lab.base.heard - heard == pytest.approx(2.5 * rate, abs=3)
+    assert lab.number("n") == pytest.approx(2.5 * readings, abs=0.25 * 2.5 * readings)
+
+
+@pytest.mark.parametrize("period", ["0", "-1", "nan", "61", '"fast"'])
+def test_periods_without_sense(period: str) -> None:
+    assert "!!!" in Lab.ready().say(f"RMP.new({period});")
+
+
+# ---------------------------------------------------------------- stopping
+
+
+def test_starting_moves_nothing() -> None:
+    lab = Lab.ready()
+    lab.run(2.0)
+    assert (lab.base.body.forward, lab.base.body.yaw) == (0.0, 0.0)
+    assert lab.base.heard > 80
+
+
+def test_stop_is_at_once() -> None:
+    lab = Lab.ready()
+    lab.say("rmp.forwardSpeed = 1;", 2.0)
+    lab.say("segway.stop;", 0.04)
+    assert lab.base.reading().velocity == 0
+    lab.run(2.0)
+    assert lab.base.body.speed == 0.0
+
+
+def test_the_end_of_the_connection_that_drives_it_stops_it(caplog: pytest.LogCaptureFixture) -> None:
+    lab = Lab.ready()
+    client = lab.kernel.open_lobby()
+    lab.kernel.feed(client, b"rmp.forwardSpeed = 1;")
+    lab.run(2.0)
+    assert lab.base.body.speed == pytest.approx(1.0, abs=0.01)
+    client.close()
+    lab.run(0.04)
+    assert lab.base.reading().velocity == 0
+    assert "the connection that drove it is closed" in caplog.text
+
+
+def test_the_end_of_another_connection_does_not() -> None:
+    lab = Lab.ready()
+    client = lab.kernel.open_lobby()
+    lab.kernel.feed(client, b"rmp.forwardSpeed = 1;")
+    lab.run(0.1)
+    lab.say("rmp.forwardSpeed = 0.5;", 2.0)
+    client.close()
+    lab.run(1.0)
+    assert lab.base.body.speed == pytest.approx(0.5, abs=0.01)
+
+
+def test_a_kernel_that_is_stuck_loses_the_base_within_400_ms() -> None:
+    lab = Lab.ready()
+    lab.say("rmp.forwardSpeed = 1;", 2.0)
+    assert lab.worker is not None
+    stopped = False
+    for _ in range(25):
+        # Only the worker goes on: the kernel says nothing any more.
+        lab.device.tick(lab.bus_clock.now())
+        lab.worker.step()
+        stopped = stopped or lab.base.reading().velocity == 0
+    assert stopped
+
+
+def test_the_dead_man_cannot_be_switched_off() -> None:
+    lab = Lab.ready()
+    assert lab.robot._wanted.dead_man == 0.4  # type: ignore[attr-defined]
+
+
+# ---------------------------------------------------------------- losing and finding
+
+
+def test_nobody_there_is_not_ready() -> None:
+    base = SegwayRmp()
+    base.power_off(0.0)
+    lab = Lab(base)
+    lab.until(lambda: bool(lab.opened))
+    (error,) = lab.opened
+    assert isinstance(error, NotReady)
+    assert "switched off, says its user interface box" in str(error)
+
+
+def test_silence_is_not_ready_and_says_what_to_look_at() -> None:
+    lab = Lab()
+    lab.device.faults.start("silence")
+    lab.until(lambda: bool(lab.opened))
+    (error,) = lab.opened
+    assert isinstance(error, NotReady)
+    assert "no RMP on pipe://robot" in str(error) and "?baud=460800" in str(error)
+
+
+def test_options_without_sense_are_bad_config() -> None:
+    with pytest.raises(BadConfig, match="model must be one of"):
+        Lab(model="300")
+    with pytest.raises(BadConfig, match="no option 'colour'"):
+        Lab(colour="red")
+
+
+def test_a_base_that_is_switched_off_and_on_during_a_behaviour(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.WARNING)
+    lab = Lab.ready(SegwayRmp(mode=f.TRACTOR))
+    lab.say("rmp.speedScale = 0.5;", 0.2)
+    lab.say('at (segway.lost?(var why)) echo("lost") & at (segway.back?) echo("back");')
+    lab.say("rmp.forwardSpeed = 1;", 2.0)
+    way = lab.number("rmp.forward")
+    lab.base.power_off(lab.bus_clock.now())
+    lab.run(3.0)
+    assert lab.heard() == "*** lost"
+    lab.base.power_on(lab.bus_clock.now())
+    lab.run(2.0)
+    assert lab.heard() == "*** back"
+    # It has its settings again, does not move by itself, and the way goes on where it was.
+    assert lab.base.velocity_scale == 8
+    assert lab.base.body.speed == 0.0
+    assert lab.number("rmp.forward") == pytest.approx(way, abs=0.3)
+    assert [record.message.partition(":")[0] for record in caplog.records] == [
+        "the base is lost",
+        "the base is back",
+        "the base was switched off and on; it gets its settings again",
+    ]
+
+
+def test_the_adapter_pulled_and_put_back_during_a_behaviour(caplog: pytest.LogCaptureFixture) -> None:
+    lab = Lab.ready()
+    lab.say('at (segway.linkLost?(var why)) echo("gone") & at (segway.linkBack?) echo("here");')
+    lab.say("rmp.forwardSpeed = 0 sin:2s ampli:0.3,", 2.0)
+    lab.end.unplug()
+    lab.run(1.5)
+    assert lab.heard() == "*** gone"
+    assert lab.base.body.speed == 0.0
+    lab.end.replug()
+    lab.run(3.0)
+    assert lab.heard() == "*** here"
+    assert [record.message.partition(" ")[0] for record in caplog.records] == ["link", "link"]
+    # The behaviour has gone on writing all the time, so it moves again.
+    fastest = 0.0
+    for _ in range(100):
+        lab.step()
+        fastest = max(fastest, abs(lab.base.body.speed))
+    assert fastest > 0.2
+
+
+def test_a_speed_of_before_does_not_come_back_with_the_link() -> None:
+    lab = Lab.ready()
+    lab.say("rmp.forwardSpeed = 1;", 2.0)
+    lab.end.unplug()
+    lab.run(2.0)
+    lab.end.replug()
+    lab.run(3.0)
+    assert lab.base.body.speed == 0.0
+    lab.say("rmp.forwardSpeed = 1;", 2.0)
+    assert lab.base.body.speed == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize(("word", "amount"), [("checksum", None), ("noise", 7), ("cut", None)])
+def test_a_bad_line_is_counted_and_the_base_stays_in_hand(word: str, amount: float | None) -> None:
+    lab = Lab.ready()
+    lab.say("rmp.forwardSpeed = 0.5;", 1.0)
+    for _ in range(60):
+        lab.device.faults.start(word, amount=amount, times=1)
+        lab.step()
+    lab.run(1.0)
+    assert lab.base.body.speed == pytest.approx(0.5, abs=0.01)
+    assert lab.number("rmp.forwardSpeed") == pytest.approx(0.5, abs=0.01)
+    assert lab.say("segway.state;") == '"ok"'
+
+
+def test_the_oldest_firmware_is_driven_too(caplog: pytest.LogCaptureFixture) -> None:
+    lab = Lab.ready(SegwayRmp("50", old_firmware=True), model="50")
+    lab.say("rmp.forwardSpeed = 0.5;", 2.0)
+    assert lab.base.body.speed == pytest.approx(0.5, abs=0.01)
+    assert lab.say("rmp.mode; rmp.fault;") == '""\n""'
+    assert "firmware of the base is old" in caplog.text
+
+
+def test_status_for_the_service_manager() -> None:
+    lab = Lab.ready()
+    lab.run(1.5)
+    assert re.fullmatch("RMP 200, 7[78] V, (49|50|51) Hz", lab.robot.status())
+    lab.device.faults.start("silence")
+    lab.run(1.0)
+    assert lab.robot.status() == "base lost"
+    lab.end.unplug()
+    lab.run(0.2)
+    assert lab.robot.status() == "link down"
+
+
+# ---------------------------------------------------------------- Mobile
+
+
+def test_go_and_turn_arrive() -> None:
+    lab = Lab.ready()
+    lab.say("robot.go(1.5) | echo(1);", 15.0)
+    assert lab.base.body.forward == pytest.approx(1.5, abs=0.1)
+    lab.say("robot.turn(90deg) | echo(2);", 10.0)
+    assert lab.base.body.yaw == pytest.approx(math.pi / 2, abs=0.1)
+    lab.say("robot.go(-1);", 15.0)
+    assert lab.base.body.forward == pytest.approx(0.5, abs=0.2)
+    assert lab.base.body.speed == 0.0
+
+
+def test_stopping_the_job_that_goes_stops_the_base() -> None:
+    lab = Lab.ready()
+    lab.say("var Global.t = Tag.new | t: robot.go(100),", 2.0)
+    assert lab.base.body.speed > 0.1
+    lab.say("t.stop;", 1.0)
+    assert lab.base.body.speed == 0.0
+
+
+def test_the_dead_man_of_a_script_stops_the_base() -> None:
+    lab = Lab.ready()
+    lab.say("robot.watchdogInterval = 0.3 | robot.watchdog | robot.xSpeed = 0.5;", 0.25)
+    assert lab.base.body.speed > 0.2
+    lab.run(1.0)
+    assert lab.base.body.speed == 0.0
+
+
+def test_a_base_that_is_lost_on_its_way_ends_the_way() -> None:
+    lab = Lab.ready()
+    lab.say("robot.go(100) | echo(1),", 2.0)
+    lab.device.faults.start("silence")
+    lab.run(3.0)
+    assert lab.base.body.speed == 0.0
+    lab.device.faults.stop()
+    lab.run(1.0)
+    place = lab.base.body.forward
+    lab.run(3.0)
+    assert lab.base.body.forward == pytest.approx(place, abs=0.01)

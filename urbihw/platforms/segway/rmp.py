@@ -1,0 +1,263 @@
+"""The class RMP of the manual: speeds, coders and coefficients of a base, and what else there is to it.
+
+Raw counts come in with each sample and leave with each command; outside everything is SI, by the coefficients (SI per
+count), which ``usegway.u`` sets for the model.  Those of the manual are for what the base measures; ``velocityCoeff``
+and ``turnCoeff`` are for what it is told, because firmware counts these two differently (README.md, "Quirks").
+
+Several RMPs may be made of one base: each shows all, and of two that drive it the last one counts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, Final, Protocol
+
+from urbihw.kernel.uobject import UObject, UVar, event, function, owned, reading, variable
+from urbihw.platforms.segway import protocol as p
+
+PER_RADIAN: Final = 446.9071
+"""Counts of angles and their rates, 7.8 for a degree, on all models (libsegwayrmp, Orca)."""
+FULL_SCALE: Final = 16
+FULL_CURRENT: Final = 256
+EMPTY, FULL = 60.0, 78.0
+"""Volts between which the battery's charge is estimated, along a straight line; guessed around the nominal 72."""
+
+_SCALED: Final = {
+    "leftSpeed": "left_speed",
+    "rightSpeed": "right_speed",
+    "forward": "forward",
+    "yaw": "yaw",
+    "left": "left",
+    "right": "right",
+}
+"""Slot -> item; the coefficient is the slot with ``Coeff`` behind it."""
+_ANGLES: Final = {"pitch": "pitch", "pitchRate": "pitch_rate", "roll": "roll", "rollRate": "roll_rate"}
+_SHARES: Final = {
+    "speedScale": ("velocity_scale", FULL_SCALE),
+    "accelerationScale": ("acceleration_scale", FULL_SCALE),
+    "turnScale": ("turn_scale", FULL_SCALE),
+    "currentLimit": ("current_limit", FULL_CURRENT),
+}
+"""Slot of 0..1 -> (configuration, what 1 is)."""
+_NAMED: Final = {"mode": p.MODES, "gain": p.GAINS}
+
+
+class Base(Protocol):
+    """What an RMP needs of the robot."""
+
+    settings: dict[str, int]
+    """Configurations as last sent."""
+
+    def aim(self, item: str, counts: int) -> None:
+        """Send a speed with the next command."""
+        ...
+
+    def order(self, slot: str, name: str, parameter: int) -> None:
+        """Configure the base."""
+        ...
+
+
+class RMP(UObject):
+    """One face of the base."""
+
+    forwardSpeed = owned(0.0)  # noqa: N815 - names of slots, here and below
+    yawSpeed = owned(0.0)  # noqa: N815
+    leftSpeed = reading(0.0)  # noqa: N815
+    rightSpeed = reading(0.0)  # noqa: N815
+    forward = reading(0.0)
+    yaw = reading(0.0)
+    left = reading(0.0)
+    right = reading(0.0)
+
+    forwardSpeedCoeff = variable(1.0)  # noqa: N815
+    yawSpeedCoeff = variable(1.0)  # noqa: N815
+    leftSpeedCoeff = variable(1.0)  # noqa: N815
+    rightSpeedCoeff = variable(1.0)  # noqa: N815
+    forwardCoeff = variable(1.0)  # noqa: N815
+    yawCoeff = variable(1.0)  # noqa: N815
+    leftCoeff = variable(1.0)  # noqa: N815
+    rightCoeff = variable(1.0)  # noqa: N815
+    velocityCoeff = variable(1.0)  # noqa: N815
+    turnCoeff = variable(1.0)  # noqa: N815
+    torqueCoeff = variable(1.0)  # noqa: N815
+
+    period = reading(0.05)
+    state = reading("ok")
+    stale = reading(True)
+    pitch = reading(math.nan)
+    pitchRate = reading(math.nan)  # noqa: N815
+    roll = reading(math.nan)
+    rollRate = reading(math.nan)  # noqa: N815
+    leftTorque = reading(math.nan)  # noqa: N815
+    rightTorque = reading(math.nan)  # noqa: N815
+    voltage = reading(math.nan)
+    boxVoltage = reading(math.nan)  # noqa: N815
+    remain = reading(math.nan)
+    motors = reading(False)
+    fault = reading("")
+    mode = owned("")
+    gain = owned("")
+    speedScale = owned(1.0)  # noqa: N815
+    accelerationScale = owned(1.0)  # noqa: N815
+    turnScale = owned(1.0)  # noqa: N815
+    currentLimit = owned(1.0)  # noqa: N815
+    lockout = owned(False)
+    faulted = event()
+
+    def attach(self, base: Base) -> None:
+        """Belong to a base, once; ``init`` in ``usegway.u`` sees to it."""
+        self._base = base
+        self._raw: Mapping[str, int] = {}
+        self._place = [0.0, 0.0, 0.0]
+        self._last: tuple[int, float, float] | None = None
+        for var, item, coefficient in (
+            (self.forwardSpeed, "velocity", self.velocityCoeff),
+            (self.yawSpeed, "turn", self.turnCoeff),
+        ):
+            self.notify_change(var, self._drive(var, item, coefficient))
+        for name, coefficient in self.variables.items():
+            if name.endswith("Coeff"):
+                self.notify_change(coefficient, self._check)
+        for name, (item, full) in _SHARES.items():
+            var = self.variables[name]
+            var.set_property("rangemin", 0.0)
+            var.set_property("rangemax", 1.0)
+            self.notify_change(var, self._share(var, item, full))
+        for name, words in _NAMED.items():
+            self.notify_change(self.variables[name], self._name(self.variables[name], words))
+        self.notify_change(self.lockout, lambda: base.order("lockout", "lockout", int(bool(_number(self.lockout)))))
+        self.configured()
+
+    # ---------------------------------------------------------------- what urbiscript calls
+
+    @function("resetCoders")
+    def reset_coders(self) -> None:
+        """Let ``forward``, ``yaw``, ``left`` and ``right`` begin at zero; it takes a quarter of a second."""
+        self._base.order("resetCoders", "reset", p.ALL_INTEGRATORS)
+
+    @function
+    def odometry(self) -> list[float]:
+        """Where the base is since the first reading: x and y in m, heading in rad, counter-clockwise."""
+        return list(self._place)
+
+    # ---------------------------------------------------------------- written
+
+    def _drive(self, var: UVar, item: str, coefficient: UVar) -> Any:
+        def write() -> None:
+            per_count = coefficient.value * self._scale(item)
+            # At scale 0 nothing moves, whatever is asked for.
+            self._base.aim(item, round(_number(var) / per_count) if per_count else 0)
+
+        return write
+
+    def _check(self, coefficient: UVar) -> None:
+        value = _number(coefficient)
+        if value == 0 or not math.isfinite(value):
+            raise ValueError("a coefficient is a number other than 0: SI units per count")
+        self.configured()
+        self._show()
+
+    def _share(self, var: UVar, item: str, full: int) -> Any:
+        return lambda: self._base.order(var.name, item, round(_number(var) * full))
+
+    def _name(self, var: UVar, words: tuple[str, ...]) -> Any:
+        def write() -> None:
+            if var.value not in words:
+                raise ValueError(f"{var.name} is one of {', '.join(words)}, not {var.value!r}")
+            self._base.order(var.name, var.name, words.index(var.value))
+
+        return write
+
+    def _scale(self, item: str) -> float:
+        """The share of a command that the base obeys."""
+        return self._base.settings.get(f"{item}_scale", FULL_SCALE) / FULL_SCALE
+
+    def configured(self) -> None:
+        """What the base was told has changed: show it, and what can be asked of it."""
+        settings = self._base.settings
+        for name, (item, full) in _SHARES.items():
+            self.variables[name].sense(settings.get(item, full) / full)
+        self.lockout.sense(bool(settings.get("lockout", 0)))
+        for var, item, coefficient, most in (
+            (self.forwardSpeed, "velocity", self.velocityCoeff, p.MOST_VELOCITY),
+            (self.yawSpeed, "turn", self.turnCoeff, p.MOST_TURN),
+        ):
+            limit = abs(coefficient.value) * self._scale(item) * most
+            var.set_property("rangemin", -limit)
+            var.set_property("rangemax", limit)
+
+    # ---------------------------------------------------------------- read
+
+    def take(self, raw: Mapping[str, int], stamp: float) -> None:
+        """Take a cycle, in counts."""
+        self._raw = raw
+        self._show(stamp)
+        self._travel(raw)
+        self.stale.sense(False)
+
+    def changed_state(self, state: str) -> None:
+        """The base is "ok" or "lost"."""
+        self.state.sense(state)
+        if state != "ok":
+            self.stale.sense(True)
+            self._last = None
+
+    def _show(self, stamp: float | None = None) -> None:
+        raw = self._raw
+        if not raw:
+            return
+        coefficient = {name: var.value for name, var in self.variables.items() if name.endswith("Coeff")}
+        for name, item in _SCALED.items():
+            self.variables[name].sense(raw[item] * coefficient[f"{name}Coeff"], stamp)
+        mean = (raw["left_speed"] + raw["right_speed"]) / 2
+        self.forwardSpeed.sense(mean * coefficient["forwardSpeedCoeff"], stamp)
+        self.yawSpeed.sense(raw["yaw_rate"] * coefficient["yawSpeedCoeff"], stamp)
+        for name, item in _ANGLES.items():
+            self.variables[name].sense(raw[item] / PER_RADIAN, stamp)
+        self._show_rest(raw, coefficient["torqueCoeff"], stamp)
+
+    def _show_rest(self, raw: Mapping[str, int], per_torque: float, stamp: float | None) -> None:
+        """What old firmware does not tell, or only part of it."""
+        if "left_torque" in raw:
+            self.leftTorque.sense(raw["left_torque"] * per_torque, stamp)
+            self.rightTorque.sense(raw["right_torque"] * per_torque, stamp)
+        if "battery" in raw:
+            volts = raw["battery"] / 4
+            self.voltage.sense(volts, stamp)
+            self.remain.sense(min(max((volts - EMPTY) / (FULL - EMPTY), 0.0), 1.0), stamp)
+        if "box_battery" in raw:
+            self.boxVoltage.sense(1.4 + 0.0125 * raw["box_battery"], stamp)
+        for name, words in _NAMED.items():
+            if name in raw:
+                number = raw[name]
+                self.variables[name].sense(words[number] if number < len(words) else f"unknown {number}", stamp)
+        if "status1" in raw:
+            self.motors.sense(p.motors_on(raw["status1"]))
+            self._show_fault(p.fault_words(raw["status1"], raw["status2"]))
+
+    def _show_fault(self, words: str) -> None:
+        if words != self.fault.sensed:
+            self.fault.sense(words)
+            if words:
+                self.faulted.emit(words)
+
+    def _travel(self, raw: Mapping[str, int]) -> None:
+        """Add the way since the last cycle to the place."""
+        forward, yaw = self.forward.sensed, self.yaw.sensed
+        last, self._last = self._last, (raw["resets"], forward, yaw)
+        if last is None or last[0] != raw["resets"]:
+            return
+        way, turned = forward - last[1], yaw - last[2]
+        middle = self._place[2] + turned / 2
+        self._place[0] += way * math.cos(middle)
+        self._place[1] += way * math.sin(middle)
+        self._place[2] += turned
+
+
+def _number(var: UVar) -> float:
+    """What urbiscript wrote, as a float; true and false are 1 and 0.  Raises ValueError for anything else."""
+    value = var.value
+    if not isinstance(value, int | float) or math.isnan(value):
+        raise ValueError("this slot takes a number")
+    return float(value)

@@ -1,0 +1,218 @@
+"""The object ``segway``: the base on its wire, with the RMPs that show it, and what stops it.
+
+The base is stopped when the kernel has not been heard of for DEAD_MAN seconds, when the connection that drove it
+closes, when the link or the base is lost, and when the daemon ends.  None of that needs a script's help.
+"""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+from urbihw.buses import messages as m
+from urbihw.kernel.uobject import BadConfig, NotReady, Opened, RobotSettings, event, function, reading
+from urbihw.platforms.base import WiredRobot
+from urbihw.platforms.segway.driver import BASE, FASTEST, SLOWEST
+from urbihw.platforms.segway.rmp import RMP
+
+DEAD_MAN: Final = 0.4
+"""Seconds of silence of the kernel at most until the base is stopped: as long as a base waits by itself."""
+ALIVE: Final = 0.1
+"""Seconds between signs of life."""
+SHORTEST: Final = 0.01
+"""Seconds between two readings at least: the base's own cycle."""
+LONGEST: Final = 60.0
+TREE: Final = "rmp.u"
+"""Builds the standard robot API, when the base is there."""
+
+
+class Segway(WiredRobot):
+    """A Segway RMP."""
+
+    classes = (RMP,)
+
+    robot_name = "segway"
+    family = "urbihw.platforms.segway.driver:RmpDriver"
+
+    model = reading("200")
+    build = reading(0.0)
+    state = reading("lost")
+    lost = event()
+    back = event()
+    restarted = event()
+    refused = event()
+
+    def init(self) -> None:
+        """Called by ``new``; nothing happens before ``open``."""
+        super().init()
+        self.settings: dict[str, int] = {}
+        self._members: weakref.WeakSet[RMP] = weakref.WeakSet()
+        self._wanted: RobotSettings
+        self._raw: dict[str, int] = {}
+        self._built = False
+        self._driver: Any = None
+
+    # ---------------------------------------------------------------- what the daemon calls
+
+    def open(self, settings: RobotSettings, opened: Opened) -> None:
+        """See ``Robot``.  Option: "model" ("50", "100", "200", "400"; "200" if missing)."""
+        self.model.sense(str(settings.options.get("model", "200")))
+        self._wanted = _safe(settings)
+        super().open(self._wanted, opened)
+        self.wire.watch(BASE, (), 1 / self._wanted.rate)
+        self.set_timer(ALIVE, self._say_alive)
+        self.host.each_round(self._watch_driver)
+
+    def configure(self, settings: RobotSettings) -> None:
+        """See ``Robot``; the rate stays what the last RMP asked for."""
+        self._wanted = replace(_safe(settings), rate=self._wanted.rate)
+        super().configure(self._wanted)
+
+    def status(self) -> str:
+        """See ``Robot``."""
+        if not self.link.sensed:
+            return "link down"
+        if self.state.sensed != "ok":
+            return "base lost"
+        volts = f", {self._raw['battery'] / 4:.0f} V" if "battery" in self._raw else ""
+        return f"RMP {self.model.sensed}{volts}, {self.rate.sensed:.0f} Hz"
+
+    # ---------------------------------------------------------------- what urbiscript calls
+
+    @function
+    def join(self, rmp: RMP, period: float) -> None:
+        """Let an RMP show this base; it is read every ``period`` s, and commands go out every 20 to 50 ms."""
+        if not 0 < period <= LONGEST:
+            raise ValueError(f"period is in seconds, {SHORTEST:g} to {LONGEST:g}")
+        rmp.attach(self)
+        self._members.add(rmp)
+        period = max(period, SHORTEST)
+        rmp.period.sense(period)
+        rmp.changed_state(str(self.state.sensed))
+        self._pace(period)
+        if self._raw and self.state.sensed == "ok":
+            rmp.take(self._raw, self.host.now())
+
+    @function
+    def shutdown(self) -> None:
+        """Switch the base off; one that balances falls."""
+        self.wire.ask("shutdown", BASE, lambda reply: None if reply.ok else self._refuse("shutdown", reply.error))
+
+    # ---------------------------------------------------------------- what an RMP calls
+
+    def aim(self, item: str, counts: int) -> None:
+        """Send a speed with the next command; whoever asked for one that moves it is who drives."""
+        self.wire.aim(BASE, item, counts)
+        if counts:
+            job = self.host.world.scheduler.current
+            self._driver = None if job is None else job.context
+
+    def order(self, slot: str, name: str, parameter: int) -> None:
+        """Configure the base; what it does not take is said."""
+
+        def done(reply: m.Reply) -> None:
+            if not reply.ok:
+                self._refuse(slot, reply.error)
+            elif name not in ("reset", "mode"):
+                self.settings[name] = parameter
+            for rmp in self._members:
+                rmp.configured()
+
+        self.wire.write(BASE, name, parameter, done)
+
+    def _refuse(self, slot: str, reason: str) -> None:
+        self.log.warning("%s: not done: %s", slot, reason)
+        self.refused.emit(slot, reason)
+
+    # ---------------------------------------------------------------- stopping
+
+    def _watch_driver(self) -> None:
+        """The end of a round: has the connection that drove it closed?"""
+        if self._driver is not None and not getattr(self._driver, "connected", True):
+            self._driver = None
+            self.log.warning("stopped, because the connection that drove it is closed")
+            self.stop()
+
+    # ---------------------------------------------------------------- the worker
+
+    def _pace(self, period: float) -> None:
+        rate = min(max(1 / period, SLOWEST), FASTEST)
+        if rate != self._wanted.rate:
+            self._wanted = replace(self._wanted, rate=rate)
+            super().configure(self._wanted)
+        self.wire.watch(BASE, (), period)
+
+    def on_found(self, message: m.Found) -> None:
+        """See ``WiredRobot``."""
+        (info,) = message.devices
+        self.build.sense(float(info.build))
+        if info.old:
+            self.log.warning("the firmware of the base is old: it tells neither mode nor torques nor faults")
+        self._changed("ok")
+        if not self._built:
+            self._built = True
+            path = Path(__file__).with_name(TREE)
+            self.host.run(path.read_text("latin-1"), str(path), self._has_tree)
+
+    def _has_tree(self, problem: str) -> None:
+        self.answer(BadConfig(problem) if problem else None)
+
+    def on_samples(self, message: m.Samples) -> None:
+        """See ``WiredRobot``."""
+        self._raw = dict(message.values[BASE])
+        stamp = message.times[BASE] + self.offset
+        for rmp in self._members:
+            rmp.take(self._raw, stamp)
+
+    def whole(self) -> bool:
+        """See ``WiredRobot``; the tree answers."""
+        return False
+
+    def on_happened(self, message: m.Happened) -> None:
+        """See ``WiredRobot``: the base was off in between and has forgotten its settings, which it gets again."""
+        self.log.warning("the base was switched off and on; it gets its settings again")
+        for name, parameter in self.settings.items():
+            self.order(name, name, parameter)
+        self.restarted.emit()
+
+    def on_device_state(self, message: m.DeviceState) -> None:
+        """See ``WiredRobot``."""
+        if message.new == "lost":
+            if self.opening:
+                self.answer(NotReady(_nobody(self.url.sensed, message.reason)))
+                return
+            self.log.warning("the base is lost: %s; its motion is zero until it is driven again", message.reason)
+            self._changed("lost")
+            self.lost.emit(message.reason)
+        elif message.new == "back":
+            self.log.warning("the base is back")
+            self._changed("ok")
+            self.back.emit()
+
+    def on_link_down(self, reason: str) -> None:
+        """See ``WiredRobot``."""
+        self._changed("lost")
+
+    def _changed(self, state: str) -> None:
+        self.state.sense(state)
+        for rmp in self._members:
+            rmp.changed_state(state)
+
+
+def _safe(settings: RobotSettings) -> RobotSettings:
+    """The settings within what this robot allows: never without a dead man, never faster or slower than it likes."""
+    return replace(
+        settings,
+        rate=min(max(settings.rate, SLOWEST), FASTEST),
+        dead_man=min(settings.dead_man or DEAD_MAN, DEAD_MAN),
+    )
+
+
+def _nobody(url: str, reason: str) -> str:
+    if reason != "it says nothing":
+        return f"no RMP on {url}: {reason}"
+    return (
+        f"no RMP on {url}: is it switched on, are its plugs in, is this its speed (USB ?baud=460800, CAN 500 kbit/s)?"
+    )
