@@ -137,6 +137,7 @@ class Bioloid(WiredRobot):
                 self._add(info)
             else:
                 device.link_changed(True)
+        self.host.run("bioloid.grow;", "bioloid.grow", self._grown)
         if not self.opening:
             return
         if not self.devices:
@@ -148,6 +149,10 @@ class Bioloid(WiredRobot):
             )
         elif not message.conflicts:
             self.wait_for_readings()
+
+    def _grown(self, problem: str) -> None:
+        if problem:
+            log.error("the tree of the robot is not complete: %s", problem)
 
     def _conflicts(self, ids: tuple[int, ...]) -> None:
         numbers = " and ".join(map(str, ids))

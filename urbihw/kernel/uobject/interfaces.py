@@ -1,0 +1,184 @@
+"""The allowed names of a robot's parts and the units of their slots: plain data, and checks.
+
+The manual's chapter 22 ("Standard Component List") names the components, what they are part of and the interfaces of
+those that are devices; ``DEVICES`` are the names that its chapters about single robots use beside them.  The interfaces
+themselves, with the slots and the unit of each, are objects of urbiscript (``Interface``, in the standard library).
+
+The functions say what is wrong with a part of a structure tree; the contract test of the platforms calls them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+EXPERIMENTAL: Final = "experimental"
+"""What the name of a part begins with that has no standard name: ``experimentalGripForce``."""
+
+CATEGORIES: Final = ("humanoid", "four-legged", "wheeled", "industrial arm")
+"""What ``robot.type`` may be (manual, "Identity")."""
+
+PLACES: Final = (
+    *("up", "inBetween", "down", "top"),
+    *("front", "middle", "back"),
+    *("right", "center", "left"),
+    *("x", "y", "z"),
+)
+"""The constants of Localization; other places are numbers from 0 on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A component: the names it may be part of (any, if none is given), and the interfaces it may have as a device."""
+
+    part_of: tuple[str, ...] = ()
+    interfaces: tuple[str, ...] = ()
+
+
+def _part(part_of: str = "", interfaces: str = "") -> Part:
+    return Part(tuple(part_of.split()), tuple(interfaces.split()))
+
+
+_TURNING: Final = "body neck head hip knee ankle shoulder elbow wrist torso arm leg camera"
+"""The manual's list for yaw, pitch and roll, and the components that it describes as having them."""
+_ROTATION: Final = "RotationalMotor RotationalSpeedMotor"
+_TRANSLATION: Final = "LinearMotor LinearSpeedMotor"
+
+COMPONENTS: Final[dict[str, Part]] = {
+    "robot": _part("", "Identity Network Mobile Tracker"),
+    "body": _part("robot"),
+    "wheel": _part("body", f"{_ROTATION} {_TRANSLATION}"),
+    "leg": _part("body"),
+    "arm": _part("body"),
+    "shoulder": _part("arm"),
+    "elbow": _part("arm", _ROTATION),
+    "wrist": _part("arm"),
+    "hand": _part("arm"),
+    "finger": _part("hand", "Motor"),
+    "grip": _part("arm hand", "Motor"),
+    "hip": _part("leg"),
+    "knee": _part("leg", _ROTATION),
+    "ankle": _part("leg"),
+    "foot": _part("leg"),
+    "toe": _part("foot", "Motor"),
+    "neck": _part("body", _ROTATION),
+    "tail": _part("body"),
+    "head": _part("body neck", _ROTATION),
+    "mouth": _part("head", "Motor"),
+    "ear": _part("head", "Motor"),
+    "joint": _part("tail arm leg lip eyebrow spine body", "Motor"),
+    "yaw": _part(_TURNING, _ROTATION),
+    "pitch": _part(_TURNING, _ROTATION),
+    "roll": _part(_TURNING, _ROTATION),
+    "x": _part("body arm", _TRANSLATION),
+    "y": _part("body arm", _TRANSLATION),
+    "z": _part("body arm", _TRANSLATION),
+    "lip": _part("mouth head", "Motor"),
+    "eye": _part("head"),
+    "eyebrow": _part("head", "Motor"),
+    "torso": _part("body"),
+    "spine": _part("torso"),
+    "clavicle": _part("body", "Motor"),
+    "skin": _part("body"),
+    "touch": _part("finger grip foot toe body head skin", "TouchSensor"),
+    "gyro": _part("body", "GyroSensor"),
+    "accel": _part("body", "AccelerationSensor"),
+    "camera": _part("head body eye arm", "VideoIn"),
+    # The list of 2.3 has these two the other way round; speakers speak.
+    "speaker": _part("head body", "AudioOut"),
+    "micro": _part("head body", "AudioIn"),
+    "speech": _part("robot", "SpeechRecognizer"),
+    "voice": _part("robot", "TextToSpeech"),
+}
+"""The list of the manual's chapter 22."""
+
+DEVICES: Final[dict[str, Part]] = {
+    "laser": _part("body head", "Laser"),  # "Localization", P3dx.body.laser
+    "sonar": _part("body head", "DistanceSensor"),  # P3dx.body.sonar, Nao, TriBot
+    "led": _part("body head eye ear foot", "Led"),  # "Localization", Spykee
+    "battery": _part("body robot", "Battery"),  # P3dx.body.battery, TriBot, Nao
+    "odometry": _part("body"),  # P3dx.body.odometry
+    "planner": _part("robot"),  # P3dx.planner
+    "track": _part("body", "Motor"),  # Spykee
+    "claw": _part("body arm", "Motor"),  # TriBot
+    "bumper": _part("body foot", "TouchSensor"),  # TriBot
+    "light": _part("body head", "Sensor"),  # TriBot
+    "decibel": _part("body head", "Sensor"),  # TriBot
+    "beeper": _part("body head"),  # TriBot
+    "infrared": _part("body head", "Sensor DistanceSensor"),  # DistanceSensor: "infrared, laser, ultrasonic"
+    "temperature": _part("", "TemperatureSensor"),
+}
+"""The names that chapters 23 to 29 use for devices, each with where it stands there."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A unit and the range beyond which a value is surely in another one (degrees, millimetres, raw counts)."""
+
+    least: float
+    most: float
+
+
+UNITS: Final[dict[str, Unit]] = {
+    "1": Unit(-math.inf, math.inf),
+    "ratio": Unit(0.0, 1.0),
+    "m": Unit(-1e4, 1e4),
+    "m/s": Unit(-20.0, 20.0),
+    "m/s^2": Unit(-200.0, 200.0),
+    "rad": Unit(-4 * math.tau, 4 * math.tau),
+    "rad/s": Unit(-150.0, 150.0),
+    "turn": Unit(-1e5, 1e5),
+    "N": Unit(-1e4, 1e4),
+    "N m": Unit(-1e3, 1e3),
+    "Pa": Unit(0.0, 1e7),
+    "degC": Unit(-60.0, 200.0),
+    "V": Unit(0.0, 100.0),
+    "A": Unit(-200.0, 200.0),
+    "A h": Unit(0.0, 1e3),
+    "s": Unit(0.0, 1e6),
+    "ms": Unit(0.0, 1e9),
+    "Hz": Unit(0.0, 1e5),
+    "dB": Unit(-200.0, 200.0),
+    "pixel": Unit(0.0, 1e5),
+}
+"""Every unit that a slot of Interface may have; "" is for what is no number."""
+
+
+def problems_of_path(path: Sequence[str]) -> list[str]:
+    """What is wrong with the names on the way from the root to a part (places left out); nothing, if it is empty."""
+    found = []
+    known = COMPONENTS | DEVICES
+    if not path or path[0] != "robot":
+        found.append(f"{'.'.join(path)}: the root is called robot")
+    for parent, name in zip(path, path[1:], strict=False):
+        if name.startswith(EXPERIMENTAL):
+            continue
+        part = known.get(name)
+        if part is None:
+            found.append(f"{'.'.join(path)}: {name} is no standard name; begin it with {EXPERIMENTAL}")
+        elif part.part_of and parent not in part.part_of and not parent.startswith(EXPERIMENTAL):
+            found.append(f"{'.'.join(path)}: {name} is part of {' or '.join(part.part_of)}, not of {parent}")
+    return found
+
+
+def problems_of_kinds(path: Sequence[str], kinds: Sequence[str]) -> list[str]:
+    """What is wrong with the interfaces of a device (all of them, those of its kinds' kinds too)."""
+    name = path[-1]
+    part = (COMPONENTS | DEVICES).get(name)
+    if not kinds:
+        return [f"{'.'.join(path)} has no interface"]
+    if part is None or not part.interfaces or set(part.interfaces) & set(kinds):
+        return []
+    return [f"{'.'.join(path)} is {' '.join(kinds)}, but {name} should be {' or '.join(part.interfaces)}"]
+
+
+def problem_of_value(unit: str, value: float) -> str:
+    """What is wrong with a value that should be in a unit; empty if it may be (nan is: not measured)."""
+    known = UNITS.get(unit)
+    if known is None:
+        return f"there is no unit {unit!r}"
+    if known.least <= value <= known.most or math.isnan(value):
+        return ""
+    return f"{value:g} is no value in {unit}"
