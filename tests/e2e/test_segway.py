@@ -1,0 +1,179 @@
+"""The real daemon with an RMP in software on a real port, as a user meets it.  Few, and on the real clock."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import can
+import pytest
+from test_serve import PATIENCE, Daemon, until
+
+from fakes.can.device import CanDevice
+from fakes.can.endpoint import BusEndpoint
+from fakes.can.records import Records
+from fakes.can.slcan import Slcan
+from fakes.segway.rmp import SegwayRmp
+from fakes.segway.start import SlcanPty, UsbPty
+from fakes.segway.usb import UsbLink
+from fakes.serving import Endpoint
+
+pytestmark = pytest.mark.e2e
+
+GROUP, PORT = "239.74.163.2", 43211
+
+
+@pytest.fixture
+def serve(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
+    made: list[Daemon] = []
+
+    def start(*arguments: str) -> Daemon:
+        made.append(Daemon(tmp_path, "--platform", "segway", "--quiet", *arguments))
+        return made[-1]
+
+    yield start
+    for daemon in made:
+        daemon.close()
+
+
+def _multicast(base: SegwayRmp) -> Endpoint:
+    try:
+        can.Bus(GROUP, "udp_multicast", port=PORT, hop_limit=0).shutdown()
+    except (can.CanError, OSError) as error:
+        pytest.skip(f"no multicast here: {error}")
+    return BusEndpoint(CanDevice(base, Records()), "udp_multicast", GROUP, port=PORT, hop_limit=0)
+
+
+ENDPOINTS: dict[str, Callable[[SegwayRmp], Endpoint]] = {
+    "slcan": lambda base: SlcanPty(CanDevice(base, Slcan())),
+    "usb": lambda base: UsbPty(CanDevice(base, UsbLink())),
+    "udp_multicast": _multicast,
+}
+
+
+@pytest.fixture(params=ENDPOINTS)
+def end(request: pytest.FixtureRequest) -> Iterator[Endpoint]:
+    with ENDPOINTS[request.param](SegwayRmp()) as made:
+        made.start()
+        yield made
+
+
+def base_of(end: Endpoint) -> SegwayRmp:
+    device: Any = end.device
+    base = device.node
+    assert isinstance(base, SegwayRmp)
+    return base
+
+
+def speed(end: Endpoint) -> float:
+    return end.call(lambda: base_of(end).body.speed)
+
+
+def test_it_drives_over_every_kind_of_link_and_stops_with_its_connection(
+    serve: Callable[..., Daemon], end: Endpoint
+) -> None:
+    daemon = serve("--url", end.url)
+    client = daemon.client()
+    assert client.ask("var rmp = RMP.new(0.05);").startswith("RMP_")
+    assert client.ask("rmp.forwardSpeed = 0.4;") == "0.4"
+    until(lambda: speed(end) > 0.39)
+    assert float(client.ask("rmp.forward;")) > 0.01
+    client.close()
+    until(lambda: speed(end) == 0.0, 3)
+    assert "the connection that drove it is closed" in daemon.log()
+
+
+def test_a_killed_daemon_leaves_a_stopped_base(serve: Callable[..., Daemon]) -> None:
+    with ENDPOINTS["slcan"](SegwayRmp()) as end:
+        end.start()
+        daemon = serve("--url", end.url)
+        daemon.client().say("rmp.forwardSpeed = 1;")
+        until(lambda: speed(end) > 0.9)
+        daemon.process.kill()
+        until(lambda: end.call(lambda: base_of(end).reading().velocity) == 0, 1.0)
+        until(lambda: speed(end) == 0.0, 3)
+
+
+def test_a_stop_of_the_daemon_is_clean(serve: Callable[..., Daemon]) -> None:
+    with ENDPOINTS["usb"](SegwayRmp()) as end:
+        end.start()
+        daemon = serve("--url", end.url)
+        daemon.client().say("rmp.forwardSpeed = 1;")
+        until(lambda: speed(end) > 0.9)
+        daemon.process.send_signal(signal.SIGTERM)
+        assert daemon.process.wait(PATIENCE) == 0
+        assert end.call(lambda: base_of(end).reading().velocity) == 0
+
+
+class FakeProcess:
+    """`python -m fakes segway` at a path that stays."""
+
+    def __init__(self, path: Path) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "fakes", "segway", "--pty", str(path), "--until-eof"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        assert self.process.stdout is not None
+        self.url = self.process.stdout.readline().strip()
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.wait(PATIENCE)
+        for pipe in (self.process.stdin, self.process.stdout):
+            assert pipe is not None
+            pipe.close()
+
+
+def test_the_base_dies_and_comes_back_during_a_behaviour(serve: Callable[..., Daemon], tmp_path: Path) -> None:
+    first = FakeProcess(tmp_path / "rmp")
+    daemon = serve("--url", first.url)
+    client = daemon.client()
+    client.say("rmp.forwardSpeed = 0 sin:1s ampli:0.3,")
+    client.listen(1.0)
+    before = len(daemon.log().splitlines())
+    first.kill()
+    client.listen(1.0)
+    assert client.ask("segway.link;") == "false"
+    second = FakeProcess(tmp_path / "rmp")
+    try:
+        assert second.url == first.url
+        until(lambda: "is back" in daemon.log())
+        client.listen(1.0)
+        news = [line for line in daemon.log().splitlines()[before:] if "switched off and on" not in line]
+        assert len(news) == 2
+        assert "link lost" in news[0] and "is back" in news[1]
+        until(lambda: abs(float(client.ask("rmp.forwardSpeed;"))) > 0.1)
+    finally:
+        second.kill()
+
+
+def test_the_fake_of_the_platform(serve: Callable[..., Daemon]) -> None:
+    daemon = serve("--fake")
+    client = daemon.client()
+    assert client.ask("rmp.mode;") == '"balance"'
+    began = time.monotonic()
+    assert client.ask("robot.go(0.5) | rmp.forward > 0.4;") == "true"
+    assert time.monotonic() - began > 1
+    assert os.path.exists(client.ask("segway.url;").strip('"').removeprefix("can://slcan").partition("?")[0])
+
+
+def test_a_base_in_use_says_who_has_it(serve: Callable[..., Daemon], tmp_path: Path) -> None:
+    with ENDPOINTS["slcan"](SegwayRmp()) as end:
+        end.start()
+        serve("--url", end.url)
+        done = subprocess.run(
+            (sys.executable, "-m", "urbihw.cli.main", "serve", "--platform", "segway", "--url", end.url, "--port", "0"),
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
+        )
+        assert done.returncode == 78
+        assert "is in use by another program" in done.stderr
