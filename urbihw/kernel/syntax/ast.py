@@ -1,4 +1,4 @@
-"""Every node of a parsed urbiscript program: frozen dataclasses of fields and a span.
+"""Every node of a parsed urbiscript program: dataclasses of fields and a span, frozen for the type checker.
 
 Spans are relative to the beginning of the top-level statement (its first character is 1.1), so that one parsed
 statement can be reused wherever the same text is typed again.  Operators are calls: ``a + b`` is
@@ -8,50 +8,87 @@ statement can be reused wherever the same text is typed again.  Operators are ca
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from typing import Any, ClassVar, TypeVar, dataclass_transform
 
 from urbihw.kernel.syntax.location import NOWHERE, Span
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+T = TypeVar("T")
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(field,))
+def node(*, kw_only: bool = False) -> Callable[[type[T]], type[T]]:
+    """Make a class of nodes.
+
+    The methods that dataclasses would generate for each class, comparison and all, would take a tenth of the start of
+    the kernel; ``Node`` has them for all.
+    """
+
+    def make(kind: type[T]) -> type[T]:
+        made: Any = dataclass(slots=True, eq=False, repr=False, kw_only=kw_only)(kind)
+        made.compared = tuple(each.name for each in fields(made) if each.compare)
+        return made
+
+    return make
+
+
+@node(kw_only=True)
 class Node:
     """What all nodes have: the span they cover."""
 
+    compared: ClassVar[tuple[str, ...]]
+    """The fields that count in comparisons."""
+
     span: Span = field(default=NOWHERE, compare=False)
+
+    def __eq__(self, other: object) -> bool:
+        return self.__class__ is other.__class__ and self._content() == other._content()  # type: ignore[attr-defined]
+
+    def __hash__(self) -> int:
+        return hash((self.__class__, *self._content()))
+
+    def __repr__(self) -> str:
+        content = (f"{each.name}={getattr(self, each.name)!r}" for each in fields(self))
+        return f"{self.__class__.__name__}({', '.join(content)})"
+
+    def _content(self) -> list[Any]:
+        return [getattr(self, name) for name in self.compared]
 
 
 # ------------------------------------------------------------------ literals
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Float(Node):
     """A number, an angle in radians or a duration in seconds (units are already applied)."""
 
     value: float
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class String(Node):
     """A string literal, adjacent ones glued; one character per byte (latin-1)."""
 
     value: str
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class ListLit(Node):
     """``[a, b]``; also a list pattern."""
 
     items: tuple[Node, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class TupleLit(Node):
     """``()``, ``(a,)``, ``(a, b)``; also a tuple pattern."""
 
     items: tuple[Node, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class DictLit(Node):
     """``["a" => 1]`` and ``[ => ]``; also a dictionary pattern."""
 
@@ -61,17 +98,17 @@ class DictLit(Node):
 # ------------------------------------------------------------------ names and messages
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class This(Node):
     """``this``."""
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class CallMessage(Node):
     """``call``: the message by which the running function was called."""
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Call(Node):
     """``target.name(args)``; target None is a local variable or a slot of this; args None means no parentheses."""
 
@@ -80,7 +117,7 @@ class Call(Node):
     args: tuple[Node, ...] | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class And(Node):
     """``left && right``: the right side only if the left is true."""
 
@@ -88,7 +125,7 @@ class And(Node):
     right: Node
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Or(Node):
     """``left || right``."""
 
@@ -96,7 +133,7 @@ class Or(Node):
     right: Node
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Property(Node):
     """``slot->name``; slot is a Call without arguments (a name, or ``target.name``)."""
 
@@ -107,7 +144,7 @@ class Property(Node):
 # ------------------------------------------------------------------ declarations and assignments
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Var(Node):
     """``var name``, ``var target.name``, with an optional value; as a pattern, a binding (target and value None).
 
@@ -122,7 +159,7 @@ class Var(Node):
     place: Span = field(default=NOWHERE, compare=False)
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Assign(Node):
     """``place = value modifiers``.
 
@@ -135,7 +172,7 @@ class Assign(Node):
     modifiers: tuple[tuple[str, Node], ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class OpAssign(Node):
     """``place op value`` where op is ``+=`` and so on; place is a Call (plain or ``[]``) or a Property."""
 
@@ -144,7 +181,7 @@ class OpAssign(Node):
     value: Node
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Postfix(Node):
     """``place++`` or ``place--``; the value is the former one."""
 
@@ -155,7 +192,7 @@ class Postfix(Node):
 # ------------------------------------------------------------------ functions and objects
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Formal(Node):
     """A formal argument: ``x``, ``var x``, ``x = default``, or ``var x[]`` which takes the rest as a list."""
 
@@ -164,7 +201,7 @@ class Formal(Node):
     variadic: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Function(Node):
     """A function or closure literal; formals None means a lazy one."""
 
@@ -173,7 +210,7 @@ class Function(Node):
     body: Scope
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class External(Node):
     """``external kind (arity) path from source``: a remote UObject declares a part of itself.
 
@@ -187,7 +224,7 @@ class External(Node):
     source: str | None
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Do(Node):
     """``do (target) { body }``; the value is the target."""
 
@@ -195,7 +232,7 @@ class Do(Node):
     body: Scope
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Class(Node):
     """``class target.name : protos { body }``; target None for a plain name."""
 
@@ -208,12 +245,12 @@ class Class(Node):
 # ------------------------------------------------------------------ composition of statements
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Empty(Node):
     """Nothing between two separators; its value is void.  Dropped from ``;`` lists, kept after ``|`` and ``&``."""
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Seq(Node):
     """Statements joined by ``;`` and ``,``: (statement, separator that follows it, or "" at the end).
 
@@ -223,21 +260,21 @@ class Seq(Node):
     items: tuple[tuple[Node, str], ...]
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Pipe(Node):
     """``a | b | c``: no other job runs in between."""
 
     items: tuple[Node, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Par(Node):
     """``a & b & c``: all at once; the value is void."""
 
     items: tuple[Node, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Scope(Node):
     """``{ body }``; body None when empty."""
 
@@ -247,7 +284,7 @@ class Scope(Node):
 # ------------------------------------------------------------------ flow control
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class If(Node):
     """``if (cond) then else otherwise``; cond may be any statement list, what it declares is seen in both branches."""
 
@@ -256,7 +293,7 @@ class If(Node):
     otherwise: Node | None
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class While(Node):
     """``while flavor (cond) body``; flavor is ``;`` ``|`` or ``,``; ``loop body`` has cond None."""
 
@@ -265,7 +302,7 @@ class While(Node):
     body: Node
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class For(Node):
     """C-like ``for flavor (init; cond; step) body``; flavor is ``;`` ``|`` or ``,``."""
 
@@ -276,7 +313,7 @@ class For(Node):
     body: Node
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class ForEach(Node):
     """``for flavor (var name : items) body``, and ``for flavor (n) body`` with name None; flavor ``;`` ``|`` ``&``."""
 
@@ -286,24 +323,24 @@ class ForEach(Node):
     body: Node
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Break(Node):
     """``break``."""
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Continue(Node):
     """``continue``."""
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Return(Node):
     """``return value``; value None for void."""
 
     value: Node | None
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Case(Node):
     """One ``case pattern if guard: body``; pattern None is ``default``."""
 
@@ -312,7 +349,7 @@ class Case(Node):
     body: Node | None
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Switch(Node):
     """``switch (value) { cases }``; a default, if any, is the last case."""
 
@@ -320,7 +357,7 @@ class Switch(Node):
     cases: tuple[Case, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Catch(Node):
     """``catch (pattern if guard) body``; pattern None catches everything."""
 
@@ -329,7 +366,7 @@ class Catch(Node):
     body: Scope
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Try(Node):
     """``try body catches else otherwise finally final``."""
 
@@ -339,14 +376,14 @@ class Try(Node):
     final: Scope | None
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Throw(Node):
     """``throw value``; value None rethrows inside a catch."""
 
     value: Node | None
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Assert(Node):
     """``assert(claim)`` and ``assert { claim; claim }``."""
 
@@ -356,7 +393,7 @@ class Assert(Node):
 # ------------------------------------------------------------------ time, events, tags
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Tagged(Node):
     """``tag: body``."""
 
@@ -364,7 +401,7 @@ class Tagged(Node):
     body: Node
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Emit(Node):
     """``event!``, ``event!(args)``, ``event!(args) ~ duration``; args None without parentheses."""
 
@@ -373,7 +410,7 @@ class Emit(Node):
     duration: Node | None
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class EventCond(Node):
     """``event?(patterns) if guard ~ duration``; patterns None accepts any payload, () only an empty one."""
 
@@ -383,7 +420,7 @@ class EventCond(Node):
     duration: Node | None
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class ExprCond(Node):
     """``expression ~ duration`` as the condition of at, whenever or waituntil."""
 
@@ -391,7 +428,7 @@ class ExprCond(Node):
     duration: Node | None
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class At(Node):
     """``at (cond) body onleave leave``."""
 
@@ -400,7 +437,7 @@ class At(Node):
     leave: Node | None
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Whenever(Node):
     """``whenever (cond) body else otherwise``."""
 
@@ -409,14 +446,14 @@ class Whenever(Node):
     otherwise: Node | None
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class WaitUntil(Node):
     """``waituntil (cond)``; variables of the pattern are declared in the enclosing scope."""
 
     cond: EventCond | ExprCond
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Every(Node):
     """``every flavor (period) body``; flavor is ``,`` (the default), ``|`` or ``;``."""
 
@@ -425,7 +462,7 @@ class Every(Node):
     body: Node
 
 
-@dataclass(frozen=True, slots=True)
+@node()
 class Guarded(Node):
     """``timeout (duration) body``, ``stopif (cond) body``, ``freezeif (cond) body``; kind is the keyword."""
 
