@@ -18,7 +18,7 @@ from lab import RobotLab
 from urbihw.kernel.uobject import interfaces
 from urbihw.platforms import folders
 
-PENDING: dict[str, str] = {"nxt": "its objects are not in a structure tree yet"}
+PENDING: dict[str, str] = {}
 """Platforms that do not hold the contract yet, and why; a row here that is no longer needed fails."""
 
 _LINE = re.compile(r"\*\*\* ( *)(\[?)(\w+)\]?(?:: (.+))?")
