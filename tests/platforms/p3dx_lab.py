@@ -53,6 +53,23 @@ class FakeClock(SimClock):
                 line.tick(self.now())
 
 
+class PatientWorker(HandWorker):
+    """A worker that ends at its next step: the platform lets go of a laser in a thread of its own."""
+
+    over = False
+
+    def step(self) -> None:
+        """See ``HandWorker``."""
+        if self.over:
+            super().stop()
+        else:
+            super().step()
+
+    def stop(self) -> None:
+        """See ``HandWorker``."""
+        self.over = True
+
+
 class Lab(RobotLab):
     """A Pioneer and its laser on two pipes."""
 
@@ -62,7 +79,7 @@ class Lab(RobotLab):
     def __init__(self, kit: Kit | None = None, **options: Any) -> None:
         self.kit = kit if kit is not None else Kit()
         self.robot_line, self.laser_line = Line(self.kit.robot), Line(self.kit.laser)
-        self.workers: list[HandWorker] = []
+        self.workers: list[PatientWorker] = []
         super().__init__(**options)
 
     @classmethod
@@ -81,8 +98,9 @@ class Lab(RobotLab):
         now = self.bus_clock.now()
         self.robot_line.tick(now)
         self.laser_line.tick(now)
-        for worker in list(self.workers):
+        for worker in self.workers:
             worker.step()
+        self.workers = [worker for worker in self.workers if not worker.pipe.closed]
         while self.bus_clock.now() < now + self.tick - 1e-9:
             self.bus_clock.sleep_until(now + self.tick)
         self.kernel.scheduler.run_simulated(self.clock.now())
@@ -103,7 +121,7 @@ class Lab(RobotLab):
         def engine(mailbox: Any) -> Engine:
             return Engine(url, driver_of(family), mailbox, settings, self.context())
 
-        worker = HandWorker(engine, post)
+        worker = PatientWorker(engine, post)
         self.workers.append(worker)
         if self.worker is None:
             self.worker = worker

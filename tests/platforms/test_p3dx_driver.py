@@ -336,16 +336,17 @@ def test_there_is_nothing_else_to_watch() -> None:
 
 def test_commands_and_questions() -> None:
     bench, kit = ready()
-    assert bench.ask("command", "DIGOUT", 0x0100) == [Reply(7, True)]
+    assert bench.ask("write", "DIGOUT", 0x0100, "command") == [Reply(7, True)]
     bench.run(0.3)
     assert kit.robot.extras.digital_out == 0xFE
     (value,) = bench.ask("read", "digital_out")
     assert isinstance(value, Reply) and value.value == 0xFE
-    for verb, item, value_, why in (
-        ("command", "VEL", 100, "driver only"), ("command", "FLY", 1, "no command"), ("command", "SAY", 1, "bytes"),
-        ("read", "mood", 0, "nothing is known"), ("write", "mood", 0, "no request"), ("dance", "", 0, "no request"),
+    for verb, device, item, value_, why in (
+        ("write", "command", "VEL", 100, "driver only"), ("write", "command", "FLY", 1, "no command"),
+        ("write", "command", "SAY", 1, "bytes"), ("read", "robot", "mood", 0, "nothing is known"),
+        ("write", "robot", "mood", 0, "no request"), ("dance", "robot", "", 0, "no request"),
     ):  # fmt: skip
-        (answer,) = bench.ask(verb, item, value_)
+        (answer,) = bench.ask(verb, item, value_, device)
         assert isinstance(answer, Reply) and not answer.ok and why in answer.error
 
 
@@ -394,7 +395,7 @@ def test_questions_pending_at_the_loss_are_answered() -> None:
     bench, kit = ready()
     bench.ask("write", "enable", 0)
     bench.driver.detach()
-    (answer,) = bench.ask("command", "SETO", None)
+    (answer,) = bench.ask("write", "SETO", None, "command")
     assert isinstance(answer, Reply) and "link is down" in answer.error
     kit.robot.power_off(bench.clock.now())
     kit.robot.power_on(bench.clock.now())

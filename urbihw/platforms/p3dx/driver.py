@@ -8,8 +8,8 @@ Devices and their items, all raw:
     encoder io gyro joystick gripper battery aux1 aux2: their packets, sent while watched
     laser     ranges (mm, right to left) of MobileSim's laser, sent while watched
 
-Requests: "write" of ("robot", "enable") and ("robot", "sonar") answers when the flags show it; "command" sends any
-command of ``commands`` that does not drive; "read" gives the latest value of an item.
+Requests: "write" of ("robot", "enable") and ("robot", "sonar") answers when the flags show it; "write" of ("command",
+name) sends any command of ``commands`` that does not drive; "read" gives the latest value of an item.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from urbihw.platforms.p3dx.options import Options
 from urbihw.platforms.p3dx.protocol import LARGEST, Framer
 from urbihw.platforms.p3dx.setpoint import SetPoint, Switch
 
-ROBOT, SONAR, LASER = "robot", "sonar", "laser"
+ROBOT, SONAR, LASER, COMMAND = "robot", "sonar", "laser", "command"
 PULSE_AFTER: Final = 0.5
 """Seconds without a command after which a PULSE keeps the controller's watchdog (2 s) quiet, as ARIA does."""
 SILENCE: Final = 2.0
@@ -258,12 +258,12 @@ class ArcosDriver:
             self._switches = [switch for switch in self._switches if switch.mask != mask]
             self._switches.append(Switch(message.reply_id, encode(name, wanted), mask, wanted))
             return [Reply(switch.reply_id, False, error="it was overtaken by another one") for switch in overtaken]
-        if message.verb == "command":
+        if message.verb == "write" and message.device == COMMAND:
             if message.item in DRIVING:
                 raise BadValue(f"{message.item} is sent by the driver only: use the slots that drive the robot")
             self._queue.append(encode(message.item, message.value))
             return [Reply(message.reply_id, True)]
-        raise BadValue(f"this robot knows no request {message.verb} {message.item}")
+        raise BadValue(f"this robot knows no request {message.verb} {message.device} {message.item}")
 
     def safe_stop(self) -> None:
         """Stop at once, and say it again: nothing is acknowledged.  Raises LinkGone."""

@@ -1,0 +1,40 @@
+"""The picture of a map (PGM, PNG ...), by Pillow: what is not free, row by row.
+
+Unknown cells (grey) count as occupied: a robot is not sent where nobody has been.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from PIL import Image, UnidentifiedImageError
+
+MOST_PIXELS: Final = 16_000_000
+
+Run = tuple[int, int, int]
+"""Row from the top, first column, the column behind the last."""
+
+
+def dark_runs(path: Path, free_above: float, *, negate: bool) -> tuple[int, int, list[Run]]:
+    """Width, height and the runs of pixels that are not lighter than ``free_above``.  Raises ValueError."""
+    try:
+        with Image.open(path) as picture:
+            width, height = picture.size
+            if width * height > MOST_PIXELS:
+                raise ValueError(f"{path.name} has {width} by {height} pixels; {MOST_PIXELS} are the most")
+            data = picture.convert("L").tobytes()
+    except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:
+        raise ValueError(f"{path.name} cannot be read as a picture: {error}") from error
+    blocked = bytes((255 - value if negate else value) <= free_above for value in range(256))
+    flags = data.translate(blocked)
+    runs = []
+    for row in range(height):
+        line = flags[row * width : (row + 1) * width]
+        first = line.find(1)
+        while first >= 0:
+            end = line.find(0, first)
+            end = width if end < 0 else end
+            runs.append((row, first, end))
+            first = line.find(1, end)
+    return width, height, runs

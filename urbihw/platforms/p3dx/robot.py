@@ -1,0 +1,419 @@
+"""The object ``P3dx``: the robot as urbiscript sees it, and the way between its worker and its parts.
+
+With each packet of the robot: the parts are told what was measured, the ``Drive`` is asked how fast to go, and what it
+says is ordered.  The tree of components (``P3dx.body``, ``robot``) is put together in ``p3dx.u``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from urbihw.buses import messages as m
+from urbihw.buses.errors import BadUrl, BadValue
+from urbihw.buses.link import Url
+from urbihw.kernel.uobject import BadConfig, NotReady, Opened, RobotSettings, function, reading
+from urbihw.platforms.base import WiredRobot
+from urbihw.platforms.p3dx import sip
+from urbihw.platforms.p3dx.commands import DRIVING, encode
+from urbihw.platforms.p3dx.devices import Battery, Body, Camera, Odometry, Sonar, Sonars, Wheel, XSpeed, YawSpeed
+from urbihw.platforms.p3dx.drive import Drive, Motion, State
+from urbihw.platforms.p3dx.factors import ANGLE, FACTORS, NO_ECHO, SONARS, Factors, factors_of
+from urbihw.platforms.p3dx.handshake import RobotInfo
+from urbihw.platforms.p3dx.laserdevice import Laser, laser_url
+from urbihw.platforms.p3dx.navigator import Navigator
+from urbihw.platforms.p3dx.options import Options
+from urbihw.platforms.p3dx.packets import REQUESTS
+from urbihw.platforms.p3dx.values import checked
+
+ROBOT, SONAR = "robot", "sonar"
+FRONT, REAR = range(8), range(8, 16)
+DEFAULT_BUMPERS = 5
+_SIMULATORS = ("SIM", "MobileSim")
+
+
+class P3dx(WiredRobot):
+    """A Pioneer 3-DX, or another robot that speaks ARCOS."""
+
+    uname = "P3dxRobot"
+    family = "urbihw.platforms.p3dx.driver:ArcosDriver"
+    robot_name = "p3dx"
+    classes = (Body, Wheel, Odometry, Sonar, Sonars, Laser, Camera, XSpeed, YawSpeed, Battery, Navigator)
+
+    robotType = reading("")  # noqa: N815 - names of slots
+    name_ = reading("", "name")
+    model = reading("")
+    serial = reading("")
+    firmware = reading("")
+
+    def init(self) -> None:
+        """Called by ``new``; nothing happens before ``open``."""
+        super().init()
+        self.drive_ = Drive(self._motion_ended)
+        self.options = Options()
+        self.factors: Factors = FACTORS["p3dx-sh"]
+        self.state = State(0.0, 0.0, 0.0)
+        self.extras: dict[str, Mapping[str, Any]] = {}
+        self._parts = False
+        self._last: tuple[float, float, float] | None = None
+        self._motors = self._motors_wanted = False
+        self._aimed = (0, 0)
+        self._by_hand = False
+        self._laser_url = ""
+
+    # ---------------------------------------------------------------- opening and closing
+
+    def open(self, settings: RobotSettings, opened: Opened) -> None:
+        """See ``Robot``.  The laser's line is named by the option ``laser`` or by ``?laser=`` in the url."""
+        self._take_options(settings)
+        try:
+            self._laser_url = str(Url.parse(settings.url).options.get("laser", ""))
+        except BadUrl as error:
+            raise BadConfig(str(error)) from error
+        super().open(settings, opened)
+
+    def configure(self, settings: RobotSettings) -> None:
+        """See ``Robot``."""
+        self._take_options(settings)
+        super().configure(settings)
+
+    def _take_options(self, settings: RobotSettings) -> None:
+        try:
+            self.options = Options.read(settings.options)
+        except BadValue as error:
+            raise BadConfig(f"p3dx: {error}") from error
+
+    def close(self) -> None:
+        """See ``Robot``."""
+        if self._parts:
+            self.laser.close()
+        super().close()
+
+    def status(self) -> str:
+        """See ``Robot``."""
+        if not self.link.sensed:
+            return "link down"
+        parts = [f"{self.model.sensed} {self.name_.sensed!r}", f"{self.battery.voltage.sensed:.1f} V"]
+        parts.append("motors on" if self._motors else "motors off")
+        if self.laser.state.sensed != "off":
+            parts.append(f"laser {self.laser.state.sensed}")
+        return ", ".join(parts)
+
+    # ---------------------------------------------------------------- what is there
+
+    def on_found(self, message: m.Found) -> None:
+        """See ``WiredRobot``."""
+        (info,) = message.devices
+        self._identify(info)
+        if not self._parts:
+            self._make_parts(info)
+            self.host.run("P3dx.assemble();", "p3dx.u", self._assembled)
+
+    def _identify(self, info: RobotInfo) -> None:
+        self.factors, known = factors_of(info.subclass)
+        if not known:
+            self.log.warning("subclass %r is not known; its numbers are taken for those of a p3dx-sh", info.subclass)
+        config = info.config
+        identity = {"robotType": info.kind, "name": info.name, "model": info.subclass}
+        for slot, value in (identity | {"serial": config["serial"], "firmware": config["firmware"]}).items():
+            self.variables[slot].sense(str(value))
+        limits, factors = self.drive_.limits, self.factors
+        limits.fastest = min(factors.fastest, int(config["trans_vel_max"]) / 1000 or factors.fastest)
+        limits.fastest_turn = min(
+            factors.fastest_turn, math.radians(int(config["rot_vel_max"])) or factors.fastest_turn
+        )
+        limits.braking = int(config["trans_decel"]) / 1000 or limits.braking
+        limits.braking_turn = math.radians(int(config["rot_decel"])) or limits.braking_turn
+        self._bumpers = int(config["front_bumps"]), int(config["rear_bumps"])
+
+    def _make_parts(self, info: RobotInfo) -> None:
+        create, limits, config = self.host.create, self.drive_.limits, info.config
+        simulator = config["serial"] in _SIMULATORS or info.name in _SIMULATORS
+        laser = laser_url({"laser": self._laser_url}, self.options.laser, simulator=simulator)
+        self.body = create(Body, None, self, self.drive_.safety)
+        self.wheels = create(Wheel), create(Wheel)
+        self.odometry = create(Odometry)
+        self.sonar_ring = create(Sonars, None, self)
+        self.sonars = [create(Sonar) for _ in SONARS]
+        self.laser = create(Laser, None, laser, self.factors.laser_x, self.start_worker, self._watch_laser, self.offset)
+        self.camera = create(Camera, None, self)
+        self.x = create(XSpeed, None, self, limits.fastest)
+        self.yaw = create(YawSpeed, None, self, limits.fastest_turn)
+        self.battery = create(
+            Battery, None, int(config["low_battery"]) / 10, int(config["shutdown_volts"]) / 10
+        )
+        self.planner = create(Navigator, None, self)
+        parts = {"bodyPart": self.body, "odometryPart": self.odometry, "sonarSwitch": self.sonar_ring}
+        parts |= {"laserPart": self.laser, "cameraPart": self.camera, "xPart": self.x, "yawPart": self.yaw}
+        parts |= {"leftWheel": self.wheels[0], "rightWheel": self.wheels[1], "batteryPart": self.battery}
+        for name, part in (parts | {"planner": self.planner}).items():
+            self.put_slot(name, part)
+        # The words that the manual also uses for these slots (26.2.9 and 26.3).
+        for name, var in (
+            ("speedDelta", self.x.speed), ("speedAlpha", self.yaw.speed), ("motorsLoad", self.body.load),
+            ("laserLoad", self.laser.load), ("distMin", self.body.safetyDistanceMin),
+            ("distMax", self.body.safetyDistanceMax), ("mapFileName", self.planner.mapFileName),
+        ):  # fmt: skip
+            var.put(self.face, name)
+        self._parts = True
+
+    @function("sonarPart")
+    def sonar_part(self, index: int) -> Sonar:
+        """A sonar by its number, 0 to 15."""
+        if not 0 <= index < len(self.sonars):
+            raise ValueError(f"there is no sonar {index}; there are 0 to {len(self.sonars) - 1}")
+        return self.sonars[index]
+
+    def _assembled(self, problem: str) -> None:
+        if problem:
+            self.answer(NotReady(f"the tree of components could not be made: {problem}"))
+        else:
+            self._complete = True
+            self.wait_for_readings()
+
+    _complete = False
+
+    def whole(self) -> bool:
+        """See ``WiredRobot``."""
+        return self._complete and self._last is not None
+
+    # ---------------------------------------------------------------- what was measured
+
+    def on_samples(self, message: m.Samples) -> None:
+        """See ``WiredRobot``."""
+        if not self._parts:
+            return
+        for device, values in message.values.items():
+            stamp = message.times[device] + self.offset
+            if device == ROBOT:
+                self._take_robot(values, stamp)
+            elif device == SONAR:
+                self._take_sonars(values, stamp)
+            elif device == "laser":
+                self.laser.take_simulated(values["ranges"], stamp)
+            else:
+                self.extras[device] = values
+        if ROBOT in message.values:
+            self._order()
+            self.planner.moved()
+
+    def _take_robot(self, values: Mapping[str, Any], stamp: float) -> None:
+        factors = self.factors
+        x, y, heading = values["x"] * factors.distance, values["y"] * factors.distance, values["theta"] * ANGLE
+        old, self._last = self._last or (x, y, heading), (x, y, heading)
+        middle = (heading + old[2]) / 2
+        way = (x - old[0]) * math.cos(middle) + (y - old[1]) * math.sin(middle)
+        left, right = values["left"] * factors.speed, values["right"] * factors.speed
+        rotation = values.get("rotation")
+        w = (right - left) / 2 / factors.half_track if rotation is None else math.radians(rotation / 10)
+        v = (left + right) / 2
+        stalled = bool(values["stall"] & 0x0101)
+        self.state = State(stamp, v, w, self._room(FRONT), self._room(REAR), stalled)
+        self.odometry.show(x, y, heading, way, heading - old[2], stamp)
+        for wheel, speed in zip(self.wheels, (left, right), strict=True):
+            wheel.speed.sense(speed, stamp)
+        self.x.speed.sense(v, stamp)
+        self.yaw.speed.sense(w, stamp)
+        self.battery.show(dict(values), stamp)
+        self._take_flags(values["flags"])
+        self._take_contacts(values, stalled)
+
+    def _take_flags(self, flags: int) -> None:
+        motors = bool(flags & sip.MOTORS_ON)
+        self.body.load.sense(float(motors))
+        self.body.stopButton.sense(bool(flags & sip.STOP_BUTTON))
+        if self._motors and not motors:
+            self._motors_wanted = False
+            self.halt("the motors were switched off")
+        self._motors = motors
+        sonars = bool(flags & sip.SONARS_ON)
+        if self.sonar_ring.load.sensed and not sonars:
+            self._forget_sonars()
+        self.sonar_ring.load.sense(float(sonars))
+
+    def _take_contacts(self, values: Mapping[str, Any], stalled: bool) -> None:
+        self.body.stalled.sense(stalled)
+        self.body.digitalIn.sense(float(values["digital_in"]))
+        self.body.digitalOut.sense(float(values["digital_out"]))
+        front, rear = self._bumpers
+        self.body.show_bumpers(sip.front_bumpers(values["stall"], front), sip.rear_bumpers(values["stall"], rear))
+
+    def _take_sonars(self, values: Mapping[str, Any], stamp: float) -> None:
+        unit, sonars = self.factors.range, self.sonars
+        for number_, value in values.items():
+            index = int(number_)
+            if index < len(sonars):
+                sonars[index].val.sense(value * unit, stamp)
+
+    def _room(self, sonars: range) -> float:
+        """m to the nearest thing on one side; nan (a sonar that is off) is far."""
+        room = min((value for index in sonars if (value := self.sonars[index].val.sensed) == value), default=math.inf)
+        return min(room, self.laser.nearest()) if sonars is FRONT else room
+
+    def sonar_echoes(self) -> list[tuple[float, float]]:
+        """What the front sonars hear now, in m ahead of and to the left of the robot's middle."""
+        echoes = []
+        for index in FRONT:
+            value, place = self.sonars[index].val.sensed, SONARS[index]
+            if value < NO_ECHO - 0.1:
+                x, y = math.cos(place.heading), math.sin(place.heading)
+                echoes.append((place.x + value * x, place.y + value * y))
+        return echoes
+
+    def _forget_sonars(self) -> None:
+        for sonar in self.sonars:
+            sonar.val.sense(math.nan)
+
+    def on_link_down(self, reason: str) -> None:
+        """See ``WiredRobot``."""
+        if self._parts:
+            self._motors = self._motors_wanted = False
+            self.halt("the link was lost")
+            self.body.load.sense(0.0)
+            self.sonar_ring.load.sense(0.0)
+            self._forget_sonars()
+            for speed in (self.x.speed, self.yaw.speed, self.wheels[0].speed, self.wheels[1].speed):
+                speed.sense(0.0)
+
+    # ---------------------------------------------------------------- what is ordered
+
+    def switch_motors(self, on: bool) -> None:
+        """See ``devices.Commands``."""
+        self._motors_wanted = on
+        if not on:
+            self.halt("the motors were switched off")
+        self.wire.write(ROBOT, "enable", int(on), self._motors_answered)
+
+    def _motors_answered(self, reply: m.Reply) -> None:
+        if not reply.ok:
+            self._motors_wanted = self._motors
+            self.log.warning("motors: %s", reply.error)
+            if not self._motors:
+                self.halt(reply.error)
+
+    def switch_sonars(self, on: bool) -> None:
+        """See ``devices.Commands``."""
+        self.wire.write(ROBOT, "sonar", int(on), self._warn("sonars"))
+
+    def _warn(self, what: str) -> Any:
+        return lambda reply: None if reply.ok else self.log.warning("%s: %s", what, reply.error)
+
+    def set_speed(self, v: float | None = None, w: float | None = None) -> None:
+        """See ``devices.Commands``."""
+        self._by_hand = True
+        self._go_at(v, w)
+
+    def _go_at(self, v: float | None, w: float | None) -> None:
+        if v or w:
+            self.check_motors()
+        self.planner.cancel()
+        self.drive_.set(v, w)
+        self._order()
+
+    def check_motors(self) -> None:
+        """Raises ValueError while the motors are off."""
+        if not self._motors and not self._motors_wanted:
+            raise ValueError("the motors are off; switch them on first: P3dx.body.load = 1")
+
+    def begin(self, motion: Motion) -> None:
+        """Begin a motion."""
+        self.drive_.start(motion)
+        self._order()
+
+    def halt(self, why: str) -> None:
+        """Nothing shall move any more, and nothing waits to move."""
+        self.planner.cancel()
+        self.drive_.halt(why)
+        self._order()
+
+    def _order(self) -> None:
+        """Order the speeds that the drive wants now; until the motors are on, none."""
+        if not self._motors:
+            self._aimed = (0, 0)
+            return
+        v, w = self.drive_.step(self.state)
+        wanted = round(v / self.factors.speed), round(math.degrees(w))
+        for item, new, old in zip(("vel", "rvel"), wanted, self._aimed, strict=True):
+            if new or new != old:
+                self.wire.aim(ROBOT, item, new)
+        self._aimed = wanted
+
+    def _motion_ended(self, motion: Motion, how: str) -> None:
+        self.planner.motion_ended(motion, how)
+
+    # ---------------------------------------------------------------- what urbiscript calls
+
+    @function("driveAt")
+    def drive_at(self, v: float, w: float) -> None:
+        """Go at these speeds for a movement that is steered by urbiscript; not once a speed was written by hand."""
+        if self._by_hand:
+            raise ValueError("a speed was written meanwhile")
+        self._go_at(checked(v), checked(w))
+
+    @function("takeOver")
+    def take_over(self) -> None:
+        """A movement that is steered by urbiscript begins."""
+        self._by_hand = False
+        self.planner.cancel()
+
+    @function("halt")
+    def halt_now(self) -> None:
+        """Stop now; what is written afterwards moves the robot again."""
+        self._by_hand = False
+        self.halt("stopped")
+        super().stop()
+
+    def stop(self) -> None:
+        """Not bound here: the urbiscript function of this name also ends the movements that urbiscript steers."""
+        self.halt_now()
+
+    @function("startPath")
+    def start_path(self, goal: Any) -> None:
+        """Go to [x, y, heading] of the map, along a planned path; see the planner's events."""
+        self.planner.move_to(goal)
+
+    @function("command")
+    def command_(self, name: str, value: Any) -> None:
+        """Send a command of ARCOS by name: with nil, a number, or a list of bytes; none that drives."""
+        if isinstance(value, list):
+            try:
+                value = bytes(int(byte) for byte in value)
+            except ValueError:
+                raise ValueError("the bytes of a command are numbers from 0 to 255") from None
+        self.command(name, int(value) if isinstance(value, float) else value)
+
+    def command(self, name: str, value: int | bytes | None) -> None:
+        """See ``devices.Commands``."""
+        try:
+            encode(name, value)
+        except BadValue as error:
+            raise ValueError(str(error)) from error
+        if name in DRIVING:
+            raise ValueError(f"{name} cannot be sent like this; use the slots that drive the robot")
+        self.wire.write("command", name, value, self._warn(name))
+
+    @function
+    def watch(self, device: str) -> None:
+        """Let the robot send the packets of a device from now on: encoder, io, gyro, joystick, gripper, battery."""
+        self._watch(device, 0.0)
+
+    @function
+    def unwatch(self, device: str) -> None:
+        """No more packets of a device."""
+        self._watch(device, None)
+        self.extras.pop(device, None)
+
+    def _watch(self, device: str, period: float | None) -> None:
+        if device not in REQUESTS:
+            raise ValueError(f"there is no {device!r} to watch; there are: {', '.join(sorted(REQUESTS))}")
+        self.send(m.Watch(device, (), period))
+
+    def _watch_laser(self, wanted: bool) -> None:
+        self.send(m.Watch("laser", ("ranges",), 0.0 if wanted else None))
+
+    @function
+    def values(self, device: str) -> dict[str, Any]:
+        """What the last packet of a watched device said, by name; nothing if none came yet."""
+        return {name: list(value) if isinstance(value, bytes) else value
+                for name, value in self.extras.get(device, {}).items()}  # fmt: skip
