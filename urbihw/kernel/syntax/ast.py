@@ -10,10 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from typing import Any, ClassVar, TypeVar, dataclass_transform
+from typing import Any, TypeVar, dataclass_transform
 
 from urbihw.kernel.syntax.location import NOWHERE, Span
-
 
 T = TypeVar("T")
 
@@ -27,9 +26,7 @@ def node(*, kw_only: bool = False) -> Callable[[type[T]], type[T]]:
     """
 
     def make(kind: type[T]) -> type[T]:
-        made: Any = dataclass(slots=True, eq=False, repr=False, kw_only=kw_only)(kind)
-        made.compared = tuple(each.name for each in fields(made) if each.compare)
-        return made
+        return dataclass(slots=True, eq=False, repr=False, kw_only=kw_only)(kind)
 
     return make
 
@@ -38,13 +35,10 @@ def node(*, kw_only: bool = False) -> Callable[[type[T]], type[T]]:
 class Node:
     """What all nodes have: the span they cover."""
 
-    compared: ClassVar[tuple[str, ...]]
-    """The fields that count in comparisons."""
-
     span: Span = field(default=NOWHERE, compare=False)
 
     def __eq__(self, other: object) -> bool:
-        return self.__class__ is other.__class__ and self._content() == other._content()  # type: ignore[attr-defined]
+        return isinstance(other, Node) and self.__class__ is other.__class__ and self._content() == other._content()
 
     def __hash__(self) -> int:
         return hash((self.__class__, *self._content()))
@@ -54,7 +48,7 @@ class Node:
         return f"{self.__class__.__name__}({', '.join(content)})"
 
     def _content(self) -> list[Any]:
-        return [getattr(self, name) for name in self.compared]
+        return [getattr(self, each.name) for each in fields(self) if each.compare]
 
 
 # ------------------------------------------------------------------ literals
