@@ -36,13 +36,16 @@ class Refused(Exception):
 class Parser(argparse.ArgumentParser):
     """Options as ``getopt_long`` reads them: whatever follows an option that wants a value is its value."""
 
-    def __init__(self, prog: str, description: str, usage: str | None = None) -> None:
+    def __init__(self, prog: str, description: str, usage: str | None = None, *, script: bool = False) -> None:
+        """``script``: the first word that is no option is a program, and all that follows is its own."""
         super().__init__(prog=prog, description=description, usage=usage)
+        self._script = script
         self.add_argument("--version", action="version", version=f"{prog} (urbihw {version('urbihw')}), urbiscript 2.3")
 
     def parse(self, argv: Sequence[str] | None = None) -> argparse.Namespace:
         """The options of a command line; exits with 64 when they are wrong."""
-        return self.parse_args(self._joined(sys.argv[1:] if argv is None else argv))
+        words = self._joined(sys.argv[1:] if argv is None else argv)
+        return self.parse_args(words) if self._script else self.parse_intermixed_args(words)
 
     def _joined(self, argv: Sequence[str]) -> list[str]:
         """Values tied to their options, so that ``-e '-1;'`` is no option ``-1``."""
@@ -55,7 +58,7 @@ class Parser(argparse.ArgumentParser):
         joined: list[str] = []
         words = iter(argv)
         for word in words:
-            if word == "--" or not word.startswith("-"):
+            if word == "--" or self._script and not word.startswith("-"):
                 return [*joined, word, *words]
             value = next(words, None) if word in long else None
             joined.append(word if value is None else f"{long[word]}={value}")
@@ -132,3 +135,10 @@ def complain(program: str, error: Refused) -> int:
     """Print why the program cannot go on; its exit code."""
     print(f"{program}: {error}", file=sys.stderr)
     return error.code
+
+
+def split(argv: Sequence[str]) -> tuple[list[str], list[str]]:
+    """What stands before and behind ``--``."""
+    words = list(argv)
+    at = words.index("--") if "--" in words else len(words)
+    return words[:at], words[at + 1 :]

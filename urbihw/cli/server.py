@@ -1,6 +1,6 @@
 """The process behind ``urbi``: one kernel, its console, and a port if wanted.
 
-Order of a start: the console's start-up files, the port, the port file, what ``-e`` and ``-f`` gave, standard
+Order of a start: modules, the console's start-up files, the port, the port file, what ``-e`` and ``-f`` gave, standard
 input.  ``global.u`` and ``local.u`` are looked for in ``System.searchPath`` (manual, section Special Files); the order
 of the four names and who loads which is what the original does (server protocol, section 8).
 """
@@ -23,6 +23,7 @@ from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.server.interrupt import Interrupter
 from urbihw.kernel.server.loop import Driver
 from urbihw.kernel.server.tcp import Server
+from urbihw.kernel.uobject import BadConfig
 
 CONSOLE_FILES: Final = ("URBI.INI", "global.u", "CLIENT.INI", "local.u")
 """What the console loads when the server starts; the names in capitals are those of old."""
@@ -42,6 +43,7 @@ class Settings:
         port_file: written when clients may come.
         quiet: no banner.
         fast: simulated time.
+        modules: of UObjects, to load first.
         arguments: ``System.arguments``.
     """
 
@@ -53,6 +55,7 @@ class Settings:
     port_file: Path | None = None
     quiet: bool = False
     fast: bool = False
+    modules: tuple[str, ...] = ()
     arguments: tuple[str, ...] = ()
 
 
@@ -93,6 +96,11 @@ class Process:
         settings, loop = self._settings, asyncio.get_running_loop()
         self._interrupter.install()
         loop.add_signal_handler(signal.SIGTERM, self.stop)
+        try:
+            for module in settings.modules:
+                self.kernel.host.load_module(module)
+        except BadConfig as error:
+            raise Refused(str(error), EX_CONFIG) from error
         self._terminal.feed(start_up(self.kernel, CONSOLE_FILES))
         await self._either(self._terminal.idle())
         if not self._stopped.done():

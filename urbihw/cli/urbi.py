@@ -1,7 +1,8 @@
 """``urbi``: an urbiscript server, with the options of the manual (section 18.3).
 
 Exit codes: 0 after ``shutdown``, or 65 or 70 if a syntax error or an uncaught run-time error was in what ``-e`` and
-``-f`` gave; 64 a bad option, 66 a file is missing, 69 cannot listen, 78 a port file cannot be written.
+``-f`` gave; 64 a bad option, 66 a file is missing, 69 cannot listen, 78 a module cannot be loaded or a
+port file cannot be written.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from pathlib import Path
 from typing import Final
 
 from urbihw.cli import logs
-from urbihw.cli.options import Parser, Refused, add_sources, complain, source_bytes
+from urbihw.cli.options import Parser, Refused, add_sources, complain, source_bytes, split
 from urbihw.cli.server import Settings, serve
 
 ROOT: Final = Path(__file__).resolve().parents[1]
@@ -23,7 +24,8 @@ ROOT: Final = Path(__file__).resolve().parents[1]
 
 def parser() -> Parser:
     """The options of ``urbi``."""
-    made = Parser("urbi", "Run an urbiscript server.", "urbi [OPTION...] [SCRIPT [ARGUMENT...]] [-- ARGUMENT...]")
+    usage = "%(prog)s [OPTION...] [SCRIPT [ARGUMENT...]] [-- ARGUMENT...]"
+    made = Parser("urbi", "Run an urbiscript server.", usage, script=True)
     made.add_argument("--print-root", action="store_true", help="print the folder of urbihw (or URBI_ROOT) and exit")
     tuning = made.add_argument_group("tuning")
     tuning.add_argument("-d", "--debug", type=logs.level, metavar="LEVEL",
@@ -38,6 +40,8 @@ def parser() -> Parser:
     network.add_argument("-w", "--port-file", type=Path, metavar="FILE", help="write the port to FILE when ready")
     add_sources(made)
     made.add_argument("-i", "--interactive", action="store_true", help="read and run standard input")
+    made.add_argument("-m", "--module", action="append", dest="modules", default=[], metavar="MODULE",
+                      help="load a Python module of UObjects (see URBI_UOBJECT_PATH)")
     made.add_argument("script", nargs="?", help="a file to run; what follows is System.arguments")
     made.add_argument("arguments", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
     return made
@@ -57,12 +61,19 @@ def _port(text: str) -> int:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """The command; returns the exit code."""
-    own, behind = _split(sys.argv[1:] if argv is None else argv)
-    options = parser().parse(own)
+    return run(sys.argv[1:] if argv is None else argv, "urbi", ())
+
+
+def run(argv: Sequence[str], program: str, modules: Sequence[str]) -> int:
+    """A server with modules of UObjects; the options are those of ``urbi``, whatever the program is called."""
+    own, behind = split(argv)
+    made = parser()
+    made.prog = program
+    options = made.parse(own)
     if options.print_root:
         print(os.environ.get("URBI_ROOT") or ROOT)
         return 0
-    logs.set_up("urbi", options.debug, os.environ)
+    logs.set_up(program, options.debug, os.environ)
     sources = list(options.sources)
     if options.script is not None:
         sources.append(("file", options.script))
@@ -77,18 +88,12 @@ def main(argv: Sequence[str] | None = None) -> int:
             port_file=options.port_file,
             quiet=options.quiet,
             fast=options.fast,
+            modules=(*modules, *options.modules),
             arguments=(*options.arguments, *behind),
         )
         return asyncio.run(serve(settings))
     except Refused as error:
-        return complain("urbi", error)
-
-
-def _split(argv: Sequence[str]) -> tuple[list[str], list[str]]:
-    """What stands before and behind ``--``."""
-    words = list(argv)
-    at = words.index("--") if "--" in words else len(words)
-    return words[:at], words[at + 1 :]
+        return complain(program, error)
 
 
 def _text(kind: str, value: str) -> bytes:

@@ -71,5 +71,20 @@ def _body(line: Line, text: str) -> Iterable[tuple[str, str]]:
         return [("class:echo", text)]
     if len(text) > LONGEST_LEXED:
         return [("", text)]
+    return _tokens(text)
+
+
+def _tokens(text: str) -> list[tuple[str, str]]:
     tokens = PygmentsTokens(list(UrbiscriptLexer(ensurenl=False, stripnl=False).get_tokens(text)))
     return [(part[0], part[1]) for part in to_formatted_text(tokens)]
+
+
+def highlighted(text: str, margin: str) -> list[tuple[str, str]]:
+    """What was typed, with its line end; ``margin`` stands before each line but the first."""
+    parts: list[tuple[str, str]] = []
+    for style, piece in _tokens(text):
+        first, *rest = piece.split("\n")
+        parts.append((style, first))
+        for line in rest:
+            parts += [("", f"\n{margin}"), (style, line)]
+    return [*parts, ("", "\n")]

@@ -9,17 +9,19 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-from prompt_toolkit import PromptSession, print_formatted_text
+from prompt_toolkit import PromptSession
 from prompt_toolkit.auto_suggest import AutoSuggestFromHistory
-from prompt_toolkit.formatted_text import AnyFormattedText, FormattedText, merge_formatted_text
+from prompt_toolkit.buffer import Buffer
+from prompt_toolkit.formatted_text import AnyFormattedText, FormattedText
 from prompt_toolkit.history import FileHistory, History, InMemoryHistory
 from prompt_toolkit.input import Input
 from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
 from prompt_toolkit.lexers import PygmentsLexer
 from prompt_toolkit.output import Output
 
+from urbihw.cli.console.above import Above
 from urbihw.cli.console.assistant import Assistant, NoAnswer
-from urbihw.cli.console.colours import painted, style
+from urbihw.cli.console.colours import highlighted, painted, style
 from urbihw.cli.console.completion import LiveCompleter
 from urbihw.cli.console.help import KEYS, described
 from urbihw.cli.console.lexer import UrbiscriptLexer
@@ -29,8 +31,6 @@ from urbihw.cli.lines import Line
 from urbihw.cli.options import EX_UNAVAILABLE, Refused
 from urbihw.kernel.stages import unfinished
 
-GATHER: Final = 0.02
-"""Seconds in which what the server says is gathered, so that the prompt is drawn anew for all of it at once."""
 FIRST_PATIENCE: Final = 10.0
 INDENT: Final = "  "
 
@@ -65,14 +65,12 @@ class Screen:
     ) -> None:
         self._session = Session(host, port, self._heard, self._changed)
         self._assistant = Assistant(host, port)
-        self._pieces: list[AnyFormattedText] = []
-        self._printing: asyncio.TimerHandle | None = None
         self._connected = asyncio.Event()
         self._lost_once = False
         self._prompt: PromptSession[str] = PromptSession(
             message=self._message,
             multiline=True,
-            prompt_continuation=lambda width, line, wrapped: " " * (width - 4) + "... ",
+            prompt_continuation=lambda width, line, wrapped: continuation(width),
             lexer=PygmentsLexer(UrbiscriptLexer),
             style=style(),
             include_default_pygments_style=False,
@@ -86,6 +84,7 @@ class Screen:
             input=input,
             output=output,
         )
+        self._above = Above(self._prompt.app, style())
 
     # ---------------------------------------------------------------- the connection
 
@@ -112,27 +111,19 @@ class Screen:
 
     def _heard(self, lines: list[Line]) -> None:
         for line in lines:
-            self._show(painted(line))
+            self._above.show(painted(line))
 
     def _note(self, text: str) -> None:
-        self._show(FormattedText([("class:note", f"-- {text}\n")]))
-
-    def _show(self, piece: AnyFormattedText) -> None:
-        self._pieces.append(piece)
-        if self._printing is None:
-            self._printing = asyncio.get_running_loop().call_later(GATHER, self._print)
-
-    def _print(self) -> None:
-        self._printing = None
-        pieces, self._pieces = self._pieces, []
-        if pieces:
-            print_formatted_text(merge_formatted_text(pieces), end="", style=style(), output=self._prompt.output,
-                                 include_default_pygments_style=False)
+        self._above.show(FormattedText([("class:note", f"-- {text}\n")]))
 
     def _message(self) -> FormattedText:
-        if self._session.state == "connected":
-            return FormattedText([("class:prompt", f"{self._session.name}> ")])
-        return FormattedText([("class:prompt.lost", f"{self._session.name} (reconnecting)> ")])
+        kind = "class:prompt" if self._session.state == "connected" else "class:prompt.lost"
+        return FormattedText([(kind, self._name)])
+
+    @property
+    def _name(self) -> str:
+        connected = self._session.state == "connected"
+        return f"{self._session.name}> " if connected else f"{self._session.name} (reconnecting)> "
 
     def _hint(self) -> AnyFormattedText:
         text = self._prompt.default_buffer.text
@@ -154,13 +145,12 @@ class Screen:
                 buffer.reset()
             elif not is_command(buffer.text) and unfinished(buffer.text):
                 buffer.insert_text("\n" + INDENT * depth(buffer.document.text_before_cursor))
-            elif self._session.state == "connected":
-                buffer.validate_and_handle()
+            else:
+                self._submit(buffer)
 
         @keys.add("escape", "enter")
         def send_anyway(event: KeyPressEvent) -> None:
-            if self._session.state == "connected":
-                event.current_buffer.validate_and_handle()
+            self._submit(event.current_buffer)
 
         @keys.add("}")
         def close(event: KeyPressEvent) -> None:
@@ -171,6 +161,7 @@ class Screen:
             buffer.insert_text("}")
 
         @keys.add("c-c")
+        @keys.add("<sigint>")
         def stop(event: KeyPressEvent) -> None:
             if event.current_buffer.text:
                 event.current_buffer.reset()
@@ -178,6 +169,20 @@ class Screen:
                 event.app.create_background_task(self._interrupt())
 
         return keys
+
+    def _submit(self, buffer: Buffer) -> None:
+        """Hand over what was typed; while there is nobody to hand it to, it stays where it is."""
+        text = buffer.text
+        if self._session.state != "connected":
+            return
+        buffer.reset(append_to_history=True)
+        # The prompt itself goes on: between two of them keys would be at the mercy of the terminal's own settings.
+        self._above.show(FormattedText([*self._message(), *highlighted(text, continuation(len(self._name)))]))
+        self._above.flush()
+        if is_command(text):
+            self._prompt.app.create_background_task(self._help(text))
+        else:
+            self._session.send(text + "\n")
 
     async def _interrupt(self) -> None:
         try:
@@ -188,20 +193,16 @@ class Screen:
     async def run(self) -> int:
         """Talk until Ctrl-D."""
         try:
-            while True:
-                text = await self._prompt.prompt_async()
-                if is_command(text):
-                    await self._help(text)
-                elif not self._session.send(text + "\n"):
-                    self._note("not connected: not sent")
+            await self._prompt.prompt_async()
         except EOFError:
-            return 0
+            pass
         finally:
             self._keeping.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await self._keeping
             self._assistant.close()
-            self._print()
+            self._above.flush()
+        return 0
 
     async def _help(self, text: str) -> None:
         name = text.strip().partition(" ")[2]
@@ -214,7 +215,7 @@ class Screen:
             if not isinstance(last, str):
                 self._note("help takes a name, such as motors, not one of its members")
                 return
-            self._show(described(name, await self._assistant.describe(self._session.uid, way, last)))
+            self._above.show(described(name, await self._assistant.describe(self._session.uid, way, last)))
         except NoAnswer as error:
             self._note(f"no help for {name}: {error}")
 
@@ -228,3 +229,8 @@ def is_command(text: str) -> bool:
 def depth(text: str) -> int:
     """How deep the end of a text is in braces, brackets and parentheses; what stands in strings counts, too."""
     return max(0, sum(text.count(sign) for sign in "{[(") - sum(text.count(sign) for sign in "}])"))
+
+
+def continuation(width: int) -> str:
+    """What stands below a prompt of some width while a statement goes on."""
+    return "... ".rjust(width)

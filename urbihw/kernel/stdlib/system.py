@@ -207,7 +207,7 @@ def install(world: World, programs: Any) -> None:
         if path is None:
             return world.void
         if channel is not None:
-            world.send(channel, "echo", world.string(f"loading: {path}"))
+            world.send(channel, "echo", world.string(f"loading {path}."))
         return run_file(this, path, name)
 
     def shutdown(this: Any) -> Any:
