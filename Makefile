@@ -34,6 +34,7 @@ check: .venv/installed-dev
 bench: .venv/installed-dev
 	$(BIN)/python -m bench.kernel_bench
 	$(BIN)/python -m bench.dynamixel_cycle
+	$(BIN)/python -m bench.segway
 
 clean:
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache build dist *.egg-info
