@@ -1,7 +1,7 @@
 """urbiscript to Python: ``compile_node`` is ``codegen(bind(node))``.
 
-Reading order: ``bind`` with ``scopes`` (which names are local variables, which of them inner functions capture),
-``emit`` (small helpers that build Python syntax), ``codegen`` and its parts, each built on the one before:
+Reading order: ``bind`` with ``walk`` and ``scopes`` (which names are local variables, which of them inner functions
+capture), ``emit`` (small helpers that build Python syntax), ``codegen`` and its parts, each built on the one before:
 ``expressions``, ``places``, ``functions``, ``statements``, ``concurrency`` (one method per node), ``linemap`` (an
 instruction's "line number" back to urbiscript), ``unit`` (the result, and how to run it), ``cache`` and ``library``
 (units kept in memory and on the disk), ``late`` (arguments of a call whose function turned out to be lazy).  May import

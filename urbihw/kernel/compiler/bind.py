@@ -14,118 +14,18 @@ an inner function that captures it is made by a factory taking it as a parameter
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Final
 
-from urbihw.kernel.compiler.scopes import Binding, Frame, Local, Scope, binding_names, is_binding
+from urbihw.kernel.compiler.scopes import Binding, Frame, Local, Scope, binding_names, is_binding, left_of, spine
+from urbihw.kernel.compiler.walk import Walker
 from urbihw.kernel.syntax import ast
 
+DETACHERS: Final = ("detach", "spawn")
+"""Calls that make jobs which go on by themselves, under the tags of their maker."""
 
-class Binder:
+
+class Binder(Walker):
     """One walk over the statement; a method ``_Node`` per node with scoping rules of its own."""
-
-    def __init__(self, lazy_names: Iterable[str]) -> None:
-        self.result = Binding()
-        self.result.lazy_names = set(lazy_names)
-        self.frame = self.result.top
-        self.scope = Scope(None, self.frame, slots=True, block=True)
-        self.this = self.result.top_this = self.declare("this")
-
-    # ---------------------------------------------------------------- names
-
-    def declare(self, name: str) -> Local:
-        """A new local in the present scope."""
-        local = Local(name, self.frame.unique(name), self.frame, self.frame.loops > 0)
-        self.scope.names[name] = local
-        return local
-
-    def lookup(self, name: str) -> Local | None:
-        """The local that a name means here, or None for a slot; notes who captures it."""
-        scope: Scope | None = self.scope
-        while scope is not None:
-            local = scope.names.get(name)
-            if local is not None:
-                self.use(local)
-                return local
-            scope = scope.outer
-        return None
-
-    def use(self, local: Local) -> None:
-        """The present frame reads or writes a local."""
-        if local.late:
-            return
-        frame: Frame | None = self.frame
-        while frame is not None and frame is not local.frame:
-            local.captured = True
-            frame.free[local] = None
-            frame = frame.parent
-
-    def use_this(self, node: ast.Node) -> None:
-        """The node needs ``this``."""
-        self.use(self.this)
-        self.result.this[id(node)] = self.this
-
-    # ---------------------------------------------------------------- walking
-
-    def walk(self, node: Any) -> None:
-        """Visit a node, or each node of a tuple; None is nothing."""
-        if node is None:
-            return
-        if isinstance(node, tuple):
-            for member in node:
-                self.walk(member)
-            return
-        if not isinstance(node, ast.Node):
-            return
-        method = getattr(self, "_" + type(node).__name__, None)
-        if method is not None:
-            method(node)
-        else:
-            self.children(node)
-
-    def children(self, node: ast.Node) -> None:
-        """Visit all fields in order."""
-        for name in type(node).__dataclass_fields__:
-            if name != "span":
-                self.walk(getattr(node, name))
-
-    def scoped(self, *nodes: Any) -> None:
-        """Visit nodes in a scope of their own."""
-        self.scope = Scope(self.scope, self.frame, slots=False)
-        try:
-            for node in nodes:
-                self.walk(node)
-        finally:
-            assert self.scope.outer is not None
-            self.scope = self.scope.outer
-
-    def framed(self, node: ast.Node, bound: tuple[ast.Node, ...] = ()) -> Frame:
-        """Visit a node as the body of a Python function of its own; ``bound`` are patterns whose names it receives."""
-        frame = Frame(self.frame, None)
-        self.result.frames[id(node)] = frame
-        outer_frame, outer_scope = self.frame, self.scope
-        self.frame = frame
-        self.scope = Scope(outer_scope, frame, outer_scope.slots and not bound, block=True)
-        try:
-            if bound:
-                self.result.formals[id(node)] = [self.declare(name) for name in binding_names(bound)]
-            self.walk(node)
-            self._keep_scope_tag(node)
-        finally:
-            self.frame, self.scope = outer_frame, outer_scope
-        return frame
-
-    def _loop(self, head: ast.Node | None, body: ast.Node, apart: bool) -> None:
-        """Visit a loop; ``apart`` when each turn of the body is a job of its own."""
-        self.frame.loops += 1
-        self.scope = Scope(self.scope, self.frame, slots=False)
-        self.walk(head)
-        if apart:
-            self.framed(body)
-        else:
-            self.walk(body)
-        assert self.scope.outer is not None
-        self.scope = self.scope.outer
-        self.frame.loops -= 1
 
     # ---------------------------------------------------------------- names and slots
 
@@ -142,7 +42,26 @@ class Binder:
         if local is not None:
             self.result.locals[id(node)] = local
 
-    def _Call(self, node: ast.Call) -> None:
+    def _Call(self, node: ast.Node) -> None:
+        """A message or an operation; ``spine`` says why this does not simply walk the left side."""
+        nodes = spine(node)
+        while len(nodes) > 1 and _is_scope_tag(nodes[-2]):
+            nodes.pop()
+        if not _is_scope_tag(nodes[-1]):
+            self.walk(left_of(nodes[-1]))
+        for each in reversed(nodes):
+            if isinstance(each, ast.Call):
+                self._message(each)
+            else:
+                assert isinstance(each, ast.And | ast.Or)
+                self.walk(each.right)
+
+    _And = _Or = _Call
+
+    def _message(self, node: ast.Call) -> None:
+        """A call, but for its target."""
+        if node.name in DETACHERS:
+            self.result.detaching.update(self.bodies)
         if _is_scope_tag(node):
             self._scope_tag(node)
             return
@@ -150,10 +69,7 @@ class Binder:
             local = self.lookup(node.name)
             if local is not None:
                 self.result.locals[id(node)] = local
-            self.use_this(node)
-        else:
-            self.walk(node.target)
-            self.use_this(node)
+        self.use_this(node)
         if node.args and node.name in self.result.lazy_names:
             for argument in node.args:
                 self.framed(argument)
@@ -263,8 +179,8 @@ class Binder:
     def _Function(self, node: ast.Function) -> None:
         frame = Frame(self.frame, node)
         self.result.frames[id(node)] = frame
-        outer = (self.frame, self.scope, self.this)
-        self.frame, self.scope = frame, Scope(self.scope, frame, slots=False)
+        outer = (self.frame, self.scope, self.this, self.blocks)
+        self.frame, self.scope, self.blocks = frame, Scope(self.scope, frame, slots=False), 0
         self.scope.names["call"] = self.result.own_call[id(node)] = Local("call", frame.unique("call"), frame, False)
         try:
             if node.closure:
@@ -280,7 +196,7 @@ class Binder:
             self.result.formals[id(node)] = formals
             self.walk(node.body)
         finally:
-            self.frame, self.scope, self.this = outer
+            self.frame, self.scope, self.this, self.blocks = outer
 
     def _Do(self, node: ast.Do) -> None:
         self.walk(node.target)
@@ -311,13 +227,8 @@ class Binder:
         outer = self.scope
         self.scope = Scope(outer, self.frame, slots=False, block=True)
         self.walk(node.body)
-        self._keep_scope_tag(node)
+        self.keep_scope_tag(node)
         self.scope = outer
-
-    def _keep_scope_tag(self, node: ast.Node) -> None:
-        local = self.scope.names.get(" scope tag")
-        if local is not None:
-            self.result.scope_tags[id(node)] = local
 
     def _Seq(self, node: ast.Seq) -> None:
         for item, separator in node.items:
@@ -349,17 +260,19 @@ class Binder:
         self.scope = self.scope.outer
 
     def _While(self, node: ast.While) -> None:
-        self._loop(node.cond, node.body, node.flavor == ",")
+        self.loop(node.cond, node.body, node.flavor == ",")
 
     def _For(self, node: ast.For) -> None:
         self.scope = Scope(self.scope, self.frame, slots=False)
         self.walk(node.init)
         self.frame.loops += 1
+        self.bodies.append(id(node.body))
         self.walk(node.cond)
         if node.flavor == ",":
             self.framed(node.body)
         else:
             self.scoped(node.body)
+        self.bodies.pop()
         self.walk(node.step)
         self.frame.loops -= 1
         assert self.scope.outer is not None
@@ -371,10 +284,12 @@ class Binder:
         self.scope = Scope(self.scope, self.frame, slots=False)
         if node.name is not None:
             self.result.locals[id(node)] = self.declare(node.name)
+        self.bodies.append(id(node.body))
         if node.flavor == "&":
             self.framed(node.body)
         else:
             self.walk(node.body)
+        self.bodies.pop()
         assert self.scope.outer is not None
         self.scope = self.scope.outer
         self.frame.loops -= 1
@@ -401,7 +316,11 @@ class Binder:
             assert self.scope.outer is not None
             self.scope = self.scope.outer
         self.walk(node.otherwise)
-        self.walk(node.final)
+        if self.apart and node.final is not None:
+            self.result.apart.add(id(node.final))
+            self.framed(node.final)
+        else:
+            self.walk(node.final)
 
     def _Return(self, node: ast.Return) -> None:
         self.walk(node.value)
@@ -475,7 +394,7 @@ class Binder:
         return bound
 
     def _Every(self, node: ast.Every) -> None:
-        self._loop(node.period, node.body, node.flavor == ",")
+        self.loop(node.period, node.body, node.flavor == ",")
 
     def _Guarded(self, node: ast.Guarded) -> None:
         cond = node.cond.expr if isinstance(node.cond, ast.ExprCond) else node.cond
@@ -490,11 +409,13 @@ class Binder:
     def __call__(self, node: ast.Node) -> Binding:
         """Bind one statement."""
         self.walk(node)
-        self._keep_scope_tag(node)
+        self.keep_scope_tag(node)
         return self.result
 
 
-def _is_scope_tag(node: ast.Call) -> bool:
+def _is_scope_tag(node: ast.Node) -> bool:
+    if not isinstance(node, ast.Call):
+        return False
     if node.target is None:
         return node.name == "scopeTag" and not node.args
     return (
@@ -505,9 +426,12 @@ def _is_scope_tag(node: ast.Call) -> bool:
     )
 
 
-def bind(node: ast.Node, lazy_names: Iterable[str], late: Iterable[str] = ()) -> Binding:
-    """Find the local variables of one top-level statement; ``late`` are names of variables of a waiting frame."""
-    binder = Binder(lazy_names)
+def bind(node: ast.Node, lazy_names: Iterable[str], late: Iterable[str] = (), apart: bool = False) -> Binding:
+    """Find the local variables of one top-level statement; ``late`` are names of variables of a waiting frame.
+
+    ``apart``: what is deep inside other loops, tags and ``try``s becomes a function of its own.  Raises TooDeep.
+    """
+    binder = Binder(lazy_names, apart)
     for name in late:
         local = binder.declare(name)
         local.late = local.maybe_void = True

@@ -6,7 +6,7 @@ import ast as py
 
 from urbihw.kernel.compiler.concurrency import Concurrency
 from urbihw.kernel.compiler.emit import RETURN, function
-from urbihw.kernel.compiler.late import LateSites
+from urbihw.kernel.compiler.late import LateSites, Names
 from urbihw.kernel.compiler.scopes import Binding
 from urbihw.kernel.compiler.unit import Syntax
 from urbihw.kernel.syntax import ast
@@ -18,11 +18,12 @@ class Codegen(Concurrency):
     def __init__(self, binding: Binding, generic: bool) -> None:
         super().__init__(binding, generic)
         self.late = LateSites()
+        self._late_names: dict[int, Names] = {}
         self.syntax = Syntax([], self.late)
 
     def late_site(self, node: ast.Call) -> int:
         """Remember a call whose function may turn out to be lazy."""
-        return self.late.add(node, self.binding)
+        return self.late.add(node, self.binding, self._late_names)
 
     def statement(self, node: ast.Node) -> py.Module:
         """A module with one function, ``statement(this)``."""

@@ -159,6 +159,8 @@ class Emitter:
         self.entries: list[Entry] = [Entry(NOWHERE, None, 0)]
         self.constants: list[Any] = []
         self.syntax: Any = None
+        self.pieces: dict[int, str] = {}
+        """The operations of very long sums; the variable of those that are put into one, else empty."""
         self.outer_entry = 0
         self.counter = 0
         self.copies = 1

@@ -27,6 +27,7 @@ from urbihw.kernel.compiler.emit import (
     tuple_,
     walrus,
 )
+from urbihw.kernel.compiler.scopes import OPERATIONS, spine
 from urbihw.kernel.compiler.unit import FunctionInfo
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.location import Span
@@ -36,6 +37,9 @@ COMPARISONS = {"<": py.Lt, "<=": py.LtE, ">": py.Gt, ">=": py.GtE}
 INPLACE = {"+=": py.Add, "-=": py.Sub, "*=": py.Mult, "/=": py.Div}
 EQUALITY = {"==": "equal", "!=": "unequal"}
 CONSTANTS = {"true": "TRUE", "false": "FALSE", "nil": "NIL", "void": "VOID"}
+CHOICES = (ast.And, ast.Or)
+PIECE = 100
+"""How many operations of a sum make one Python expression."""
 NEVER_VOID = (ast.Float, ast.String, ast.ListLit, ast.TupleLit, ast.DictLit, ast.This, ast.CallMessage, ast.Function)
 
 Maker = Callable[[], py.expr]
@@ -46,6 +50,10 @@ class Expressions(Emitter):
 
     def expr(self, node: ast.Node) -> py.expr:
         """The value of a node; it may be void."""
+        if isinstance(node, OPERATIONS):
+            piece = self.piece(node, OPERATIONS, self.expr)
+            if piece is not None:
+                return piece
         method = getattr(self, "x_" + type(node).__name__, None)
         if method is not None:
             made: py.expr = method(node)
@@ -57,6 +65,26 @@ class Expressions(Emitter):
     def stmt(self, node: ast.Node, dest: str | None) -> None:
         """Write a node as a statement (see ``Statements``)."""
         raise NotImplementedError
+
+    def piece(
+        self, node: ast.Node, kinds: tuple[type[ast.Node], ...], make: Callable[[ast.Node], py.expr]
+    ) -> py.expr | None:
+        """The variable that holds the left part of a very long sum, if the node is such a part; else None.
+
+        A sum of hundreds of terms is computed in pieces, from the left, each put into a variable: neither we nor
+        Python's compiler could walk it in one.  ``make`` makes the operations of these ``kinds``.
+        """
+        known = self.pieces.get(id(node))
+        if known is not None:
+            return name(known, self.mark(node)) if known else None
+        parts = spine(node, kinds)
+        if len(parts) > PIECE:
+            self.pieces.update((id(part), "") for part in parts)
+            for part in parts[-PIECE:0:-PIECE]:
+                variable = self.fresh()
+                self.emit(set_(variable, make(part), self.mark(part)))
+                self.pieces[id(part)] = variable
+        return None
 
     def value(self, node: ast.Node, where: Span | None = None) -> py.expr:
         """The value of a node where void is an error, which points at the node or at ``where``."""
@@ -88,6 +116,8 @@ class Expressions(Emitter):
 
     def condition(self, node: ast.Node) -> py.expr:
         """A Python expression whose truth is that of the node."""
+        if self.pieces.get(id(node)):
+            return self.expr(node)
         if isinstance(node, ast.Call) and node.target is not None and not self.generic:
             if node.name in COMPARISONS and node.args is not None and len(node.args) == 1:
                 return self.comparison(node, node.target, node.args[0])
@@ -95,8 +125,8 @@ class Expressions(Emitter):
                 return py.UnaryOp(py.Not(), self.condition(node.target), **self.mark(node))
         if isinstance(node, ast.Call) and node.target is not None and self.equality(node):
             return self.raw_equality(node)
-        if isinstance(node, ast.And | ast.Or):
-            return self.short_circuit(node, self.condition)
+        if isinstance(node, CHOICES):
+            return self.piece(node, CHOICES, self.condition) or self.short_circuit(node, self.condition)
         return self.operand(node)
 
     def sequence(self, makers: Sequence[Maker]) -> list[py.expr]:

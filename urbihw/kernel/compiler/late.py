@@ -17,6 +17,9 @@ from typing import Any
 from urbihw.kernel.compiler.scopes import Binding
 from urbihw.kernel.syntax import ast
 
+Names = dict[str, tuple[str, bool]]
+"""Urbiscript names of locals, their Python names, and whether they live in a Box."""
+
 
 class LateSites:
     """The calls of one unit, by number."""
@@ -24,11 +27,15 @@ class LateSites:
     __slots__ = ("_sites",)
 
     def __init__(self) -> None:
-        self._sites: list[tuple[ast.Call, dict[str, tuple[str, bool]]]] = []
+        self._sites: list[tuple[ast.Call, Names]] = []
 
-    def add(self, node: ast.Call, binding: Binding) -> int:
-        """Remember a call and where the locals that its arguments name live; its number."""
-        self._sites.append((node, _names(node.args or (), binding)))
+    def add(self, node: ast.Call, binding: Binding, known: dict[int, Names]) -> int:
+        """Remember a call and where the locals that its arguments name live; its number.
+
+        ``known`` remembers this of the calls among the arguments, by ``id``.
+        """
+        names = known[id(node)] = _names(node.args or (), binding, known)
+        self._sites.append((node, names))
         return len(self._sites) - 1
 
     def arguments(self, site: int) -> tuple[ast.Node, ...]:
@@ -47,7 +54,7 @@ class FrameLocals:
 
     __slots__ = ("_frame", "names")
 
-    def __init__(self, frame: FrameType, names: dict[str, tuple[str, bool]]) -> None:
+    def __init__(self, frame: FrameType, names: Names) -> None:
         self._frame = frame
         self.names = names
 
@@ -69,9 +76,9 @@ class FrameLocals:
             ctypes.pythonapi.PyFrame_LocalsToFast(ctypes.py_object(self._frame), ctypes.c_int(0))
 
 
-def _names(nodes: tuple[ast.Node, ...], binding: Binding) -> dict[str, tuple[str, bool]]:
-    """Urbiscript name to Python name, for all locals that the nodes name."""
-    found: dict[str, tuple[str, bool]] = {}
+def _names(nodes: tuple[ast.Node, ...], binding: Binding, known: dict[int, Names]) -> Names:
+    """All locals that the nodes name."""
+    found: Names = {}
     todo: list[Any] = list(nodes)
     while todo:
         node = todo.pop()
@@ -81,5 +88,10 @@ def _names(nodes: tuple[ast.Node, ...], binding: Binding) -> dict[str, tuple[str
             local = binding.locals.get(id(node))
             if local is not None:
                 found[local.name] = (local.python, local.boxed)
-            todo.extend(getattr(node, field) for field in type(node).__dataclass_fields__ if field != "span")
+            if id(node) in known:
+                assert isinstance(node, ast.Call)
+                found.update(known[id(node)])
+                todo.append(node.target)
+            else:
+                todo.extend(getattr(node, field) for field in type(node).__dataclass_fields__ if field != "span")
     return found

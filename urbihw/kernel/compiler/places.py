@@ -33,6 +33,10 @@ class Places(Expressions):
 
     def stmt(self, node: ast.Node, dest: str | None) -> None:
         """Write a node; its value goes to ``dest``."""
+        if id(node) in self.binding.apart and self.w.frame is not self.binding.frames[id(node)]:
+            p = self.mark(node)
+            self.finish(dest, call(self.thunk(node), [], p), p)
+            return
         method = getattr(self, "s_" + type(node).__name__, None)
         if method is not None:
             method(node, dest)

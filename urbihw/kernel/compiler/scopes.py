@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from urbihw.kernel import errors
 from urbihw.kernel.syntax import ast
+
+MOST_FRAMES = 250
+"""How deep functions may nest; the time that Python takes to compile them grows with the square of it."""
 
 
 class Local:
@@ -32,10 +36,14 @@ class Local:
 class Frame:
     """One Python function to be."""
 
-    __slots__ = ("counter", "free", "function", "loops", "parent", "returns_through", "token_loops", "uses_call")
+    __slots__ = ("counter", "depth", "free", "function", "loops", "parent", "returns_through", "uses_call")
 
     def __init__(self, parent: Frame | None, function: ast.Function | None) -> None:
+        """Raises TooDeep."""
         self.parent = parent
+        self.depth: int = 0 if parent is None else parent.depth + 1
+        if self.depth > MOST_FRAMES:
+            raise errors.TooDeep
         self.function = function
         self.free: dict[Local, None] = {}
         self.loops = 0
@@ -77,11 +85,38 @@ class Binding:
         self.formals: dict[int, list[Local]] = {}
         self.patterns: dict[int, list[Local | None]] = {}
         self.lazy_names: set[str] = set()
+        self.detaching: set[int] = set()
+        """The bodies of loops that make jobs which go on by themselves, under the tags of their maker."""
+        self.apart: set[int] = set()
+        """The blocks that are functions of their own because they are too deep inside others."""
         self.scope_tags: dict[int, Local] = {}
         self.own_this: dict[int, Local] = {}
         self.own_call: dict[int, Local] = {}
         self.top: Frame = Frame(None, None)
         self.top_this: Local
+
+
+OPERATIONS = (ast.Call, ast.And, ast.Or)
+
+
+def spine(node: ast.Node, kinds: tuple[type[ast.Node], ...] = OPERATIONS) -> list[ast.Node]:
+    """A node, what stands at its left, what stands at the left of that, and so on, while it is one of some operations.
+
+    ``a + b - c`` is the subtraction and the addition.  Long sums are deep at the left: who walks them must not recurse.
+    """
+    found = []
+    at: ast.Node | None = node
+    while at is not None and isinstance(at, kinds):
+        found.append(at)
+        at = left_of(at)
+    return found
+
+
+def left_of(node: ast.Node) -> ast.Node | None:
+    """What stands at the left of an operation."""
+    if isinstance(node, ast.Call):
+        return node.target
+    return node.left if isinstance(node, ast.And | ast.Or) else None
 
 
 def binding_names(patterns: Iterable[ast.Node]) -> list[str]:

@@ -92,7 +92,7 @@ class Statements(Functions):
         """
         self.counter += 1
         loop = Loop(self.w, self.counter)
-        if _has(inside, ast.Break) and _detaches(inside):
+        if id(inside) in self.binding.detaching and _has(inside, ast.Break):
             loop.detached = self.fresh("_d")
             self.emit(set_(loop.detached, call("loop_tag", [], p), p))
         self.w.loops.append(loop)
@@ -280,8 +280,11 @@ class Statements(Functions):
         """The ``finally`` clause.
 
         CPython compiles one copy of it for each way out of the ``try``, and copies of these for clauses nested in it:
-        a short text could grow without end.
+        a short text could grow without end.  Where that was the case, the clause is a function of its own.
         """
+        if id(clause) in self.binding.apart:
+            p = self.mark(clause)
+            return [do(call(self.thunk(clause), [], p), p)]
         outer = self.copies
         self.copies = outer * (2 + count(node, (ast.Return, ast.Break, ast.Continue)))
         if self.copies * count(clause, (ast.Node,)) > MOST_COPIED:
@@ -333,17 +336,6 @@ def _has(node: ast.Node, kind: type[ast.Node]) -> bool:
             return True
         if not isinstance(each, ast.Function | ast.While | ast.For | ast.ForEach | ast.Every):
             todo.extend(children(each))
-    return False
-
-
-def _detaches(node: ast.Node) -> bool:
-    """Whether a node makes jobs that go on by themselves under the tags of their maker."""
-    todo = [node]
-    while todo:
-        each = todo.pop()
-        if isinstance(each, ast.Call) and each.name in ("detach", "spawn"):
-            return True
-        todo.extend(children(each))
     return False
 
 

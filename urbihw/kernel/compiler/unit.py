@@ -5,7 +5,8 @@ from __future__ import annotations
 import ast as pyast
 import pickle
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from types import CodeType, FunctionType
 from typing import Any
@@ -15,6 +16,9 @@ from urbihw.kernel.compiler.late import LateSites
 from urbihw.kernel.compiler.linemap import Entry, LineMap
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.location import Position
+
+DEEPER = 7000
+"""Python calls that the compiler may nest on top of the usual limit."""
 
 
 class Syntax:
@@ -117,16 +121,22 @@ def compile_node(
 
     ``lazy_names`` are the names known to belong to lazy functions; ``late`` are local variables reached through
     ``FrameLocals`` (see ``late``); ``generic`` sends arithmetic as messages, because somebody redefined an operator of
-    Float.  Raises ``TooDeep``: beyond some hundreds of levels of expressions, or 20 of loops and ``try`` in one
-    function (a tag counts twice), which is what CPython takes.
+    Float.  Raises ``TooDeep``: beyond a thousand levels of expressions, or some hundreds of functions or loops.
     """
     from urbihw.kernel.compiler.bind import bind
     from urbihw.kernel.compiler.codegen import Codegen
 
+    def write(apart: bool) -> tuple[Codegen, pyast.Module, CodeType]:
+        with _deep():
+            generator = Codegen(bind(node, lazy_names, late, apart), generic)
+            module = generator.statement(node)
+        return generator, module, compile(module, "<urbiscript>", "exec", dont_inherit=True)
+
     try:
-        generator = Codegen(bind(node, lazy_names, late), generic)
-        module = generator.statement(node)
-        code = compile(module, "<urbiscript>", "exec", dont_inherit=True)
+        try:
+            generator, module, code = write(apart=False)
+        except (SyntaxError, errors.TooDeep):  # too many loops and the like inside each other
+            generator, module, code = write(apart=True)
     except SyntaxError:
         raise errors.TooDeep from None
     except RecursionError:
@@ -135,6 +145,17 @@ def compile_node(
         raise errors.TooDeep from None
     inner = next(const for const in code.co_consts if isinstance(const, CodeType))
     return Unit(inner, generator.entries, generator.constants, generator.syntax, module if keep_tree else None)
+
+
+@contextmanager
+def _deep() -> Iterator[None]:
+    """Let our own walks over the statement go deeper than programs may: they take no C stack."""
+    usual = sys.getrecursionlimit()
+    sys.setrecursionlimit(usual + DEEPER)
+    try:
+        yield
+    finally:
+        sys.setrecursionlimit(usual)
 
 
 def _depth() -> int:
