@@ -1,0 +1,142 @@
+"""The real daemon with a TriBot in software on USB and behind a serial line, as a user meets it.  On the real clock."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from test_serve import PATIENCE, Daemon, refused, until
+
+from fakes.endpoint import PtyEndpoint
+from fakes.nxt.stream import NxtDevice
+from fakes.nxt.tribot import TriBot
+from fakes.nxt.usb_endpoint import UsbEndpoint
+from fakes.serving import Endpoint
+
+pytestmark = pytest.mark.e2e
+
+DISTANCE = 1.0
+
+
+@pytest.fixture
+def serve(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
+    made: list[Daemon] = []
+
+    def start(*arguments: str) -> Daemon:
+        made.append(Daemon(tmp_path, "--platform", "nxt", "--quiet", *arguments))
+        return made[-1]
+
+    yield start
+    for daemon in made:
+        daemon.close()
+
+
+@pytest.fixture
+def usb() -> Iterator[Endpoint]:
+    with UsbEndpoint(NxtDevice(TriBot(DISTANCE))) as endpoint:
+        endpoint.start()
+        yield endpoint
+
+
+@pytest.fixture(params=["usb", "pty"])
+def end(request: pytest.FixtureRequest) -> Iterator[Endpoint]:
+    device = NxtDevice(TriBot(DISTANCE))
+    with UsbEndpoint(device) if request.param == "usb" else PtyEndpoint(device) as endpoint:
+        endpoint.start()
+        yield endpoint
+
+
+def robot_of(end: Endpoint) -> TriBot:
+    device = end.device
+    assert isinstance(device, NxtDevice)
+    return device.robot
+
+
+def powers(end: Endpoint) -> list[int]:
+    return end.call(lambda: [motor.power for motor in robot_of(end).brick.motors])
+
+
+def test_at_sonar_stops_the_robot_that_drives_to_the_wall(serve: Callable[..., Daemon], end: Endpoint) -> None:
+    client = serve("--url", end.url).client()
+    client.say("at (sonar.val < 50)\r\n  wheels.speed = 0;")
+    client.say("wheels.speed = 50|;")
+    until(lambda: powers(end) == [50, 0, 50])
+    until(lambda: powers(end) == [0, 0, 0])
+    assert client.ask("sonar.val < 50;") == "true"
+    end.call(lambda: end.device.tick(end.clock()))
+    assert 0.4 < robot_of(end).distance() < 0.5
+
+
+def test_it_comes_with_a_robot_in_software(serve: Callable[..., Daemon]) -> None:
+    daemon = serve("--fake")
+    client = daemon.client()
+    assert client.ask("nxt.url[0, 6];") == '"usb://"'
+    assert client.ask("sonar.val;") == "150"
+    assert client.ask('load("demo.u")| wheelL.speed;') == "40"
+    assert '"NXT", 3 motors, 4 sensors' in daemon.log()
+
+
+def test_beeps_follow_the_distance(serve: Callable[..., Daemon], usb: Endpoint) -> None:
+    client = serve("--url", usb.url).client()
+    sound = robot_of(usb).brick.sound
+    client.say("var mytag = Tag.new;")
+    client.say("mytag: whenever (sonar.val < 100)\r\n  beeper.play(200 + 6 * sonar.val, 3ms),")
+    for centimetres in (80, 40):
+        usb.call(lambda: setattr(robot_of(usb), "obstacle", centimetres / 100))  # noqa: B023
+        until(lambda: sound.frequency == 200 + 6 * centimetres, 5)  # noqa: B023
+    played = sound.played
+    until(lambda: sound.played > played + 20, 5)
+    client.say("mytag.stop;")
+    client.listen(0.3)
+    played = sound.played
+    client.listen(0.3)
+    assert sound.played == played
+
+
+def test_the_cable_pulled_and_put_back_during_a_behaviour(serve: Callable[..., Daemon], usb: Endpoint) -> None:
+    daemon = serve("--url", usb.url)
+    client = daemon.client()
+    client.say("claw.speed = 0 sin:2s ampli:50,")
+    until(lambda: powers(usb)[1] > 20)
+    before = len(daemon.log().splitlines())
+    usb.unplug()
+    client.listen(1.0)
+    assert client.ask("nxt.link;") == "false"
+    usb.plug()
+    until(lambda: "is back" in daemon.log())
+    until(lambda: powers(usb)[1] > 20)
+    until(lambda: powers(usb)[1] < -20)
+    lost, back = daemon.log().splitlines()[before:]
+    assert "link lost" in lost and "is back" in back
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
+def test_motors_stand_when_the_daemon_ends(serve: Callable[..., Daemon], usb: Endpoint, number: signal.Signals) -> None:
+    daemon = serve("--url", usb.url)
+    daemon.client().say("wheels.speed = 30; claw.val = 100000; beeper.play(300, 0);")
+    until(lambda: powers(usb)[0] == 30 and powers(usb)[1] > 0)
+    began = time.monotonic()
+    daemon.process.send_signal(number)
+    daemon.process.wait(PATIENCE)
+    until(lambda: powers(usb) == [0, 0, 0], 3)
+    assert time.monotonic() - began < 3
+    assert not robot_of(usb).brick.sound.sounding(usb.clock())
+
+
+def test_a_script_that_never_yields_does_not_keep_the_robot_going(serve: Callable[..., Daemon], usb: Endpoint) -> None:
+    client = serve("--url", usb.url).client()
+    client.say("wheels.speed = 30;")
+    until(lambda: powers(usb)[0] == 30)
+    client.say("var n = 0| while| (true) n++;")
+    until(lambda: powers(usb) == [0, 0, 0], 5)
+
+
+def test_what_is_wrong_is_said_in_one_line(serve: Callable[..., Daemon], usb: Endpoint, tmp_path: Path) -> None:
+    empty = f"usb://0694:0002?backend=fakes.nxt.usb_backend:bus&at={tmp_path}"
+    assert "no USB device 0694:0002; is it plugged in" in refused("--platform", "nxt", "--url", empty, "--port", "0")
+    assert "no such port" in refused("--platform", "nxt", "--url", "/dev/rfcomm77", "--port", "0")
+    serve("--url", usb.url)
+    assert "in use by another program" in refused("--platform", "nxt", "--url", usb.url, "--port", "0")
