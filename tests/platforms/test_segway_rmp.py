@@ -88,7 +88,7 @@ def test_the_standard_robot_api() -> None:
     assert lab.base.body.speed == pytest.approx(0.3, abs=0.005)
     assert lab.number("robot.body.x.val") == pytest.approx(0.3, abs=0.005)
     lab.say("robot.body.x.val = 0 | robot.body.yaw.speed = 0.2;", 2.0)
-    assert (lab.base.body.speed, lab.number("yaw.speed")) == pytest.approx((0, 0.2), abs=0.005)
+    assert (lab.base.body.speed, lab.number("robot.body.yaw.speed")) == pytest.approx((0, 0.2), abs=0.005)
     assert lab.number("wheelR.speed") == pytest.approx(0.2 * 0.27, abs=0.005)
     assert lab.number("battery.voltage") == pytest.approx(77.5, abs=0.3)
     assert 0.9 < lab.number("battery.remain") < 1.0
