@@ -76,6 +76,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.platforms",
         "urbihw.buses",
         "urbihw.daemon",
+        "urbihw.remote",
     ),
     "urbihw.web": (
         "urbihw.kernel",
@@ -86,6 +87,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.buses",
         "urbihw.daemon",
     ),
+    # A process with devices of its own has a kernel, and a link to the kernel of a server.
+    "urbihw.remote": ("urbihw.kernel", "urbihw.kernel.uobject", "urbihw.kernel.server"),
     "urbihw": (),
     # Robots in software: nothing of urbihw, so that driver and fake cannot share a mistake.
     "fakes": (),

@@ -66,9 +66,15 @@ class Observer:
     def destroyed(self, device: UObject) -> None:
         """An instance ended."""
 
+    def put(self, holder: UObject | None, name: str, value: Any) -> None:
+        """A plain slot of a device, or of Global, was set to an urbiscript value."""
+
     def find(self, path: str) -> Any:
         """The object that a path means, if the observer knows better; else None."""
         return None
+
+    def adopt(self, var: UVar) -> None:
+        """A variable was asked for by its name."""
 
     def send(self, text: str) -> bool:
         """Run urbiscript; false if the kernel at hand is to do it."""
@@ -151,7 +157,9 @@ class Host:
     def _var(self, path: str, slot: str) -> UVar:
         holder = self._object(path)
         known = holder.slots.get(slot)
-        return known if isinstance(known, UVar) else UVar(self.world, holder, slot, value=known)
+        found = known if isinstance(known, UVar) else UVar(self.world, holder, slot, value=known)
+        self.observer.adopt(found)
+        return found
 
     def event(self, name: str) -> UEvent:
         """The event ``object.slot``, made if there is none; raises ValueError if there is no such object."""
@@ -164,7 +172,7 @@ class Host:
         if not isinstance(known, Event):
             known = Event(self.world, [self.world.event_proto])
             self.world.ops.put(holder, slot, known)
-        return UEvent(self.world, known)
+        return UEvent(self.world, known, f"{path}.{slot}")
 
     def _object(self, path: str) -> Obj:
         try:
@@ -175,7 +183,13 @@ class Host:
 
     def put(self, name: str, value: Any) -> None:
         """Set a slot of Global to a Python value, a device (its face), or an urbiscript value."""
-        self.world.ops.put(self.world.global_, name, to_urbi(self.world, value))
+        self.put_slot(None, name, value)
+
+    def put_slot(self, device: UObject | None, name: str, value: Any) -> None:
+        """Set a plain slot of a device, or of Global if that is None."""
+        made = to_urbi(self.world, value)
+        self.world.ops.put(self.world.global_ if device is None else device.face, name, made)
+        self.observer.put(device, name, made)
 
     # ---------------------------------------------------------------- running
 

@@ -46,6 +46,7 @@ class Registry:
         self.midnight = 0.0
         """Seconds from ``System.timeReference`` to the moment at which the clock showed zero."""
         self.tickets = itertools.count(1)
+        self.prefix = "object_"
         self._count = 0
         self._after: tuple[list[Callable[[], None]], list[Callable[[], None]]] = ([], [])
         self._hooked = False
@@ -53,7 +54,7 @@ class Registry:
     def fresh_name(self) -> str:
         """A name for one more instance: ``object_`` and a number."""
         self._count += 1
-        return f"object_{self._count}"
+        return f"{self.prefix}{self._count}"
 
     def count_name(self, name: str) -> None:
         """A name was taken by somebody else: do not give it out again."""

@@ -16,15 +16,19 @@ Handler = Callable[..., Any]
 
 
 class UEvent:
-    """An urbiscript event as device code sees it."""
+    """An urbiscript event as device code sees it; ``path`` is its name if it was found by that."""
 
-    def __init__(self, world: World, face: Event) -> None:
+    def __init__(self, world: World, face: Event, path: str = "") -> None:
         self._world = world
         self.face = face
+        self.path = path
         self.mirror: Callable[[list[Any]], None] | None = None
 
     def emit(self, *payload: Any) -> None:
-        """Emit the event with a payload of Python values and devices, from any thread; handlers run as jobs."""
+        """Emit the event with a payload of Python values and devices, from any thread; handlers run as jobs.
+
+        In a process of one's own (``mirror``) the server emits it, and tells those here who listen.
+        """
         registry = registry_of(self._world)
         if registry.foreign:
             registry.call(lambda: self.emit(*payload))
@@ -32,6 +36,7 @@ class UEvent:
         values = [to_urbi(self._world, value) for value in payload]
         if self.mirror is not None:
             self.mirror(values)
+            return
 
         def emit() -> None:
             self.face.emit(values)

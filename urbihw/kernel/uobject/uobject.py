@@ -21,7 +21,7 @@ from urbihw.kernel.uobject.functions import bound_functions, class_function, ins
 from urbihw.kernel.uobject.threads import Lock
 from urbihw.kernel.uobject.timers import Timers
 from urbihw.kernel.uobject.uevent import Handler, Listener, UEvent
-from urbihw.kernel.uobject.uvalue import Device, to_urbi
+from urbihw.kernel.uobject.uvalue import Device
 from urbihw.kernel.uobject.uvar import UVar
 
 if TYPE_CHECKING:
@@ -118,8 +118,7 @@ class UObject(Device):
 
     def put_slot(self, name: str, value: Any) -> None:
         """Make a plain slot of this instance, holding a Python value or another device."""
-        world = self.host.world
-        self.host.registry.call(lambda: world.ops.put(self.face, name, to_urbi(world, value)))
+        self.host.registry.call(lambda: self.host.put_slot(self, name, value))
 
     def init(self, *args: Any, **named: Any) -> Any:
         """Called by ``new`` with its arguments; override with the arguments you want.

@@ -46,6 +46,26 @@ class Subscriber(Protocol):
         ...
 
 
+class Mirror(Protocol):
+    """The server's side of a variable of a process of its own."""
+
+    def sensed(self, var: UVar) -> None:
+        """The owner reported a value."""
+        ...
+
+    def assigned(self, var: UVar, value: Any) -> None:
+        """Somebody in this process assigns the variable as an outsider: the server is to do it."""
+        ...
+
+    def property_set(self, var: UVar, name: str) -> None:
+        """A property was set."""
+        ...
+
+    def asked(self, var: UVar) -> Any:
+        """The value at the server, as an urbiscript value; may park the running job."""
+        ...
+
+
 class UVar(Executable):
     """One hooked variable; lives in the slot ``name`` of ``holder`` (and of others it was copied to)."""
 
@@ -85,7 +105,7 @@ class UVar(Executable):
         self.bypass = False
         self.rtp = False
         self.remove_throwing = True
-        self.mirror: Callable[[UVar], None] | None = None
+        self.mirror: Mirror | None = None
         self.writer: Subscriber | None = None
         self.subscribers: dict[Subscriber, bool] | None = None
         self._homes: list[tuple[Obj, str]] = []
@@ -244,6 +264,13 @@ class UVar(Executable):
             return
         self._take(value)
 
+    def learn(self, value: Any, stamp: float) -> None:
+        """The server tells a urbiscript value of another's variable."""
+        self.stamp = stamp
+        self._sensed = self._target = value
+        if self._change or self._watched():
+            self.world.soon(self._sensed_changed)
+
     def receive(self, value: Any, stamp: float, writer: Subscriber | None) -> None:
         """A connection reports an urbiscript value: as ``sense``, of equal values too; it does not come back to it."""
         self.stamp = stamp
@@ -258,7 +285,7 @@ class UVar(Executable):
         if not self.owned:
             self._target = value
         if self.mirror is not None:
-            self.mirror(self)
+            self.mirror.sensed(self)
         if self.subscribers:
             self._tell(value)
         if self._change or self._watched():
@@ -269,6 +296,21 @@ class UVar(Executable):
     def current(self, owner: bool) -> Any:
         """The urbiscript value: of an owned variable the target, for its owner."""
         return self._target if owner and self.owned else self._sensed
+
+    def get(self) -> Any:
+        """What urbiscript reads here, as a Python value: the way to read another's variable."""
+        return registry_of(self.world).call(lambda: from_urbi(self.read(self)))
+
+    def set(self, value: Any) -> None:
+        """Assign as urbiscript does: the way to write another's variable."""
+
+        def assign() -> None:
+            if self.mirror is not None:
+                self.mirror.assigned(self, to_urbi(self.world, value))
+            else:
+                self.world.soon(lambda: self.write(self, to_urbi(self.world, value)) and None)
+
+        registry_of(self.world).call(assign)
 
     def age(self) -> float:
         """Seconds since the value was taken: since ``dated()`` if the owner says so, else since it last changed."""
@@ -293,6 +335,10 @@ class UVar(Executable):
         """A property of the slot, such as ``rangemin``, as a Python value; None if it was not set."""
         return from_urbi((self._meta.properties or {}).get(name))
 
+    def property_names(self) -> list[str]:
+        """The properties that were set."""
+        return list(self._meta.properties or ())
+
     def set_property(self, name: str, value: Any) -> None:
         """Set a property of the slot: ``rangemin``, ``rangemax``, ``speedmin``, ``speedmax``, ``delta``, ``blend``, or
         any other name."""
@@ -302,10 +348,12 @@ class UVar(Executable):
         if self._meta.properties is None:
             self._meta.properties = {}
         self._meta.properties[name] = to_urbi(self.world, value)
+        if self.mirror is not None:
+            self.mirror.property_set(self, name)
 
     def sync_value(self) -> Any:
         """The value as it is now at the server; plugged in, that is the value."""
-        return self.value
+        return self.value if self.mirror is None else from_urbi(self.mirror.asked(self))
 
     # ---------------------------------------------------------------- notification
 

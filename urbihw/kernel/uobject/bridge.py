@@ -1,0 +1,471 @@
+"""Devices in a process of their own: what they do here is told to a server, what the server wants is done here.
+
+A process with remote devices has a kernel of its own, in which the devices are plugged in as anywhere; the bridge
+stands between it and a server.  It knows no socket: ``connected`` and ``lost`` tell it of the link, ``receive`` hands
+in bytes, and bytes leave by ``write``.  After a lost connection the next one makes the server's objects again what they
+were: same names, same values.
+
+It speaks as the original remotes do (remote UObject protocol, section 11), and, to a server that knows them, a few
+words more: variables keep target and sensed value apart, numbers have all their digits, functions may have optional
+arguments.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.event import Emission, Event
+from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.uobject import announce
+from urbihw.kernel.uobject.host import Host, Observer
+from urbihw.kernel.uobject.outbox import Outbox
+from urbihw.kernel.uobject.remote import Code, Garbage, Line, Reader, literal, quoted
+from urbihw.kernel.uobject.uevent import UEvent
+from urbihw.kernel.uobject.uobject import UObject, UObjectFace
+from urbihw.kernel.uobject.uvar import UVar
+from urbihw.kernel.uobject.wire import from_wire, to_wire
+
+if TYPE_CHECKING:
+    from urbihw.kernel.sched.job import Job
+
+log = logging.getLogger("urbihw.remote")
+
+HELLO, BINARY = "urbihw_hello", "urbihw_binary"
+EXTENSIONS = ("exactNumbers", "rejoin")
+
+
+class Bridge(Observer):
+    """Between the devices of ``host`` and a server.
+
+    ``token`` tells this process apart from others; ``write`` takes parts of bytes.  ``taken`` are the classes that the
+    server has from somebody else; ``ready`` is whether everything was announced.
+    """
+
+    def __init__(self, host: Host, token: str, write: Callable[[list[bytes | memoryview]], None]) -> None:
+        self._host = host
+        self._world = host.world
+        self._token = token
+        self._out = Outbox(write)
+        self._reader = Reader()
+        self._faces: dict[str, UObjectFace] = {}
+        self._devices: dict[str, UObject] = {}
+        self._failed: dict[str, str] = {}
+        self._foreign: dict[str, Obj] = {}
+        self._foreign_vars: dict[UVar, str] = {}
+        self._heard: dict[str, Event] = {}
+        self._emissions: dict[str, list[Emission]] = {}
+        self._questions: dict[str, Callable[[Any], None]] = {}
+        self._asked = 0
+        self._extended = False
+        self._offset = 0.0
+        self._doomed: set[str] = set()
+        self.ready = False
+        self.taken: list[str] = []
+        host.observer = self
+        host.registry.prefix = f"uob_{token}_"
+        for face in host.classes():
+            self.registered(face)
+        host.each_round(self._out.flush)
+
+    # ---------------------------------------------------------------- the link
+
+    def connected(self) -> None:
+        """There is a server: ask what it can do, and whether it has our classes from somebody else."""
+        self._reader = Reader()
+        self._reader.valued |= {HELLO, BINARY}
+        self._out.reset()
+        for word, argument in (("rejoin", quoted(self._token)), ("exactNumbers", "true")):
+            self._out.say(f"if (isdef(UObject.{word})) UObject.{word}({argument})")
+        asked = ["isdef(binaryMode)", "isdef(UVar.own)", *(f"isdef(uobjects.{name})" for name in self._faces)]
+        self._out.say(f'Channel.new("{HELLO}") << [{", ".join(asked)}]')
+        self._out.flush()
+
+    @property
+    def congested(self) -> Callable[[], bool]:
+        """Whether the link is slow at present: then variables wait."""
+        return self._out.congested
+
+    @congested.setter
+    def congested(self, slow: Callable[[], bool]) -> None:
+        self._out.congested = slow
+
+    def drained(self) -> None:
+        """The link is slow no more."""
+        self._out.flush()
+
+    @property
+    def all_taken(self) -> bool:
+        """Whether the server has all our classes from somebody else."""
+        return bool(self._faces) and len(self.taken) == len(self._faces)
+
+    @property
+    def empty(self) -> bool:
+        """Whether everything was destroyed."""
+        return not self._faces and not self._devices
+
+    def lost(self) -> None:
+        """The server is gone."""
+        was, self.ready = self.ready, False
+        self._out.close()
+        questions, self._questions = self._questions, {}
+        for answer in questions.values():
+            answer(None)
+        for emissions in self._emissions.values():
+            for emission in emissions:
+                emission.stop()
+        self._emissions.clear()
+        if was:
+            self._tell(lambda device: device.disconnected())
+
+    def _tell(self, action: Callable[[UObject], None]) -> None:
+        for device in list(self._devices.values()):
+            self._host.guarded(lambda device=device: action(device), "a device")  # type: ignore[misc]
+
+    def receive(self, data: bytes) -> None:
+        """Bytes of the server, cut anywhere; raises Garbage."""
+        for line in self._reader.feed(data):
+            self._hear(line)
+
+    def _hear(self, line: Line) -> None:
+        if line.channel == HELLO:
+            self._offset = line.stamp / 1000 - self._host.now()
+            self._greeted(line.value)
+        elif line.channel == BINARY:
+            self._out.binary(line.valid and line.value is True)
+            self._join()
+        elif line.channel in self._questions:
+            self._reader.valued.discard(line.channel)
+            self._questions.pop(line.channel)(line.value if line.valid else None)
+        elif line.value is not None or line.channel == "__ExternalMessage__":
+            self._obey(line)
+        elif line.channel == "error":
+            log.warning("the server says: %s", line.text)
+
+    def _greeted(self, value: Any) -> None:
+        if not isinstance(value, list) or len(value) != 2 + len(self._faces):
+            raise Garbage(f"the server answers {value!r} where it should say what it knows")
+        binary, self._extended, *known = value
+        self.taken = [name for name, one in zip(self._faces, known, strict=True) if one]
+        if binary is True:
+            self._out.say(f'binaryMode(1, "{BINARY}")')
+            self._out.flush()
+        else:
+            self._join()
+
+    def _join(self) -> None:
+        """Announce everything there is."""
+        self.ready = True
+        for name, face in self._faces.items():
+            if name not in self.taken and name not in self._devices:
+                self._out.chain(announce.class_lines(name, face.kind, self._extended))
+        for name, device in self._devices.items():
+            if name not in self.taken:
+                self._announce(name, device)
+        for var, name in self._foreign_vars.items():
+            self._announce_foreign(var, name)
+        for heard in self._heard:
+            self._announce_ear(heard)
+        self._tell(lambda device: device.connected())
+        self._out.flush()
+
+    # ---------------------------------------------------------------- what the server wants
+
+    def _obey(self, line: Line) -> None:
+        message = line.value
+        if not isinstance(message, list) or not message or not isinstance(message[0], float):
+            log.warning("message of the server left out: %s", line.text or message)
+            return
+        try:
+            self._do(message[0], message[1:], line.stamp)
+        except (ValueError, TypeError, IndexError, KeyError, errors.UrbiError) as error:
+            log.warning("message %r of the server left out: %s", message[:3], error)
+
+    def _do(self, code: float, rest: list[Any], stamp: int) -> None:
+        if code == Code.CHANGED and len(rest) == 3:
+            self._changed(str(rest[0]), rest[1], float(rest[2]) - self._offset)
+        elif code == Code.CALL and len(rest) >= 2:
+            name, ticket, *args = rest
+            self._world.scheduler.spawn(lambda: self._call(str(name), str(ticket), args), str(name))
+        elif code in (Code.EVENT, Code.EVENT_END) and rest:
+            payload = [from_wire(self._world, self._devices, value) for value in rest[1:]]
+            self._world.soon(lambda: self._emission(str(rest[0]), payload, code == Code.EVENT))
+        elif code == Code.NEW and len(rest) == 2:
+            self._new(str(rest[0]), str(rest[1]))
+        elif code == Code.DELETE and len(rest) == 1:
+            self._delete(str(rest[0]))
+        elif code == Code.RTP and len(rest) == 2:
+            self._rtp(str(rest[0]), bool(rest[1]))
+        elif code not in (Code.NO_RTP, Code.LOCAL):
+            log.warning("message with code %g of the server left out", code)
+
+    def _changed(self, name: str, value: Any, stamp: float) -> None:
+        path, _, slot = name.rpartition(".")
+        made = from_wire(self._world, self._devices, value)
+        device = self._devices.get(path)
+        if device is None:
+            holder = self._foreign.get(path)
+            var = None if holder is None else holder.slots.get(slot)
+            if isinstance(var, UVar):
+                var.learn(made, stamp)
+            return
+        own = device.variables.get(slot)
+        if own is not None:
+            self._world.soon(lambda: self._assign(own, made))
+
+    def _assign(self, var: UVar, value: Any) -> None:
+        try:
+            var.assign(value)
+        except errors.UrbiError as refusal:
+            log.warning("%s refused: %s", var.full_name, self._world.describe(refusal)[0])
+            if not var.owned:
+                self.sensed(var)
+
+    def _call(self, name: str, ticket: str, args: list[Any]) -> None:
+        """Answer a call, in a job of its own."""
+        path, _, function = name.rpartition("__")[0].rpartition(".")
+        face: Any = self._devices[path].face if path in self._devices else self._faces.get(path)
+        try:
+            if path in self._failed:
+                raise errors.primitive(self._failed.pop(path))
+            if face is None:
+                raise errors.primitive(f"there is no object {path}")
+            values = [from_wire(self._world, self._devices, value) for value in args]
+            answer = to_wire(self._world.send(face, function, *values))
+            if ticket:
+                self._out.answer(ticket, answer)
+        except Exception as error:
+            if ticket:
+                self._out.say(f"Global.UObject.funCall({quoted(ticket)}, Exception.new({quoted(self._words(error))}))")
+
+    def _words(self, error: Exception) -> str:
+        """What went wrong, without the place."""
+        raised = self._world.normalized(error) if isinstance(error, errors.UrbiError) else error
+        if isinstance(raised, errors.Raised):
+            return raised.message
+        return self._world.describe(raised)[0] if isinstance(raised, errors.UrbiError) else str(error)
+
+    def _new(self, name: str, kind: str) -> None:
+        face = self._faces.get(kind)
+        try:
+            if face is None:
+                raise ValueError(f"there is no class {kind}")
+            face.make(name)
+        except Exception as error:
+            log.error("no instance of %s: %s: %s", kind, type(error).__name__, error)
+            self._failed[name] = f"{type(error).__name__}: {error}"
+            lines = [f"class {name}{{}}", f"external object {name}", f"external function (0) {name}.init from {name}"]
+            self._out.chain([*lines, f'if (isdef(UObject.arity)) UObject.arity("{name}.init", 0, -1)'])
+
+    def _delete(self, name: str) -> None:
+        device = self._devices.get(name)
+        self._failed.pop(name, None)
+        self._faces.pop(name, None)
+        if device is not None:
+            self._doomed.add(name)
+            self._host.guarded(device.destroy, "destroy")
+            self._doomed.discard(name)
+            self._devices.pop(name, None)
+
+    def _rtp(self, name: str, on: bool) -> None:
+        path, _, slot = name.rpartition(".")
+        device = self._devices.get(path)
+        var = None if device is None else device.variables.get(slot)
+        if var is not None:
+            var.rtp = on
+
+    def _emission(self, name: str, payload: list[Any], begins: bool) -> None:
+        event = self._heard.get(name)
+        if event is None:
+            return
+        running = self._emissions.setdefault(name, [])
+        if begins:
+            running.append(event.begin(payload))
+        elif running:
+            running.pop(0).stop()
+
+    # ---------------------------------------------------------------- what devices do
+
+    def registered(self, face: UObjectFace) -> None:
+        """There is one more class; of a hub, its instance too."""
+        name = self._world.text(face.slots["__uobjectName"])
+        self._faces[name] = face
+        if face.python is not None:
+            self.made(face.python)
+        elif self.ready:
+            self._out.chain(announce.class_lines(name, face.kind, self._extended))
+
+    def made(self, device: UObject) -> None:
+        """There is one more instance."""
+        name = device.name
+        self._devices[name] = device
+        for var in device.variables.values():
+            var.mirror = self
+        for slot, event in device.events.items():
+            self.bound_event(device, slot, event)
+        if self.ready:
+            self._announce(name, device)
+
+    def _announce(self, name: str, device: UObject) -> None:
+        """Declare an instance with its values."""
+        self._out.chain(announce.instance_lines(name, device, self._extended))
+        for var in device.variables.values():
+            self._send_value(var)
+            for known in self._properties(var):
+                self.property_set(var, known)
+        kind = self._host.register(type(device)).slots["__uobjectName"].s
+        if kind != name:
+            self._out.say(f"if (isdef(uobjects.{kind})) {name}.setProtos([uobjects.{kind}])")
+        self._out.chain(announce.init_lines(name, type(device), self._extended))
+
+    @staticmethod
+    def _properties(var: UVar) -> list[str]:
+        return [name for name in var.property_names() if name != "rtp"]
+
+    def bound_var(self, device: UObject, var: UVar) -> None:
+        """A variable is bound."""
+        name = device.name
+        if self._devices.get(name) is not device:
+            return
+        var.mirror = self
+        if self.ready:
+            self._out.chain(announce.var_lines(name, var.name, name, self._extended and var.owned))
+            self._send_value(var)
+
+    def bound_event(self, device: UObject, name: str, event: UEvent) -> None:
+        """An event is bound."""
+        path = device.name
+        if self._devices.get(path) is not device:
+            return
+        event.mirror = lambda payload: self._out.emit(f"{path}.{name}", [to_wire(value) for value in payload])
+        if self.ready:
+            self._out.chain([announce.event_line(path, name)])
+
+    def bound_function(self, device: UObject, name: str, method: Callable[..., Any]) -> None:
+        """A function is bound late."""
+        if self.ready and device.name in self._devices:
+            self._out.chain(announce.function_lines(device.name, name, method, self._extended))
+
+    def notified(self, device: UObject, var: UVar) -> None:
+        """A device wants to hear of a variable: all that are announced are told of already."""
+
+    def access_notified(self, device: UObject, var: UVar) -> None:
+        """Reading happens at the server: it cannot be heard of here."""
+        log.warning("%s.%s: notify_access has no effect in a process of one's own; use a timer", device.name, var.name)
+
+    def listened(self, device: UObject, event: UEvent, handler: Callable[..., Any] | None) -> None:
+        """A device wants to hear of an event."""
+        path = next((f"{device.name}.{slot}" for slot, one in device.events.items() if one is event), event.path)
+        if not path or handler is None:
+            return
+        for number in announce.arities(handler):
+            name = f"{path}__{number}"
+            if name not in self._heard:
+                self._heard[name] = event.face
+                self._announce_ear(name)
+
+    def _announce_ear(self, name: str) -> None:
+        if self.ready:
+            path, _, number = name.rpartition("__")
+            self._out.say(f"external event ({number}) {path} from {path.rpartition('.')[0]}")
+
+    def destroyed(self, device: UObject) -> None:
+        """An instance ended."""
+        name = device.name
+        if self._devices.pop(name, None) is not None and self.ready and name not in self._doomed:
+            self._out.say(f"{name}.destroy")
+        for heard in [one for one in self._heard if one.startswith(f"{name}.")]:
+            del self._heard[heard]
+
+    def put(self, holder: UObject | None, name: str, value: Any) -> None:
+        """A plain slot was set."""
+        path = "Global" if holder is None else holder.name
+        if self.ready and (holder is None or path in self._devices):
+            text = literal(to_wire(value)).decode("latin-1")
+            self._out.say(f"if (!isdef({path}.{name})) var {path}.{name}|{path}.{name} = {text}")
+
+    def send(self, text: str) -> bool:
+        """The server runs it, in the background, as if plugged in: in Global."""
+        self._out.background(f"Global.eval({quoted(text)})")
+        return True
+
+    # ---------------------------------------------------------------- variables
+
+    def find(self, path: str) -> Any:
+        """Objects that are not ours stand here as objects with nothing but the variables asked for."""
+        if path in self._devices:
+            return self._devices[path].face
+        known = self._foreign.get(path)
+        if known is None:
+            known = self._foreign[path] = self._world.proto()
+            known.slots["__uobjectName"] = self._world.string(path)
+        return known
+
+    def adopt(self, var: UVar) -> None:
+        """A variable of an object that is not ours is wanted."""
+        if var not in self._foreign_vars and var.mirror is None:
+            var.mirror = self
+            self._foreign_vars[var] = var.full_name
+            if self.ready:
+                self._announce_foreign(var, var.full_name)
+
+    def _announce_foreign(self, var: UVar, name: str) -> None:
+        path, _, slot = name.rpartition(".")
+        source = next(iter(self._devices), next(iter(self._faces), path))
+        self._out.chain(announce.var_lines(path, slot, source, False))
+        self._ask(name, lambda value: None if value is None else var.learn(
+            from_wire(self._world, self._devices, value), self._host.now()))
+
+    def sensed(self, var: UVar) -> None:
+        """The owner reported a value."""
+        if self.ready and self._known(var):
+            self._send_value(var)
+
+    def _known(self, var: UVar) -> bool:
+        return var in self._foreign_vars or self._world.text(var.holder.slots["__uobjectName"]) in self._devices
+
+    def _send_value(self, var: UVar) -> None:
+        name = var.full_name
+        stamp = max(0, int((var.stamp + self._offset) * 1e6))
+        self._out.update(name, lambda: to_wire(var.current(False)), stamp)
+
+    def assigned(self, var: UVar, value: Any) -> None:
+        """The server is to assign."""
+        self._out.say(f"{var.full_name} = {literal(to_wire(value)).decode('latin-1')}")
+
+    def property_set(self, var: UVar, name: str) -> None:
+        """A property is for the server to keep."""
+        if not self.ready or not self._known(var):
+            return
+        if name == "rtp":
+            text = "true" if var.get_property(name) else "false"
+            self._out.say(f'{var.holder.slots["__uobjectName"].s}.getSlot("{var.name}").rtp = {text}')
+        else:
+            self._out.say(f"{var.full_name}->{name} = {literal(var.get_property(name)).decode('latin-1')}")
+
+    def asked(self, var: UVar) -> Any:
+        """The value at the server; parks the running job, or, outside any job, gives what is known."""
+        scheduler = self._world.scheduler
+        job: Job | None = scheduler.current
+        if job is None or not self.ready:
+            return var.current(False)
+        answers: list[Any] = []
+
+        def answer(value: Any) -> None:
+            answers.append(value)
+            scheduler.wake(job)
+
+        self._ask(var.full_name, answer)
+        self._out.flush()
+        while not answers:
+            scheduler.suspend(None)
+        return from_wire(self._world, self._devices, answers[0])
+
+    def _ask(self, text: str, answer: Callable[[Any], None]) -> None:
+        self._asked += 1
+        tag = f"urbihw_get_{self._asked}"
+        self._questions[tag] = answer
+        self._reader.valued.add(tag)
+        self._out.background(f"UObject.syncGet({quoted(text)}, {quoted(tag)})")
