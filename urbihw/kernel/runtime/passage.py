@@ -57,14 +57,9 @@ class TagObject(Obj):
         """A passage through code under this tag."""
         return TagPassage(self)
 
-    def lineage(self) -> list[TagObject]:
-        """This tag and those it derives from, which tag the same code."""
-        found: list[TagObject] = []
-        face: Any = self
-        while isinstance(face, TagObject):
-            found.append(face)
-            face = face.protos[0] if face.protos else None
-        return found
+    def parent(self) -> Any:
+        """What it derives from; if that is a tag, it tags the same code."""
+        return self.protos[0] if self.protos else None
 
 
 class TagPassage:
@@ -86,8 +81,11 @@ class TagPassage:
                 self.entry = signal.entry
             raise
         self._entered = True
-        for face in self._face.lineage():
-            _announce(face.enter_event)
+        face: Any = self._face
+        while isinstance(face, TagObject):
+            if face.enter_event is not None:
+                _announce(face.enter_event)
+            face = face.parent()
 
     def owns(self, signal: StopTag) -> bool:
         """Whether this passage is to be left."""
@@ -97,13 +95,16 @@ class TagPassage:
         """Go out."""
         if self._entered and self.entry is not None:
             self._face.tag.leave(self.entry)
-            for face in self._face.lineage():
-                _announce(face.leave_event)
+            face: Any = self._face
+            while isinstance(face, TagObject):
+                if face.leave_event is not None:
+                    _announce(face.leave_event)
+                face = face.parent()
 
 
-def _announce(event: Event | None) -> None:
+def _announce(event: Event) -> None:
     """Emit an event, and let its handlers begin before the running job goes on."""
-    if event is not None and event.emit([]).jobs:
+    if event.emit([]).jobs:
         event.world.scheduler.yield_()
 
 

@@ -98,7 +98,8 @@ class Tag:
         if blocker is not None:
             self.leave(entry)
             raise StopTag(entry, blocker.block_value)
-        self.scheduler.recheck_frozen(job)
+        if self.scheduler.frozen_tags:
+            self.scheduler.recheck_frozen(job)
         if job.frozen:
             try:
                 self.scheduler.hold_if_frozen()
@@ -115,7 +116,8 @@ class Tag:
         elif entry in job.entries:
             job.entries.remove(entry)
         entry.forget(job)
-        self.scheduler.recheck_frozen(job)
+        if job.frozen:
+            self.scheduler.recheck_frozen(job)
 
     # ---------------------------------------------------------------- commands
 

@@ -181,6 +181,8 @@ class Source:
         With ``pairs``, CR and LF together are one line; then a lone one at the end of the buffer has to wait.
         """
         text = self._buffer[self._at : end]
+        if text == "\n" and pairs and end == len(self._buffer) and not self._closed:
+            return  # behind most statements; it may be half of a pair
         if "\n" not in text and "\r" not in text:
             self._at = end
             return
