@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import re
 import socket
 import sys
 import wave
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from kernel_socket import serve
 from PIL import Image
 
-from urbihw.cli import image, ping, send, sound
+from urbihw.cli import image, launch, ping, send, sound, urbi
 from urbihw.cli.lines import Binary
 from urbihw.cli.link import Link
-from urbihw.cli.options import Refused
+from urbihw.cli.options import Parser, Refused
 from urbihw.cli.pictures import Picture
 from urbihw.cli.sounds import Sound, wave_file
 
@@ -288,3 +290,14 @@ def test_sounds_of_two_kinds_and_none() -> None:
         wave_file([one, two])
     with pytest.raises(Refused, match="gave no sound"):
         wave_file([])
+
+
+# ---------------------------------------------------------------- their page
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "programs.md"
+
+
+@pytest.mark.parametrize("parser", [urbi.parser, launch.parser, send.parser, image.parser, sound.parser, ping.parser])
+def test_every_option_is_in_its_page(parser: Callable[[], Parser]) -> None:
+    words = set(re.findall(r"-{1,2}[A-Za-z][\w-]*", PAGE.read_text()))
+    assert {name for action in parser()._actions for name in action.option_strings} - words == set()
