@@ -27,7 +27,8 @@ class Grid:
     def __init__(self, left: float, bottom: float, right: float, top: float, cell: float) -> None:
         wide, high = right - left + 2 * MARGIN, top - bottom + 2 * MARGIN
         self.cell = max(cell, math.sqrt(wide * high / MOST_CELLS))
-        self.left, self.bottom = left - MARGIN, bottom - MARGIN
+        # Half a cell aside, so that walls at round numbers lie in the middle of cells and not on their borders.
+        self.left, self.bottom = left - MARGIN - self.cell / 2, bottom - MARGIN - self.cell / 2
         self.width, self.height = math.ceil(wide / self.cell), math.ceil(high / self.cell)
         self.blocked = bytearray(self.width * self.height)
         self._distances: list[float] | None = None

@@ -17,6 +17,8 @@ from urbihw.platforms.p3dx.grid import Grid
 
 POINTS: Final = 60
 """Readings used of a scan."""
+CELL: Final = 0.05
+"""m; size of the cells of the grid that scans are fitted to."""
 NEAR: Final = 0.25
 """m within which a point counts as seen on a wall, the nearer the more."""
 GOOD: Final = 0.5

@@ -19,7 +19,7 @@ from urbihw.platforms.p3dx.drive import FINISHED, Motion
 from urbihw.platforms.p3dx.follow import Follow
 from urbihw.platforms.p3dx.frames import Pose
 from urbihw.platforms.p3dx.grid import Grid
-from urbihw.platforms.p3dx.localize import GOOD, match
+from urbihw.platforms.p3dx.localize import CELL, GOOD, match
 from urbihw.platforms.p3dx.maps import BadMap, Map, read
 from urbihw.platforms.p3dx.options import SCAN
 from urbihw.platforms.p3dx.planner import NoPath, Point, plan
@@ -70,6 +70,7 @@ class Navigator(UObject):
         """``robot`` is who drives."""
         self._robot = robot
         self._grid: Grid | None = None
+        self._walls: Grid | None = None
         self._goal: Goal | None = None
         self._follow: Follow | None = None
         self._task = 0
@@ -99,18 +100,19 @@ class Navigator(UObject):
         self.mapFileName.sense(name)
         if name:
             cell = options.cell
-            self._in_thread(lambda: _load(name, cell), self._map_loaded, self._map_failed)
+            scans = options.localization == SCAN
+            self._in_thread(lambda: _load(name, cell, scans=scans), self._map_loaded, self._map_failed)
 
     def _forget_map(self) -> None:
         self.cancel()
         self._task += 1
-        self._grid = None
+        self._grid = self._walls = None
         self.ready.sense(False)
         self.score.sense(math.nan)
         self.mapFileName.sense("")
 
-    def _map_loaded(self, loaded: tuple[Map, Grid]) -> None:
-        map_, self._grid = loaded
+    def _map_loaded(self, loaded: tuple[Map, Grid, Grid]) -> None:
+        map_, self._grid, self._walls = loaded
         self._misfits, self._found_itself = 0, False
         if map_.home is not None:
             self._robot.odometry.correct(map_.home)
@@ -150,10 +152,10 @@ class Navigator(UObject):
 
     def _scanned(self) -> None:
         """A scan came: correct the pose by it, if that is wanted."""
-        grid, robot = self._grid, self._robot
-        if grid is None or robot.options.localization != SCAN:
+        walls, robot = self._walls, self._robot
+        if walls is None or robot.options.localization != SCAN:
             return
-        found = match(grid, robot.odometry.absolute, robot.laser.points(), robot.laser.place)
+        found = match(walls, robot.odometry.absolute, robot.laser.points(), robot.laser.place)
         self.score.sense(found.score)
         if found.score >= GOOD:
             self._misfits = 0
@@ -285,9 +287,11 @@ class Navigator(UObject):
         threading.Thread(target=run, name="planner", daemon=True).start()
 
 
-def _load(name: str, cell: float) -> tuple[Map, Grid]:
-    """Read a map and measure its grid.  Raises BadMap."""
+def _load(name: str, cell: float, *, scans: bool) -> tuple[Map, Grid, Grid]:
+    """Read a map; its grid for paths, and that for scans (the same if there will be none).  Raises BadMap."""
     map_ = read(name)
     grid = Grid.of(map_, cell)
-    grid.distances()
-    return map_, grid
+    walls = Grid.of(map_, CELL) if scans else grid
+    for measured in (grid, walls):
+        measured.distances()
+    return map_, grid, walls

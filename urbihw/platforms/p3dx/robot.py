@@ -407,10 +407,10 @@ class P3dx(WiredRobot):
     def _watch(self, device: str, period: float | None) -> None:
         if device not in REQUESTS:
             raise ValueError(f"there is no {device!r} to watch; there are: {', '.join(sorted(REQUESTS))}")
-        self.send(m.Watch(device, (), period))
+        self.tell(m.Watch(device, (), period))
 
     def _watch_laser(self, wanted: bool) -> None:
-        self.send(m.Watch("laser", ("ranges",), 0.0 if wanted else None))
+        self.tell(m.Watch("laser", ("ranges",), 0.0 if wanted else None))
 
     @function
     def values(self, device: str) -> dict[str, Any]:
