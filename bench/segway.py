@@ -24,9 +24,10 @@ from pathlib import Path
 
 from fakes.can.device import CanDevice
 from fakes.can.slcan import Slcan
+from fakes.can.slcan_pty import SlcanPty
 from fakes.device import Answer
 from fakes.segway.rmp import SegwayRmp
-from fakes.segway.start import SlcanPty, UsbPty
+from fakes.segway.start import UsbPty
 from fakes.segway.usb import UsbLink
 from urbihw.buses import messages as m
 from urbihw.buses.worker import Worker

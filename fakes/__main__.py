@@ -16,6 +16,7 @@ from collections.abc import Mapping
 from typing import Final, Protocol
 
 import fakes.bioloid_start
+import fakes.cia402.start
 import fakes.nxt.start
 import fakes.p3dx.start
 import fakes.segway.start
@@ -40,6 +41,7 @@ class Start(Protocol):
 
 ROBOTS: Final[dict[str, Start]] = {
     "bioloid": fakes.bioloid_start,
+    "cia402": fakes.cia402.start,
     "nxt": fakes.nxt.start,
     "p3dx": fakes.p3dx.start,
     "segway": fakes.segway.start,

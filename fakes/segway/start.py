@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from fakes.can.device import CanDevice
 from fakes.can.records import Records
 from fakes.can.slcan import Slcan
+from fakes.can.slcan_pty import SlcanPty
 from fakes.console import Command
 from fakes.endpoint import PtyEndpoint, TcpEndpoint
 from fakes.segway.console import commands
@@ -27,17 +28,8 @@ USB_BAUD = 460_800
 MULTICAST_PORT = 43113
 
 
-class SlcanPty(PtyEndpoint):
-    """An slcan adapter on a pseudo terminal; python-can need not wait for it to start."""
-
-    @property
-    def url(self) -> str:
-        """`can://slcan` and the path."""
-        return f"can://slcan{self.path}?sleep_after_open=0"
-
-
 class SlcanTcp(TcpEndpoint):
-    """The same behind a TCP port."""
+    """An slcan adapter behind a TCP port."""
 
     @property
     def url(self) -> str:

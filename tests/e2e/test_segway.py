@@ -19,8 +19,9 @@ from fakes.can.device import CanDevice
 from fakes.can.endpoint import BusEndpoint
 from fakes.can.records import Records
 from fakes.can.slcan import Slcan
+from fakes.can.slcan_pty import SlcanPty
 from fakes.segway.rmp import SegwayRmp
-from fakes.segway.start import SlcanPty, UsbPty
+from fakes.segway.start import UsbPty
 from fakes.segway.usb import UsbLink
 from fakes.serving import Endpoint
 

@@ -1,0 +1,156 @@
+"""The states of CiA 402, and the motor that turns in one of them.
+
+    not ready -> switch on disabled -> ready to switch on -> switched on -> operation enabled
+    fault reaction -> fault -> switch on disabled           (from everywhere, and back by a rising bit 7)
+    quick stop: from operation enabled, brakes, then switch on disabled
+
+What a motor does: it follows its speed with a bounded acceleration; to a position it goes with a speed from which it
+can still stop there. Without power it runs out.
+"""
+
+from __future__ import annotations
+
+import math
+
+SWITCH_ON_DISABLED, READY, SWITCHED_ON, ENABLED, QUICK_STOP, FAULT = (
+    "switch on disabled",
+    "ready to switch on",
+    "switched on",
+    "operation enabled",
+    "quick stop active",
+    "fault",
+)
+STATUS = {
+    SWITCH_ON_DISABLED: 0x0040,
+    READY: 0x0021,
+    SWITCHED_ON: 0x0023,
+    ENABLED: 0x0027,
+    QUICK_STOP: 0x0007,
+    FAULT: 0x0008,
+}
+VOLTAGE, REMOTE, REACHED, LIMIT, SETPOINT = 0x0010, 0x0200, 0x0400, 0x0800, 0x1000
+POSITION, VELOCITY = 1, 3
+_HALT, _NEW, _RELATIVE = 0x0100, 0x0010, 0x0040
+_RUN_OUT = 5.0  # turns/s^2 of a motor without power
+
+# What a control word asks for: (mask, value, name); looked through in this order.
+_COMMANDS = (
+    (0x0002, 0x0000, "disable voltage"),
+    (0x0006, 0x0002, "quick stop"),
+    (0x0007, 0x0006, "shutdown"),
+    (0x000F, 0x0007, "switch on"),
+    (0x000F, 0x000F, "enable"),
+)
+_TRANSITIONS = {
+    (SWITCH_ON_DISABLED, "shutdown"): READY,
+    (READY, "switch on"): SWITCHED_ON,
+    # A drive may take both steps at once (transition 3 and 4).
+    (READY, "enable"): ENABLED,
+    (SWITCHED_ON, "enable"): ENABLED,
+    (ENABLED, "switch on"): SWITCHED_ON,
+    (ENABLED, "shutdown"): READY,
+    (SWITCHED_ON, "shutdown"): READY,
+    (ENABLED, "quick stop"): QUICK_STOP,
+    (READY, "quick stop"): SWITCH_ON_DISABLED,
+    (SWITCHED_ON, "quick stop"): SWITCH_ON_DISABLED,
+    **{(state, "disable voltage"): SWITCH_ON_DISABLED for state in (READY, SWITCHED_ON, ENABLED, QUICK_STOP)},
+}
+
+
+class Machine:
+    """State, motor, and what it was told. Increments and seconds.
+
+    Attributes:
+        state: see the head of this file.
+        mode: of operation.
+        position, speed: of the motor.
+        target_position, target_speed, profile_speed, acceleration, quick_deceleration, limits: as in the dictionary.
+        error: code of the last fault, 0 for none.
+    """
+
+    def __init__(self, increments: int) -> None:
+        self.increments = increments
+        self.state = SWITCH_ON_DISABLED
+        self.mode = 0
+        self.position = self.speed = 0.0
+        self.target_position = self.target_speed = 0
+        self.profile_speed = 2 * increments
+        self.acceleration = 20 * increments
+        self.quick_deceleration = 100 * increments
+        self.limits = (-100 * increments, 100 * increments)
+        self.most_speed = 20 * increments
+        self.error = 0
+        self._control = 0
+        self._goal = 0.0
+        self._acknowledged = False
+
+    def control(self, word: int) -> None:
+        """Take a control word."""
+        before, self._control = self._control, word
+        if self.state == FAULT:
+            if word & ~before & 0x80:
+                self.state, self.error = SWITCH_ON_DISABLED, 0
+            return
+        asked = next((name for mask, value, name in _COMMANDS if word & mask == value), "")
+        old = self.state
+        self.state = _TRANSITIONS.get((old, asked), old)
+        if self.state == ENABLED and old != ENABLED:
+            self._goal = self.position
+        self._set_point(word, before)
+
+    def fault(self, code: int) -> None:
+        """Something went wrong: the power goes off."""
+        self.state, self.error = FAULT, code
+
+    def status(self) -> int:
+        """The status word."""
+        word = STATUS[self.state] | REMOTE | VOLTAGE
+        if self.state == ENABLED:
+            if self._reached():
+                word |= REACHED
+            if self._acknowledged:
+                word |= SETPOINT
+            if self.mode == POSITION and not self.limits[0] <= self.target_position <= self.limits[1]:
+                word |= LIMIT
+        return word
+
+    def step(self, seconds: float) -> None:
+        """Let the motor turn for so long."""
+        if self.state == ENABLED:
+            most, wanted = float(self.acceleration), self._wanted(seconds)
+        elif self.state == QUICK_STOP:
+            most, wanted = float(self.quick_deceleration), 0.0
+        else:
+            most, wanted = _RUN_OUT * self.increments, 0.0
+        change = max(-most * seconds, min(most * seconds, wanted - self.speed))
+        self.speed += change
+        self.position += self.speed * seconds
+        if self.state == QUICK_STOP and self.speed == 0.0:
+            self.state = SWITCH_ON_DISABLED
+
+    def _wanted(self, seconds: float) -> float:
+        if self._control & _HALT:
+            return 0.0
+        if self.mode == VELOCITY:
+            return float(max(-self.most_speed, min(self.most_speed, self.target_speed)))
+        if self.mode != POSITION:
+            return 0.0
+        rest = self._goal - self.position
+        # As fast as it can still brake, and not past the goal within this step.
+        fast = min(self.profile_speed, self.most_speed, math.sqrt(2 * 0.8 * self.acceleration * abs(rest)))
+        return math.copysign(min(fast, abs(rest) / seconds), rest)
+
+    def _set_point(self, word: int, before: int) -> None:
+        if not word & _NEW:
+            self._acknowledged = False
+        elif self.state == ENABLED and self.mode == POSITION and not before & _NEW:
+            goal = self.position + self.target_position if word & _RELATIVE else self.target_position
+            self._goal = max(self.limits[0], min(self.limits[1], goal))
+            self._acknowledged = True
+
+    def _reached(self) -> bool:
+        if self._control & _HALT:
+            return abs(self.speed) < 1
+        if self.mode == VELOCITY:
+            return abs(self.speed - self.target_speed) < 1
+        return abs(self._goal - self.position) < 2 and abs(self.speed) < self.increments / 100
