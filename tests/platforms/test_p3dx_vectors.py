@@ -228,6 +228,7 @@ def test_factors_by_subclass() -> None:
     assert factors_of("P3DX-SH") == (FACTORS["p3dx-sh"], True)
     assert factors_of("p3dx-sh-lms500") == (FACTORS["p3dx-sh"], True)
     assert factors_of("roomba") == (FACTORS["p3dx-sh"], False)
+    assert factors_of("p3at-new") == (FACTORS["p3at-sh"], False)
     assert 2 * FACTORS["p3dx"].half_track == pytest.approx(0.357, abs=0.001)
 
 

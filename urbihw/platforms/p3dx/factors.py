@@ -84,15 +84,13 @@ FACTORS: Final[dict[str, Factors]] = {name: _factors(row) for name, row in _TABL
 def factors_of(subclass: str) -> tuple[Factors, bool]:
     """The factors of a subclass, and whether it is known.
 
-    "p3dx-sh-lms500" is a p3dx-sh with another laser; one that is unknown altogether gets the values in mm of the
-    robots with the newer controller.
+    "p3dx-sh-lms500" is a p3dx-sh with another laser.  One that is not known ("p3dx-new") gets the values of the newer
+    controller, for its own kind of robot if that is known.
     """
-    name = subclass.lower()
-    while name:
-        if name in FACTORS:
-            return FACTORS[name], True
-        name = name.rpartition("-")[0]
-    return FACTORS[DEFAULT], False
+    name, _, _ = subclass.lower().partition("-lms")
+    if name in FACTORS:
+        return FACTORS[name], True
+    return FACTORS.get(f"{name.partition('-')[0]}-sh", FACTORS[DEFAULT]), False
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from typing import Any, Final, Self
 
 from urbihw.buses.errors import BadValue
+from urbihw.platforms.p3dx.factors import FACTORS
 
 HOST_BAUDS: Final = {9600: 0, 19200: 1, 38400: 2, 57600: 3, 115200: 4}
 """Speed of the line -> argument of HOSTBAUD."""
@@ -18,6 +19,7 @@ class Options:
     """All options and their defaults.
 
     Attributes:
+        subclass: whose conversion factors to use (see ``factors``), "" for what the robot says.
         laser: url of the laser's line, "sim" for the one of MobileSim, "" for what the robot's url says (``?laser=``).
         host_baud: ask the controller for this speed after connecting (0: stay); only with a firmware that allows it.
         localization: "odometry", or "scan" to correct it by matching laser scans with the map.
@@ -25,6 +27,7 @@ class Options:
         clearance: m that planned paths keep from walls, beside the robot's own radius.
     """
 
+    subclass: str = ""
     laser: str = ""
     host_baud: int = 0
     localization: str = ODOMETRY
@@ -39,6 +42,8 @@ class Options:
             if name not in known:
                 raise BadValue(f"there is no option {name!r}; there are: {', '.join(sorted(known))}")
         made = cls(**table)
+        if made.subclass not in ("", *FACTORS):
+            raise BadValue(f"subclass must be one of {', '.join(FACTORS)}, not {made.subclass!r}")
         if not isinstance(made.laser, str):
             raise BadValue(f"laser must be a url in quotes, not {made.laser!r}")
         if made.host_baud not in (0, *HOST_BAUDS):

@@ -111,9 +111,12 @@ class P3dx(WiredRobot):
             self.host.run("P3dx.assemble();", "p3dx.u", self._assembled)
 
     def _identify(self, info: RobotInfo) -> None:
-        self.factors, known = factors_of(info.subclass)
+        self.factors, known = factors_of(self.options.subclass or info.subclass)
         if not known:
-            self.log.warning("subclass %r is not known; its numbers are taken for those of a p3dx-sh", info.subclass)
+            self.log.warning(
+                "subclass %r is not known; its numbers are taken for mm: if that is wrong, set the option subclass",
+                info.subclass,
+            )
         config = info.config
         identity = {"robotType": info.kind, "name": info.name, "model": info.subclass}
         for slot, value in (identity | {"serial": config["serial"], "firmware": config["firmware"]}).items():
