@@ -35,6 +35,7 @@ bench: .venv/installed-dev
 	$(BIN)/python -m bench.kernel_bench
 	$(BIN)/python -m bench.dynamixel_cycle
 	$(BIN)/python -m bench.segway
+	$(BIN)/python -m bench.nxt
 
 clean:
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache build dist *.egg-info

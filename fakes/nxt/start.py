@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from fakes.console import Command
 from fakes.endpoint import PtyEndpoint, TcpEndpoint
 from fakes.nxt.console import commands
-from fakes.nxt.stream import NxtDevice
+from fakes.nxt.stream import PASS, NxtDevice
 from fakes.nxt.tribot import START, TriBot
 from fakes.nxt.usb_endpoint import UsbEndpoint
 from fakes.serving import Endpoint
@@ -22,12 +22,13 @@ def options(parser: argparse.ArgumentParser) -> None:
     where.add_argument("--usb", nargs="?", const="", metavar="FOLDER", help="on a USB bus in software, kept in FOLDER")
     where.add_argument("--pty", nargs="?", const="", metavar="PATH", help="Bluetooth: a pseudo terminal at PATH")
     where.add_argument("--tcp", type=int, metavar="PORT", help="Bluetooth: a TCP port of this machine; 0: a free one")
+    parser.add_argument("--instant", action="store_true", help="answer at once, not a telegram each ms: for benches")
     parser.add_argument("--distance", type=float, default=START, metavar="M", help="from the wall (%(default)s)")
 
 
 def start(options: argparse.Namespace) -> tuple[Endpoint, Mapping[str, Command]]:
     """The robot on its transport, and its words for the console."""
-    device = NxtDevice(TriBot(options.distance))
+    device = NxtDevice(TriBot(options.distance), pass_time=0.0 if options.instant else PASS)
     endpoint = _endpoint(options, device)
     return endpoint, commands(device, endpoint.clock)
 

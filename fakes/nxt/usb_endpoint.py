@@ -78,7 +78,8 @@ class UsbEndpoint(Endpoint):
             self._peer = None
 
     def _readers(self) -> list[int]:
-        return [each.fileno() for each in (self._listener, self._peer) if each is not None]
+        # The peer first: when it has let go, whoever comes next must find the interface free.
+        return [each.fileno() for each in (self._peer, self._listener) if each is not None]
 
     def _receive(self, ready: int) -> bytes:
         if self._peer is None or ready != self._peer.fileno():

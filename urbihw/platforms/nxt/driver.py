@@ -39,6 +39,7 @@ KEEP_ALIVE = 60.0
 PROTOCOL = 1
 """The major version of the protocol that is spoken here."""
 _SHARE = 0.8  # of a tick, for readings
+_NEXT = 0.9  # of a tick; later is the next one, which may begin a little early
 _TRIES = 2
 
 
@@ -67,6 +68,7 @@ class NxtDriver:
         self._pending: Job | None = None
         self._moved = False
         self._keep_alive_at = 0.0
+        self._next_tick = 0.0
 
     def configure(self, settings: Configure) -> None:
         """Take new settings; the options are those of the robot, not of the wire."""
@@ -107,6 +109,7 @@ class NxtDriver:
             return []
         clock = exchange.link.clock
         end = now + _SHARE / self._settings.rate
+        self._next_tick = now + _NEXT / self._settings.rate
         gathered = _Gathered()
         while True:
             if not exchange.busy:
@@ -240,7 +243,10 @@ class NxtDriver:
         except (BusTimeout, BadFrame):
             now = exchange.link.clock.now()
             values = None if job is None else job.failed(now)
-        if job is not None and values is not None:
+        if job is None:
+            return True
+        job.rest_until(self._next_tick)
+        if values is not None:
             gathered.add(job.device, values, now)
             if "rotation" in values:
                 for telegram in self._motion.control(job.device, values["rotation"]):

@@ -19,7 +19,10 @@ Values = dict[str, Any]
 
 
 class Job(ABC):
-    """One device's items, read together every ``period`` seconds."""
+    """One device's items, read together every ``period`` seconds, but not twice in a tick."""
+
+    in_steps = False
+    """Whether a reading takes several telegrams, which may follow each other in one tick."""
 
     def __init__(self, device: Any, period: float, now: float) -> None:
         self.device = device
@@ -38,6 +41,11 @@ class Job(ABC):
         """No reply came, or a bad one."""
         self.due = now + self.period
         return None
+
+    def rest_until(self, when: float) -> None:
+        """Nothing more in this tick."""
+        if not self.in_steps:
+            self.due = max(self.due, when)
 
     def _done(self, now: float) -> None:
         # From now, not from when it was due: what the wire cannot carry must not pile up.
@@ -86,6 +94,8 @@ class InputJob(Job):
 
 class DistanceJob(Job):
     """An ultrasonic sensor."""
+
+    in_steps = True
 
     def __init__(self, device: Any, period: float, now: float) -> None:
         super().__init__(device, period, now)
