@@ -416,14 +416,13 @@ class Binder(Walker):
 def _is_scope_tag(node: ast.Node) -> bool:
     if not isinstance(node, ast.Call):
         return False
+    if node.args:
+        return False
     if node.target is None:
-        return node.name == "scopeTag" and not node.args
-    return (
-        node.name == "scope"
-        and isinstance(node.target, ast.Call)
-        and node.target.target is None
-        and node.target.name == "Tag"
-    )
+        return node.name == "scopeTag"
+    if not isinstance(node.target, ast.Call) or node.target.target is not None:
+        return False
+    return (node.target.name, node.name) in (("Tag", "scope"), ("System", "scopeTag"))
 
 
 def bind(node: ast.Node, lazy_names: Iterable[str], late: Iterable[str] = (), apart: bool = False) -> Binding:

@@ -29,7 +29,8 @@ log = logging.getLogger("urbihw.kernel")
 
 class Programs:
     """What all lobbies of a kernel share: caches of read and compiled statements, the verbs of generated code, and what
-    the host says of itself (``name``, ``arguments``, ``listen_port``, ``quiet``; ``shutdown()`` ends the process)."""
+    the host says of itself (``name``, ``arguments``, ``listen_port``, ``quiet``; ``shutdown()`` ends the process,
+    ``reboot()`` does so and starts it anew, None if it cannot)."""
 
     def __init__(self, world: World, ops: dict[str, Any]) -> None:
         self.world = world
@@ -43,6 +44,7 @@ class Programs:
         self.quiet = True
         self.listen_port = -1
         self.shutdown: Callable[[], None] = lambda: None
+        self.reboot: Callable[[], None] | None = None
 
     def lobby_name(self) -> str:
         """A name for the next connection's tag."""

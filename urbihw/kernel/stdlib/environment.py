@@ -8,6 +8,7 @@ import subprocess
 import sys
 from typing import Any
 
+from urbihw.kernel import errors
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib import prototype
@@ -37,6 +38,12 @@ def unsetenv(world: World, this: Any, name: str) -> Any:
     """Remove an environment variable; returns what it was, nil if it was not set."""
     value = os.environ.pop(name, None)
     return world.nil if value is None else world.string(value)
+
+
+@TABLE.primitive("scopeTag")
+def scope_tag(world: World, this: Any) -> None:
+    """``Tag.scope`` under another name; it, too, must be written where it is used."""
+    raise errors.primitive("must be called as `scopeTag' in the scope that it is for")
 
 
 @TABLE.primitive("system")
@@ -78,3 +85,14 @@ def install(world: World, programs: Any) -> None:
     for path, slots in (("System.Platform", machine), ("System.PackageInfo", package)):
         for slot, value in slots.items():
             constant(prototype(world, path), slot, world.from_python(value))
+    table = Table("System")
+
+    @table.primitive("reboot")
+    def reboot(world: World, this: Any) -> None:
+        """End the server as ``shutdown`` does and start it anew with the same arguments; an error if whoever started
+        it did not prepare for that."""
+        if programs.reboot is None:
+            raise errors.primitive("this server cannot start itself anew: use shutdown, and start it again")
+        programs.reboot()
+
+    table.install(world, prototype(world, "System"))

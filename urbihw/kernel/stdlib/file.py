@@ -7,6 +7,8 @@ its events.
 from __future__ import annotations
 
 import os
+import stat
+from collections.abc import Callable
 from typing import Any
 
 from urbihw.kernel import errors
@@ -17,6 +19,7 @@ from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.binary import binary
 from urbihw.kernel.stdlib.path import failure, from_system, name_of, path, system
 from urbihw.kernel.stdlib.string import escaped
+from urbihw.kernel.stdlib.support import in_thread
 
 FILE = Table("File")
 DIRECTORY = Table("Directory")
@@ -101,22 +104,38 @@ def names(directory: str) -> list[str]:
         return []
 
 
-def read(name: str) -> str:
+def read(world: World, name: str) -> str:
     """The bytes of a file, as characters."""
-    try:
+    def whole() -> bytes:
         with open(system(name), "rb") as file:
-            return file.read().decode("latin-1")
+            return file.read()
+
+    try:
+        data: bytes = _patiently(world, name, whole)
     except OSError as error:
         raise failure(error, name) from error
+    return data.decode("latin-1")
 
 
-def write(name: str, content: str) -> None:
+def write(world: World, name: str, content: str) -> None:
     """Make a file of these bytes."""
-    try:
+    def whole() -> None:
         with open(system(name), "wb") as file:
             file.write(content.encode("latin-1", "replace"))
+
+    try:
+        _patiently(world, name, whole)
     except OSError as error:
         raise failure(error, name) from error
+
+
+def _patiently(world: World, name: str, work: Callable[[], Any]) -> Any:
+    """Do something with a file; in a thread if it is there and no plain file, since its other side may let wait."""
+    try:
+        plain = stat.S_ISREG(os.stat(system(name)).st_mode)
+    except FileNotFoundError:
+        plain = True
+    return work() if plain else in_thread(world, work)
 
 
 # ---------------------------------------------------------------- File
@@ -137,26 +156,26 @@ def init_file(world: World, this: FileObject, name: Any) -> None:
 @FILE.primitive("create")
 def create(world: World, this: Obj, name: Any) -> Any:
     """A file of this name (a String or a Path), empty, whatever was there before."""
-    write(name_of(world, name), "")
+    write(world, name_of(world, name), "")
     return FileObject(world, [world.global_.slots["File"]], name_of(world, name))
 
 
 @FILE.primitive("save")
 def save(world: World, this: Obj, name: Any, content: str) -> None:
     """Make a file of this name (a String or a Path) and this content, whatever was there before."""
-    write(name_of(world, name), content)
+    write(world, name_of(world, name), content)
 
 
 @FILE.primitive("content")
 def content(world: World, this: FileObject) -> Any:
     """The content as a Binary without keywords."""
-    return binary(world, "", read(this.path).encode("latin-1"))
+    return binary(world, "", read(world, this.path).encode("latin-1"))
 
 
 @FILE.primitive("asList")
 def file_as_list(world: World, this: FileObject) -> Any:
     """The lines, without their ends."""
-    return world.new_list([world.string(line) for line in lines(read(this.path))])
+    return world.new_list([world.string(line) for line in lines(read(world, this.path))])
 
 
 def lines(text: str) -> list[str]:

@@ -11,7 +11,12 @@ from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.support import field, native
 
 TABLE = Table("Global")
-PROTOS = {"Global": ("uobjects", "Math", "System", "Object")}
+PROTOS = {
+    "Global": ("uobjects", "Math", "System", "Object"),
+    # The manual names both and gives them no slots: values and declarations of devices need no object here.
+    "UValue": ("Object",),
+    "external": ("Object",),
+}
 
 
 @TABLE.primitive("methodToFunction")

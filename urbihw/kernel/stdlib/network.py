@@ -18,6 +18,7 @@ from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import String
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.job import Job
+from urbihw.kernel.stdlib.support import field, in_thread
 from urbihw.kernel.stdlib.wire import Listener, SerialStream, TcpStream, Wire, dial
 
 SOCKET = Table("Socket")
@@ -48,11 +49,19 @@ class ServiceObject(Obj):
         """From any thread: something to be handled in a job."""
         self.world.scheduler.post(lambda: self._arrived(action))
 
+    def look_after_itself(self, automatic: bool) -> None:
+        """Whether what happens is handled at once, or waits until somebody polls."""
+        self.automatic = automatic
+        self._begin()
+
     def _arrived(self, action: Action) -> None:
         self.pending.append(action)
         for job in list(self.sleepers):
             self.world.scheduler.wake(job)
-        if self.automatic and not self.busy:
+        self._begin()
+
+    def _begin(self) -> None:
+        if self.automatic and self.pending and not self.busy:
             self.busy = True
             self.world.scheduler.spawn(self._serve, "network")
 
@@ -62,9 +71,7 @@ class ServiceObject(Obj):
             self.poll()
         finally:
             self.busy = False
-            if self.pending:
-                self.busy = True
-                self.world.scheduler.spawn(self._serve, "network")
+            self._begin()
 
     def poll(self) -> None:
         """Handle all that happened, in the running job; the next thing after the handlers of the last began."""
@@ -192,34 +199,23 @@ CLASSES = {"IoService": ServiceObject, "Socket": SocketObject, "Server": ServerO
 
 def _port(world: World, value: Any, index: int) -> int | str:
     if isinstance(value, String):
+        if value.s.isdigit():
+            return _port(world, float(value.s), index)
         return value.s
-    return int(world.as_float(value, index, ""))
+    number = world.as_float(value, index, "")
+    if not number.is_integer() or not 0 <= number < 65536:
+        raise errors.primitive(f"invalid port: {world.text(value)}")
+    return int(number)
 
 
 def _blocking(world: World, action: Callable[[], Any]) -> Any:
     """What an action gives that may take long: it is done in a thread while the running job waits."""
-    scheduler = world.scheduler
-    job = scheduler.running()
-    done: list[tuple[Any, OSError | None]] = []
-
-    def work() -> None:
-        try:
-            outcome: tuple[Any, OSError | None] = (action(), None)
-        except OSError as error:
-            outcome = (None, error)
-        scheduler.post(lambda: finish(outcome))
-
-    def finish(outcome: tuple[Any, OSError | None]) -> None:
-        done.append(outcome)
-        scheduler.wake(job)
-
-    threading.Thread(target=work, name="connect", daemon=True).start()
-    while not done:
-        scheduler.suspend(None)
-    value, problem = done[0]
-    if problem is not None:
+    try:
+        return in_thread(world, action)
+    except OSError as problem:
         raise errors.primitive(problem.strerror or str(problem)) from problem
-    return value
+    except UnicodeError as problem:  # the names of hosts have a grammar of their own
+        raise errors.primitive("invalid host name") from problem
 
 
 # ---------------------------------------------------------------- Socket
@@ -410,4 +406,10 @@ def install(world: World, programs: Any) -> None:
     service = ServiceObject(world, [world.global_.slots["IoService"]], True)
     for name in ("Socket", "Server"):
         world.global_.slots[name].service = service
-    world.global_.slots["Socket"].slots["pollInterval"] = 0.01
+    interval = [0.01]
+
+    def write_interval(this: Any, value: Any) -> None:
+        interval[0] = world.as_float(value, 1, "pollInterval")
+        service.look_after_itself(interval[0] != 0)
+
+    field(world, world.global_.slots["Socket"], "pollInterval", lambda this: interval[0] + 0.0, write_interval)

@@ -58,7 +58,9 @@ def name_of(world: World, value: Any, index: int = 1) -> str:
 
 
 def system(name: str) -> bytes:
-    """A name for the operating system: urbiscript strings are bytes."""
+    """A name for the operating system: urbiscript strings are bytes.  An error for a name that none can have."""
+    if "\0" in name:
+        raise errors.primitive("names cannot have a null character in them")
     return name.encode("latin-1", "replace")
 
 

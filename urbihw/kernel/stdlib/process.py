@@ -1,96 +1,28 @@
 """Process: programs of the operating system, with their standard streams.
 
-Source: manual, specs/process.  Threads read, write and wait; what they find out reaches the kernel by
-``scheduler.post`` and nothing else.  A job that reads what is not there yet waits, and only it.
+Source: manual, specs/process.  Threads read, write and wait (``pipe``); the kernel never does.
 """
 
 from __future__ import annotations
 
 import os
-import queue
 import subprocess
 import threading
-from typing import IO, Any
+from typing import Any
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.object import Obj, Plain
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import String
 from urbihw.kernel.runtime.world import World
-from urbihw.kernel.sched.scheduler import Scheduler
 from urbihw.kernel.sched.waiting import WaitQueue
-from urbihw.kernel.stdlib.path import failure, system
+from urbihw.kernel.stdlib.path import failure, name_of, system
+from urbihw.kernel.stdlib.pipe import PipeSink, PipeSource, in_background, pump_in
 from urbihw.kernel.stdlib.stream import InputStreamObject, OutputStreamObject
 
 PROCESS = Table("Process")
 STATUS = Table("Process.Status")
 TABLES = [PROCESS, STATUS]
-
-
-class PipeSource:
-    """What a program says: filled from a thread, read by jobs."""
-
-    def __init__(self, scheduler: Scheduler) -> None:
-        self._waiting = WaitQueue(scheduler)
-        self._data = bytearray()
-        self._ended = False
-
-    def feed(self, data: bytes) -> None:
-        """More was said; nothing means the end."""
-        self._data += data
-        self._ended = self._ended or not data
-        self._waiting.wake_all()
-
-    def byte(self) -> bytes:
-        """The next byte, waited for; empty at the end."""
-        while not self._data and not self._ended:
-            self._waiting.wait()
-        return self._take(1)
-
-    def line(self) -> bytes:
-        """The rest of the line with its end, waited for; empty at the end."""
-        while b"\n" not in self._data and not self._ended:
-            self._waiting.wait()
-        return self._take(self._data.find(b"\n") + 1 or len(self._data))
-
-    def close(self) -> None:
-        """No more is wanted."""
-        self._ended = True
-        self._data.clear()
-
-    def _take(self, size: int) -> bytes:
-        taken = bytes(self._data[:size])
-        del self._data[:size]
-        return taken
-
-
-class PipeSink:
-    """What is said to a program: kept until it runs, then written by a thread."""
-
-    def __init__(self) -> None:
-        self._pieces: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-
-    def write(self, data: bytes) -> None:
-        """Say something."""
-        if data:
-            self._pieces.put(data)
-
-    def flush(self) -> None:
-        """The thread writes as soon as it can."""
-
-    def close(self) -> None:
-        """Nothing more will be said."""
-        self._pieces.put(b"")
-
-    def pump(self, pipe: IO[bytes]) -> None:
-        """Write all that comes, in a thread."""
-        try:
-            with pipe:
-                for piece in iter(self._pieces.get, b""):
-                    pipe.write(piece)
-                    pipe.flush()
-        except OSError:
-            return  # the program does not listen any more
 
 
 class ProcessObject(Obj):
@@ -115,24 +47,29 @@ class ProcessObject(Obj):
         made.name, made.args = self.name, list(self.args)
         return made
 
-    def start(self) -> None:
-        """Run the program; its threads end with it."""
+    def start(self, target: str | None = None) -> None:
+        """Run the program, and let what it writes go to a file of this name; its threads end with it."""
         if self.inner is not None:
             raise errors.primitive("Process was already run")
         command = [system(part) for part in (self.name, *self.args)]
         pipe = subprocess.PIPE
+        output = pipe if target is None else _made(target)
         try:
-            self.inner = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe)
+            inner = self.inner = subprocess.Popen(command, stdin=pipe, stdout=output, stderr=pipe)
         except OSError as error:
             raise failure(error, self.name) from error
-        inner = self.inner
-        assert inner.stdin is not None and inner.stdout is not None and inner.stderr is not None
-        readers = [
-            _thread(_read, out, source, self.world.scheduler)
-            for out, source in zip((inner.stdout, inner.stderr), self.sources, strict=True)
-        ]
-        _thread(self.sink.pump, inner.stdin)
-        _thread(self._wait, inner, readers)
+        finally:
+            if output != pipe:
+                os.close(output)
+        assert inner.stdin is not None
+        readers = []
+        for out, source in zip((inner.stdout, inner.stderr), self.sources, strict=True):
+            if out is None:
+                source.feed(b"")
+            else:
+                readers.append(in_background(pump_in, out, source, self.world.scheduler))
+        in_background(self.sink.pump, inner.stdin)
+        in_background(self._wait, inner, readers)
 
     def _wait(self, inner: subprocess.Popen[bytes], readers: list[threading.Thread]) -> None:
         code = inner.wait()
@@ -147,18 +84,12 @@ class ProcessObject(Obj):
         self.waiting.wake_all()
 
 
-def _thread(target: Any, *args: Any) -> threading.Thread:
-    made = threading.Thread(target=target, args=args, name="process", daemon=True)
-    made.start()
-    return made
-
-
-def _read(pipe: IO[bytes], source: PipeSource, scheduler: Scheduler) -> None:
-    with pipe:
-        data = b"x"
-        while data:
-            data = os.read(pipe.fileno(), 65536)
-            scheduler.post(lambda data=data: source.feed(data))  # type: ignore[misc]
+def _made(name: str) -> int:
+    """A file to write to, empty whatever was there before."""
+    try:
+        return os.open(system(name), os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
+    except OSError as error:
+        raise failure(error, name) from error
 
 
 CLASSES = {"Process": ProcessObject}
@@ -196,6 +127,13 @@ def name(world: World, this: ProcessObject) -> str:
 def run(world: World, this: ProcessObject) -> None:
     """Start the program; once only."""
     this.start()
+
+
+@PROCESS.primitive("runTo")
+def run_to(world: World, this: ProcessObject, file: Any) -> None:
+    """Start the program; what it writes to its standard output goes to a file (a String or a Path), which is made anew,
+    and ``stdout`` is empty.  The manual names this function and says nothing of it."""
+    this.start(name_of(world, file))
 
 
 @PROCESS.primitive("join")

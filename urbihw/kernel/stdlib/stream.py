@@ -1,11 +1,14 @@
 """InputStream and OutputStream: files and pipes, byte by byte.
 
 Source: manual, specs/input-stream and specs/output-stream.  A stream stands on a ``Source`` or a ``Sink``: a file's is
-here, a pipe's in ``process``.
+here, that of whatever may let wait in ``pipe``.
 """
 
 from __future__ import annotations
 
+import io
+import os
+import stat
 from typing import Any, BinaryIO, Protocol
 
 from urbihw.kernel import errors
@@ -14,6 +17,8 @@ from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.file import FileObject
 from urbihw.kernel.stdlib.path import failure, system
+from urbihw.kernel.stdlib.pipe import PipeSink, PipeSource, in_background, pump_in
+from urbihw.kernel.stdlib.support import in_thread
 
 INPUT = Table("InputStream")
 OUTPUT = Table("OutputStream")
@@ -116,9 +121,13 @@ class OutputStreamObject(Obj):
 CLASSES = {"InputStream": InputStreamObject, "OutputStream": OutputStreamObject}
 
 
-def _open(file: FileObject, mode: str) -> Any:
+def _open(world: World, file: FileObject, mode: str) -> Any:
+    """Open a file; one whose other side may let wait (a FIFO, a terminal) is opened in a thread."""
+    name = system(file.path)
     try:
-        return open(system(file.path), mode)
+        if stat.S_ISREG(os.stat(name).st_mode):
+            return open(name, mode)
+        return in_thread(world, lambda: open(name, mode.replace("a", "w"), buffering=0))
     except OSError as error:
         raise failure(error, file.path) from error
 
@@ -128,8 +137,13 @@ def _open(file: FileObject, mode: str) -> Any:
 
 @INPUT.primitive("init")
 def init_input(world: World, this: InputStreamObject, file: FileObject) -> None:
-    """Read a File from its beginning."""
-    this.source = FileSource(_open(file, "rb"))
+    """Read a File from its beginning.  One that is no plain file (a FIFO, a device) is read as things come."""
+    opened = _open(world, file, "rb")
+    if isinstance(opened, io.BufferedReader):
+        this.source = FileSource(opened)
+    else:
+        this.source = PipeSource(world.scheduler)
+        in_background(pump_in, opened, this.source, world.scheduler)
 
 
 @INPUT.primitive("get")
@@ -181,8 +195,13 @@ def close_input(world: World, this: InputStreamObject) -> None:
 
 @OUTPUT.primitive("init")
 def init_output(world: World, this: OutputStreamObject, file: FileObject) -> None:
-    """Write to the end of a File."""
-    this.sink = _open(file, "ab")
+    """Write to the end of a File.  To one that is no plain file (a FIFO, a device) is written in a thread."""
+    opened = _open(world, file, "ab")
+    if isinstance(opened, io.BufferedWriter):
+        this.sink = opened
+    else:
+        this.sink = PipeSink()
+        in_background(this.sink.pump, opened)
 
 
 def _do(action: Any, *args: Any) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from urbihw.kernel import errors
 from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.passage import TagObject, TagPassage
 from urbihw.kernel.runtime.primitive import Table
@@ -128,6 +129,16 @@ def unfreeze(world: World, this: TagObject) -> None:
 def frozen(world: World, this: TagObject) -> bool:
     """Whether this tag, or one it derives from, is frozen."""
     return this.tag.is_frozen()
+
+
+@TABLE.primitive("scope")
+def scope(world: World, this: Any) -> None:
+    """``Tag.scope``: a fresh tag that is stopped at the end of the scope it is written in.
+
+    The compiler makes it, where it stands in the text: as a function, called from wherever, it knows no scope and says
+    so.
+    """
+    raise errors.primitive("must be called as `Tag.scope' in the scope that it is for")
 
 
 # ---------------------------------------------------------------- entering and leaving
