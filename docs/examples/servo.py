@@ -47,6 +47,7 @@ class Servo(UObject):
     def value_changed(self) -> None:
         """``val`` was written."""
         self.hardware.set_position(self.motor, self.val.value)
+        self.value_accessed()
 
     def value_accessed(self) -> None:
         """``val`` is about to be read."""

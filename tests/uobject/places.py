@@ -73,7 +73,7 @@ class Remote(Plugged):
         if old:
             for word in ("exactNumbers", "rejoin", "arity"):
                 del slots[word]
-            del self.server.world.uvar_proto.slots["own"]
+            del self.server.world.uvar_proto.slots["own"], self.server.world.uvar_proto.slots["protect"]
         self.server.world.flush()
         self.bridge = Bridge(self.devices.host, "test_1", self._sent.extend)
         self.connection: Any = None

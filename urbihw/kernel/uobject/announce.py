@@ -31,18 +31,20 @@ def instance_lines(name: str, device: UObject, extended: bool) -> Iterator[str]:
     yield f"class {name}{{}}"
     yield f"external object {name}"
     for slot, var in device.variables.items():
-        yield from var_lines(name, slot, name, extended and var.owned)
+        yield from var_lines(name, slot, name, extended and var.owned, extended and not var.writable)
     for slot in device.events:
         yield event_line(name, slot)
     yield from _functions(name, type(device), extended)
 
 
-def var_lines(name: str, slot: str, source: str, owned: bool) -> Iterator[str]:
+def var_lines(name: str, slot: str, source: str, owned: bool, protected: bool) -> Iterator[str]:
     """A variable that is to be told of."""
     yield f"if (!isdef({name}.{slot})) var {name}.{slot}"
     yield f"external var {name}.{slot} from {source}"
     if owned:
         yield f'{name}.getSlot("{slot}").own'
+    if protected:
+        yield f'{name}.getSlot("{slot}").protect'
 
 
 def event_line(name: str, slot: str) -> str:

@@ -15,6 +15,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
+from weakref import WeakSet
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.event import Emission, Event
@@ -62,6 +63,7 @@ class Bridge(Observer):
         self._extended = False
         self._offset = 0.0
         self._doomed: set[str] = set()
+        self._refreshed: WeakSet[UVar] = WeakSet()
         self.ready = False
         self.taken: list[str] = []
         host.observer = self
@@ -331,7 +333,8 @@ class Bridge(Observer):
             return
         var.mirror = self
         if self.ready:
-            self._out.chain(announce.var_lines(name, var.name, name, self._extended and var.owned))
+            own, protected = self._extended and var.owned, self._extended and not var.writable
+            self._out.chain(announce.var_lines(name, var.name, name, own, protected))
             self._send_value(var)
 
     def bound_event(self, device: UObject, name: str, event: UEvent) -> None:
@@ -352,8 +355,10 @@ class Bridge(Observer):
         """A device wants to hear of a variable: all that are announced are told of already."""
 
     def access_notified(self, device: UObject, var: UVar) -> None:
-        """Reading happens at the server: it cannot be heard of here."""
-        log.warning("%s.%s: notify_access has no effect in a process of one's own; use a timer", device.name, var.name)
+        """Reading happens at the server and cannot be heard of here: the value is refreshed every period instead."""
+        if var not in self._refreshed:
+            self._refreshed.add(var)
+            device.set_timer(0, var.refresh)
 
     def listened(self, device: UObject, event: UEvent, handler: Callable[..., Any] | None) -> None:
         """A device wants to hear of an event."""
@@ -414,7 +419,7 @@ class Bridge(Observer):
     def _announce_foreign(self, var: UVar, name: str) -> None:
         path, _, slot = name.rpartition(".")
         source = next(iter(self._devices), next(iter(self._faces), path))
-        self._out.chain(announce.var_lines(path, slot, source, False))
+        self._out.chain(announce.var_lines(path, slot, source, False, False))
         self._ask(name, lambda value: None if value is None else var.learn(
             from_wire(self._world, self._devices, value), self._host.now()))
 

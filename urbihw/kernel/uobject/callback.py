@@ -17,25 +17,22 @@ Handler = Callable[..., Any]
 
 
 class Callback:
-    """One handler of one variable; ``run(uvar)`` calls it."""
+    """One handler of one variable; ``run(uvar)`` calls it, and measures it while statistics are wanted."""
 
-    __slots__ = ("_owner", "_stats", "handler", "name", "run")
+    __slots__ = ("__weakref__", "_owner", "_plain", "_stats", "handler", "name", "run")
 
     def __init__(self, world: World, handler: Handler, owner: bool = False) -> None:
         self.handler = handler
         self._owner = owner
         self.name = getattr(handler, "__qualname__", type(handler).__name__)
         self._stats = registry_of(world).stats
-        plain = self._adapted(world, handler)
-        stats = self._stats
+        self._plain = self._adapted(world, handler)
+        self.run = self._plain
+        self._stats.watch(self)
 
-        def run(var: UVar) -> None:
-            if stats.enabled:
-                stats.timed(self.name, lambda: plain(var))
-            else:
-                plain(var)
-
-        self.run: Callable[[UVar], None] = run
+    def measured(self, on: bool) -> None:
+        """Whether to measure each call."""
+        self.run = (lambda var: self._stats.timed(self.name, lambda: self._plain(var))) if on else self._plain
 
     def _adapted(self, world: World, handler: Handler) -> Callable[[UVar], Any]:
         try:

@@ -208,6 +208,12 @@ def own(world: World, this: UVar) -> None:
     connection_of(world).watch(this, this.full_name, owner=True)
 
 
+@UVAR.primitive("protect")
+def protect(world: World, this: UVar) -> None:
+    """Only the remote writes this variable; others are refused."""
+    this.protect()
+
+
 @OBJECT.primitive("uvalueSerialize")
 def uvalue_serialize(world: World, this: Any) -> Any:
     """This."""

@@ -8,15 +8,42 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
+from weakref import WeakSet
+
+
+class Measured(Protocol):
+    """What measures itself while statistics are wanted, so that it costs nothing at other times."""
+
+    def measured(self, on: bool) -> None:
+        """Measure, or do not."""
+        ...
 
 
 class Stats:
     """Durations by the name of what ran, in seconds; nothing is measured unless ``enabled``."""
 
     def __init__(self) -> None:
-        self.enabled = False
+        self._enabled = False
         self._entries: dict[str, list[float]] = {}
+        self._watched: WeakSet[Measured] = WeakSet()
+
+    @property
+    def enabled(self) -> bool:
+        """Whether anything is measured."""
+        return self._enabled
+
+    @enabled.setter
+    def enabled(self, on: bool) -> None:
+        self._enabled = on
+        for one in self._watched:
+            one.measured(on)
+
+    def watch(self, one: Measured) -> None:
+        """Tell something whenever measuring begins or ends."""
+        self._watched.add(one)
+        if self._enabled:
+            one.measured(True)
 
     def add(self, name: str, seconds: float) -> None:
         """One more call."""

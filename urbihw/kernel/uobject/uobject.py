@@ -88,7 +88,7 @@ class UObject(Device):
     def _bind_var(self, name: str, value: Any, owned: bool, writable: bool) -> UVar:
         made = UVar(self.host.world, self.face, name, owned=owned, value=value)
         if not writable:
-            made.notify_change(_refuse, owner=True)
+            made.protect()
         self.variables[name] = made
         self.host.bound_var(self, made)
         return made
@@ -169,7 +169,8 @@ class UObject(Device):
         self.host.registry.call(hook)
 
     def notify_access(self, var: UVar | str, callback: Callable[..., Any]) -> None:
-        """Call ``callback`` before each read of a variable (UNotifyAccess); not in another process than the server."""
+        """Call ``callback`` before each read of a variable (UNotifyAccess); in another process than the server, where
+        reading cannot be heard of, every ``System.period``."""
         found = self.var(var) if isinstance(var, str) else var
 
         def hook() -> None:
@@ -240,10 +241,6 @@ class UObjectHub(UObject):
     def __init__(self, host: Host, face: UObjectFace) -> None:
         self.members: list[UObject] = []
         super().__init__(host, face)
-
-
-def _refuse() -> None:
-    raise ValueError("this slot can only be read")
 
 
 def install_functions(world: World, kind: type[UObject], face: UObjectFace) -> None:

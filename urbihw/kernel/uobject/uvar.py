@@ -88,6 +88,7 @@ class UVar(Executable):
         "stamp",
         "subscribers",
         "thread",
+        "writable",
         "writer",
     )
 
@@ -104,14 +105,15 @@ class UVar(Executable):
         self.hooked = registry.hook_changed
         self.bypass = False
         self.rtp = False
+        self.writable = True
         self.remove_throwing = True
         self.mirror: Mirror | None = None
         self.writer: Subscriber | None = None
         self.subscribers: dict[Subscriber, bool] | None = None
         self._homes: list[tuple[Obj, str]] = []
-        self._owner_change: list[Callback] = []
-        self._change: list[Callback] = []
-        self._access: list[Callback] = []
+        self._owner_change: tuple[Callback, ...] = ()
+        self._change: tuple[Callback, ...] = ()
+        self._access: tuple[Callback, ...] = ()
         self._meta: SlotMeta = meta_of(holder, name)
         self.put(holder, name)
 
@@ -170,6 +172,10 @@ class UVar(Executable):
             self._run(self._access)
         return self._sensed
 
+    def refresh(self) -> None:
+        """Run the access callbacks, as if somebody read the variable."""
+        self._run(self._access)
+
     def write(self, target: Any, value: Any) -> Any:
         """An outsider assigns the slot: the value within ``rangemin`` and ``rangemax``, blended, becomes the target."""
         if self._meta.properties is not None:
@@ -178,6 +184,14 @@ class UVar(Executable):
             if blender is not None:
                 blender.assign(value)
                 return value
+        if self.owned and not self.subscribers:
+            before, self._target = self._target, value
+            try:
+                for callback in self._owner_change:
+                    callback.run(self)
+            except Exception as error:
+                self._owner_failed(callback, error, before)
+            return value
         self.assign(value)
         return value
 
@@ -210,11 +224,27 @@ class UVar(Executable):
 
     def _tell_owner(self, before: Any) -> None:
         """Run the owner's callbacks; a value that it refuses (ValueError) is taken back and the writer told."""
-        try:
-            self._run(self._owner_change, refusable=True)
-        except ValueError as refusal:
+        for callback in self._owner_change:
+            try:
+                callback.run(self)
+            except Exception as error:
+                self._refused(callback, error, before)
+
+    def _owner_failed(self, failed: Callback, error: Exception, before: Any) -> None:
+        """One of the owner's callbacks raised: see to that, and run those behind it."""
+        behind = self._owner_change[self._owner_change.index(failed) + 1 :] if failed in self._owner_change else ()
+        self._refused(failed, error, before)
+        for callback in behind:
+            try:
+                callback.run(self)
+            except Exception as other:
+                self._refused(callback, other, before)
+
+    def _refused(self, callback: Callback, error: Exception, before: Any) -> None:
+        if isinstance(error, ValueError):
             self._target = before
-            raise errors.primitive(str(refusal), self.name) from refusal
+            raise errors.primitive(str(error), self.name) from error
+        self._failed(callback, error)
 
     def _limited(self, value: Any) -> Any:
         properties = self._meta.properties
@@ -321,6 +351,12 @@ class UVar(Executable):
         """Hold a target and a sensed value from now on (UOwned)."""
         self.owned = True
 
+    def protect(self) -> None:
+        """Only the owner writes from now on; others are refused."""
+        if self.writable:
+            self.writable = False
+            self.notify_change(_refuse, owner=True)
+
     def set_bypass(self, on: bool = True) -> None:
         """Zero-copy mode: binaries written by the owner are not copied, may be changed by him afterwards, and can only
         be read from within ``notify_change`` callbacks; at other times the variable is nil."""
@@ -364,23 +400,29 @@ class UVar(Executable):
         handed to ``unnotify``.
         """
         made = Callback(self.world, callback, owner)
-        (self._owner_change if owner else self._change).append(made)
+        if owner:
+            self._owner_change += (made,)
+        else:
+            self._change += (made,)
         return made
 
     def notify_access(self, callback: Handler) -> Callback:
         """Call ``callback()`` or ``callback(x)`` before the value is read."""
         made = Callback(self.world, callback)
-        self._access.append(made)
+        self._access += (made,)
         return made
 
     def unnotify(self, callback: Callback | Handler | None = None) -> None:
         """Forget a callback, or all of them."""
-        for callbacks in (self._owner_change, self._change, self._access):
-            callbacks[:] = [kept for kept in callbacks if callback is not None and not kept.is_(callback)]
+        self._keep(lambda kept: callback is not None and not kept.is_(callback))
 
     def _forget(self) -> None:
-        for callbacks in (self._owner_change, self._change, self._access):
-            callbacks.clear()
+        self._keep(lambda kept: False)
+
+    def _keep(self, wanted: Callable[[Callback], bool]) -> None:
+        self._owner_change = tuple(filter(wanted, self._owner_change))
+        self._change = tuple(filter(wanted, self._change))
+        self._access = tuple(filter(wanted, self._access))
 
     def _sensed_changed(self) -> None:
         self._run(self._change)
@@ -413,15 +455,21 @@ class UVar(Executable):
                     self.world.send(meta.changed, "emit")
                 notify(meta)
 
-    def _run(self, callbacks: list[Callback], *, refusable: bool = False) -> None:
-        for callback in list(callbacks):
+    def _run(self, callbacks: tuple[Callback, ...]) -> None:
+        for callback in callbacks:
             try:
                 callback.run(self)
             except Exception as error:
-                if refusable and isinstance(error, ValueError):
-                    raise
-                if self.remove_throwing and callback in callbacks:
-                    callbacks.remove(callback)
-                reason = "; ".join(self.world.describe(error)) if isinstance(error, errors.UrbiError) else repr(error)
-                kept = "removed because it" if self.remove_throwing else "has"
-                log.error("callback on %s %s failed: %s", self.name, kept, reason)
+                self._failed(callback, error)
+
+    def _failed(self, callback: Callback, error: Exception) -> None:
+        """A callback raised: it is reported, and removed unless that is not wanted."""
+        if self.remove_throwing:
+            self._keep(lambda kept: kept is not callback)
+        reason = "; ".join(self.world.describe(error)) if isinstance(error, errors.UrbiError) else repr(error)
+        end = "removed because it failed" if self.remove_throwing else "failed"
+        log.error("callback on %s %s: %s", self.name, end, reason)
+
+
+def _refuse() -> None:
+    raise ValueError("this slot can only be read")
