@@ -77,7 +77,7 @@ class WiredRobot(Robot):
     def init(self) -> None:
         """Called by ``new``; nothing happens before ``open``."""
         self.log = logging.getLogger(f"urbihw.{self.robot_name}")
-        self.wire = Wire(self.send)
+        self.wire = Wire(self.tell)
         self.offset = 0.0
         """Kernel's time = worker's time + offset, in seconds."""
         self._worker: Handle | None = None
@@ -109,7 +109,7 @@ class WiredRobot(Robot):
             driver_of(self.family).configure(message)
         except BadValue as error:
             raise BadConfig(f"{self.robot_name}: {error}") from error
-        self.send(message)
+        self.tell(message)
 
     def close(self) -> None:
         """See ``Robot``."""
@@ -124,11 +124,11 @@ class WiredRobot(Robot):
     def stop(self) -> None:
         """Stop now, as the safe stop of this robot is; what is written afterwards moves it again."""
         self.wire.forget()
-        self.send(m.Stop())
+        self.tell(m.Stop())
 
     # ---------------------------------------------------------------- what a subclass calls
 
-    def send(self, message: m.ToWorker) -> None:
+    def tell(self, message: m.ToWorker) -> None:
         """Hand a message to the worker, if there is one."""
         if self._worker is not None:
             try:
@@ -195,7 +195,7 @@ class WiredRobot(Robot):
         self.host.post(lambda: self._heard(message))
 
     def _say_alive(self) -> None:
-        self.send(m.Alive())
+        self.tell(m.Alive())
 
     def _heard(self, message: m.FromWorker) -> None:
         match message:

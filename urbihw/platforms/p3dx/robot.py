@@ -283,10 +283,15 @@ class P3dx(WiredRobot):
 
     def switch_motors(self, on: bool) -> None:
         """See ``devices.Commands``."""
+        self._check_link()
         self._motors_wanted = on
         if not on:
             self.halt("the motors were switched off")
         self.wire.write(ROBOT, "enable", int(on), self._motors_answered)
+
+    def _check_link(self) -> None:
+        if not self.link.sensed:
+            raise ValueError("the link to the robot is down")
 
     def _motors_answered(self, reply: m.Reply) -> None:
         if not reply.ok:
@@ -297,6 +302,7 @@ class P3dx(WiredRobot):
 
     def switch_sonars(self, on: bool) -> None:
         """See ``devices.Commands``."""
+        self._check_link()
         self.wire.write(ROBOT, "sonar", int(on), self._warn("sonars"))
 
     def _warn(self, what: str) -> Any:
@@ -394,6 +400,7 @@ class P3dx(WiredRobot):
             raise ValueError(str(error)) from error
         if name in DRIVING:
             raise ValueError(f"{name} cannot be sent like this; use the slots that drive the robot")
+        self._check_link()
         self.wire.write("command", name, value, self._warn(name))
 
     @function
