@@ -165,6 +165,15 @@ def test_garbage_is_got_over(rig: Rig, noise: str) -> None:
     assert rig.values(3, "A", "rotation") == [0, 0, 0]
 
 
+def test_something_that_babbles_is_given_up() -> None:
+    rig = Rig()
+    for number in range(20_000):
+        rig.end.send(bytes(4096), rig.clock.now() + number * 1e-4)
+    with pytest.raises((Unavailable, LinkGone)):
+        rig.attach()
+    assert rig.clock.now() < 60
+
+
 def test_a_brick_that_falls_silent_is_gone_after_some_tries(rig: Rig) -> None:
     rig.driver.watch(m.Watch("A", ("rotation",), 0.0), rig.clock.now())
     rig.device.faults.start("silence")

@@ -117,15 +117,22 @@ class UsbLink(Link):
             raise self._explain(error) from error
         serial = self.url.options.get("serial", "")
         if serial:
-            devices = [device for device in devices if _serial(device).upper() == serial.upper()]
+            named = [device for device in devices if _serial(device).upper() == serial.upper()]
+            for device in devices:
+                # Asking for the number has opened it.
+                if device not in named:
+                    _let_go(device)
+            devices = named
         if not devices:
-            named = f" and serial number {serial}" if serial else ""
+            which = f" and serial number {serial}" if serial else ""
             raise Unavailable(
                 errno.ENODEV,
-                f"no USB device {vendor:04x}:{product:04x}{named}; is it plugged in and switched on?",
+                f"no USB device {vendor:04x}:{product:04x}{which}; is it plugged in and switched on?",
             )
         if len(devices) > 1:
             numbers = ", ".join(sorted(_serial(device) or "unknown" for device in devices))
+            for device in devices:
+                _let_go(device)
             raise Unavailable(
                 errno.EBUSY,
                 f"{len(devices)} USB devices are {vendor:04x}:{product:04x}; name one with ?serial= "

@@ -77,7 +77,6 @@ class NxtDriver:
     def attach(self, port: Port) -> list[FromWorker]:
         """Meet the brick.  What we had set in motion before the link was lost is stopped now."""
         exchange = Exchange(byte_link(port))
-        exchange.link.discard()
         try:
             found = self._meet(exchange)
             if self._moved:

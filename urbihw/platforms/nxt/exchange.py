@@ -19,6 +19,7 @@ PATIENCE: Final = {True: 0.3, False: 1.5}
 A brick answers within a pass of its main loop of about 1 ms; Bluetooth takes some 30 ms to turn round, and stalls."""
 STRIKES: Final = 3
 """Requests in a row without a reply after which the brick counts as gone."""
+_MOST_LEFT_OVER = 32  # reads
 _HEAD = 2
 _BLUETOOTH_BUFFER = 128
 
@@ -57,9 +58,7 @@ class Exchange:
     def begin(self, telegram: bytes) -> None:
         """Send a telegram that wants a reply; one that was awaited is given up.  Raises LinkGone."""
         if self._left_over or self.busy:
-            self._buffer = b""
-            self.link.discard()
-            self._left_over = False
+            self._drain()
         self._opcode = telegram[1]
         self._give_up_at = self.link.clock.now() + self.patience
         self.link.write(self._framed(telegram))
@@ -98,6 +97,14 @@ class Exchange:
         if reply is None:
             raise BusTimeout(f"no answer from the brick in {self.patience:g} s")
         return reply
+
+    def _drain(self) -> None:
+        """Throw away what has come, but not for ever: something that babbles must not hold us."""
+        self._buffer = b""
+        self._left_over = False
+        for _ in range(_MOST_LEFT_OVER):
+            if not self.link.read(4096, self.link.clock.now()):
+                return
 
     def _fail(self) -> None:
         self._opcode = -1
