@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -111,6 +113,38 @@ def test_the_cable_pulled_and_put_back_during_a_behaviour(serve: Callable[..., D
     until(lambda: powers(usb)[1] < -20)
     lost, back = daemon.log().splitlines()[before:]
     assert "link lost" in lost and "is back" in back
+
+
+def test_the_robot_killed_and_started_again_during_a_behaviour(serve: Callable[..., Daemon], tmp_path: Path) -> None:
+    bus = str(tmp_path / "bus")
+
+    def start() -> subprocess.Popen[str]:
+        fake = (sys.executable, "-m", "fakes", "nxt", "--usb", bus)
+        process = subprocess.Popen(fake, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
+        assert process.stdout is not None
+        url.append(process.stdout.readline().strip())
+        process.stdout.close()
+        return process
+
+    url: list[str] = []
+    robot = start()
+    try:
+        daemon = serve("--url", url[0])
+        client = daemon.client()
+        client.say('every (200ms) { if (bumper.stale) echo("blind") else echo("sees") },')
+        client.wait("sees")
+        before = len(daemon.log().splitlines())
+        robot.kill()
+        robot.wait(PATIENCE)
+        client.wait("blind")
+        robot = start()
+        until(lambda: "is back" in daemon.log())
+        until(lambda: "sees" in client.listen(0.3))
+        lost, back = daemon.log().splitlines()[before:]
+        assert "link lost" in lost and "is back" in back
+    finally:
+        robot.kill()
+        robot.wait(PATIENCE)
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])

@@ -201,8 +201,9 @@ class I2CSensor(PortDevice):
         self.settle_on(port)
 
     def arrived(self) -> None:
-        """See ``PortDevice``."""
+        """See ``PortDevice``.  It is only read when asked, so it has no old values."""
         self.aim("mode", (p.LOWSPEED_9V, p.RAW))
+        self.stale.sense(False)
 
     @function
     def transfer(self, data: list[Any], count: int) -> int:
