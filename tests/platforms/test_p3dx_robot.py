@@ -134,6 +134,8 @@ def test_without_a_link_measurements_are_none() -> None:
     assert lab.look("P3dx.body.load") == "0"
     assert lab.robot.status() == "link down"
     assert "the motors are off" in lab.say("P3dx.body.x.speed = 0.1;")
+    for typed in ("P3dx.body.load = 1;", "P3dx.body.sonar.load = 1;", 'P3dx.command("SETO", nil);'):
+        assert "the link to the robot is down" in lab.say(typed)
 
 
 def test_a_robot_switched_off_and_on(caplog: pytest.LogCaptureFixture) -> None:

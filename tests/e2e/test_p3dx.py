@@ -1,0 +1,103 @@
+"""A Pioneer in software behind the real daemon, on pseudo terminals and on TCP, on the real clock.  Few."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from e2e.test_serve import PATIENCE, Client, Daemon, until
+
+from fakes.p3dx.kit import P3dx as Kit
+from fakes.p3dx.start import TwoPorts, TwoPtys
+
+pytestmark = pytest.mark.e2e
+
+
+@pytest.fixture
+def serve(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
+    made: list[Daemon] = []
+
+    def start(*arguments: str) -> Daemon:
+        # The last --platform counts.
+        made.append(Daemon(tmp_path, "--platform", "p3dx", "--quiet", *arguments))
+        return made[-1]
+
+    yield start
+    for daemon in made:
+        daemon.close()
+
+
+def motors_on(client: Client) -> None:
+    client.say("P3dx.body.load = 1;")
+    client.say('waituntil(P3dx.body.load == 1); echo("motors on");')
+    client.wait("motors on")
+
+
+def test_the_session_of_the_manual_with_the_built_in_fake(serve: Callable[..., Daemon]) -> None:
+    client = serve("--fake").client()
+    assert client.ask("P3dx.model;") == '"p3dx-sh"'
+    assert "the motors are off" in client.ask("P3dx.body.x.speed = 0.1;")
+    motors_on(client)
+    client.say("P3dx.go(0.3) | P3dx.turn(-45deg) | echo(\"there\");")
+    client.wait("there")
+    assert float(client.ask("P3dx.body.odometry.yaw;")) == pytest.approx(-0.785, abs=0.06)
+    client.say('P3dx.body.laser.load = 1; waituntil(P3dx.body.laser.load == 1); echo("laser on");')
+    client.wait("laser on")
+    assert client.ask("P3dx.body.laser.val.size;") == "181"
+    client.listen(1.0)
+    assert float(client.ask("P3dx.body.laser.rate;")) == pytest.approx(10, abs=2)
+
+
+def test_a_robot_that_drives_to_a_wall_stops_by_at_sonar(serve: Callable[..., Daemon]) -> None:
+    kit = Kit()
+    kit.body.place(1.0, 0.0, 0.0)
+    with TwoPorts(kit.robot, kit.laser) as end:
+        end.start()
+        client = serve("--url", end.url).client()
+        motors_on(client)
+        client.say("at (P3dx.body.sonar[front][front][left].val < 0.6) { P3dx.stop; echo(\"wall\") };")
+        client.say("P3dx.body.x.speed = 0.5;")
+        client.wait("wall")
+        until(lambda: not kit.body.moving, 5)
+        assert 2.1 < kit.body.pose[0] < 2.7
+        assert not kit.body.front
+
+
+def test_the_cable_pulled_and_put_back_while_a_behaviour_runs(serve: Callable[..., Daemon]) -> None:
+    kit = Kit()
+    with TwoPtys(kit.robot, kit.laser) as end:
+        end.start()
+        daemon = serve("--url", end.url)
+        client = daemon.client()
+        client.say('every (1s) { try { P3dx.body.load = 1; P3dx.speedAlpha = 0.4 } catch {} },')
+        until(lambda: kit.body.moving)
+        before = len(daemon.log().splitlines())
+        end.unplug()
+        client.listen(2.5)
+        assert client.ask("P3dx.link;") == "false"
+        assert end.call(lambda: kit.body.halted or not kit.body.moving)
+        end.plug()
+        until(lambda: "is back" in daemon.log())
+        until(lambda: kit.body.moving and not kit.body.halted)
+        news = daemon.log().splitlines()[before:]
+        assert len(news) == 2 and "link lost" in news[0] and "is back" in news[1]
+
+
+def test_a_killed_daemon_leaves_a_standing_robot(serve: Callable[..., Daemon], tmp_path: Path) -> None:
+    kit = Kit()
+    with TwoPtys(kit.robot, kit.laser) as end:
+        end.start()
+        daemon = serve("--url", end.url)
+        client = daemon.client()
+        motors_on(client)
+        client.say("P3dx.body.yaw.speed = 0.5;")
+        until(lambda: kit.body.moving)
+        daemon.process.kill()
+        until(lambda: not kit.body.moving, 5)
+        daemon.process.wait(PATIENCE)
+        # The old one's file must not be taken for that of the new one.
+        (tmp_path / "port").unlink()
+        again = serve("--url", end.url)
+        assert again.client().ask("P3dx.link;") == "true"
+        assert not kit.body.moving
