@@ -99,7 +99,7 @@ class Drive(CanNode):
             return []
         self._net.now = now
         identifier, data = frame
-        if identifier == 0 and len(data) == 2 and data[1] in (0, self.number) and data[0] in (_RESET, _RESET_COMMUNICATION):
+        if identifier == 0 and data in self._resets():
             self._booted = False
         elif 0x200 <= identifier < 0x580 and not self._operational:
             pass
@@ -148,6 +148,10 @@ class Drive(CanNode):
         """Let something go wrong; the drive says so."""
         self.machine.fault(code)
         self._node.emcy.send(code, 1)
+
+    def _resets(self) -> list[bytes]:
+        """The commands that start it anew: of the application or the communication, its own or to all."""
+        return [bytes((code, node)) for code in (_RESET, _RESET_COMMUNICATION) for node in (0, self.number)]
 
     # --- what canopen leaves out ----------------------------------------------------------------------------------
 
