@@ -123,26 +123,31 @@ def backend_of(url: str) -> Any:
 def throughput(label: str, options: list[str], seconds: float) -> None:
     """Print requests a second of all contenders."""
     rates: dict[str, list[float]] = {name: [] for name in CONTENDERS}
+    costs: dict[str, list[float]] = {name: [] for name in CONTENDERS}
     with fake(*options) as url:
         for _ in range(TURNS):
             for name, contender in CONTENDERS.items():
                 with contender(url) as loop:
-                    rates[name].append(rate_of(loop, seconds / TURNS))
-    print(f"requests a second, brick that answers {label}: best turn, usual turn")
+                    rate, cost = rate_of(loop, seconds / TURNS)
+                rates[name].append(rate)
+                costs[name].append(cost)
+    print(f"requests a second, brick that answers {label}: best turn, usual turn; processor for one, usual turn")
     peer = statistics.median(rates["nxt-python"])
     for name, turns in rates.items():
         usual = statistics.median(turns)
-        print(f"  {name:12} {max(turns):8.0f} {usual:8.0f}   {usual / peer:5.2f} of nxt-python", flush=True)
+        cost = statistics.median(costs[name]) * 1e6
+        share = usual / peer
+        print(f"  {name:12} {max(turns):8.0f} {usual:8.0f}   {share:5.2f} of nxt-python; {cost:5.0f} us", flush=True)
 
 
-def rate_of(loop: Loop, seconds: float) -> float:
-    """How often a loop goes round in a second."""
-    start = time.perf_counter()
+def rate_of(loop: Loop, seconds: float) -> tuple[float, float]:
+    """How often a loop goes round in a second, and the seconds of processor that a round takes."""
+    start, spent = time.perf_counter(), time.process_time()
     count = 0
     while time.perf_counter() - start < seconds:
         loop(count)
         count += 1
-    return count / (time.perf_counter() - start)
+    return count / (time.perf_counter() - start), (time.process_time() - spent) / count
 
 
 def worker(seconds: float) -> None:
