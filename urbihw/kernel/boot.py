@@ -14,7 +14,6 @@ from urbihw.kernel.runtime.ops import make_ops
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.scheduler import Scheduler
 from urbihw.kernel.stdlib import install
-from urbihw.kernel.syntax.location import Position
 from urbihw.kernel.uobject.natives import install as install_uobject
 
 
@@ -25,7 +24,8 @@ def build(scheduler: Scheduler) -> Programs:
 
     def run_late(node: Any, this: Any, local: Any) -> Any:
         unit = compile_node(node, world.lazy_names, late=local.names, generic=world.generic_floats)
-        return unit.function(ops, Position(1, 1), late_locals=local)(this)
+        place = local.place
+        return unit.function(ops, place.base, place.system, late_locals=local)(this)
 
     world.run_late = run_late
     scheduler.failed = report_failure

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Any
 
+from urbihw.kernel.compiler.linemap import LineMap
 from urbihw.kernel.compiler.scopes import Binding
 from urbihw.kernel.syntax import ast
 
@@ -42,21 +43,25 @@ class LateSites:
         """The argument nodes of a call."""
         return self._sites[site][0].args or ()
 
-    def thunks(self, site: int, frame: FrameType, this: Any, run: Callable[..., Any]) -> list[Callable[[], Any]]:
+    def thunks(
+        self, site: int, frame: FrameType, place: LineMap, this: Any, run: Callable[..., Any]
+    ) -> list[Callable[[], Any]]:
         """The arguments of a call as functions; ``run(node, this, locals)`` evaluates a node that sees ``locals``."""
         node, names = self._sites[site]
-        local = FrameLocals(frame, names)
+        local = FrameLocals(frame, names, place)
         return [lambda arg=arg: run(arg, this, local) for arg in node.args or ()]  # type: ignore[misc]
 
 
 class FrameLocals:
-    """The local variables of a Python frame by their urbiscript names, to read and to write."""
+    """The local variables of a Python frame by their urbiscript names, to read and to write; ``place`` is where the
+    statement of the frame stands."""
 
-    __slots__ = ("_frame", "names")
+    __slots__ = ("_frame", "names", "place")
 
-    def __init__(self, frame: FrameType, names: Names) -> None:
+    def __init__(self, frame: FrameType, names: Names, place: LineMap) -> None:
         self._frame = frame
         self.names = names
+        self.place = place
 
     def read(self, name: str) -> Any:
         """The value of a local."""

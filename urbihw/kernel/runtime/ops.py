@@ -168,8 +168,9 @@ def _calls(world: World) -> dict[str, Any]:
     def lazy_site(value: Any, target: Any, sender: Any, name: str, site: int) -> Any:
         """A call compiled as strict whose function is lazy: make its arguments from the waiting Python frame."""
         frame = sys._getframe(1)
-        sites = frame.f_globals[LINE_MAP].syntax.late
-        thunks = sites.thunks(site, frame, sender, world.run_late)
+        place = frame.f_globals[LINE_MAP]
+        sites = place.syntax.late
+        thunks = sites.thunks(site, frame, place, sender, world.run_late)
         if name not in INDEXING:
             world.lazy_names.add(name)
         return run(value, target, sender, name, lazies(thunks, sites.arguments(site)))
