@@ -50,14 +50,14 @@ def test_reading_sensors() -> None:
 
 
 def test_at_sonar_stops_the_robot_that_drives_to_the_wall() -> None:
-    lab = Lab.ready()
+    lab = Lab.ready(TriBot(0.9))
     lab.say("at (sonar.val < 50)\n  wheels.speed = 0;")
-    lab.say("wheels.speed = 50;", 10)
+    lab.say("wheels.speed = 50;", 4)
     assert speeds(lab) == (0, 0)
     assert 0.42 < lab.tribot.distance() < 0.5
-    lab.tribot.x = -1.5
+    lab.tribot.x = -0.9
     lab.run(0.2)
-    lab.say("wheels.speed = 50;", 10)
+    lab.say("wheels.speed = 50;", 4)
     assert speeds(lab) == (0, 0)
     assert 0.42 < lab.tribot.distance() < 0.5
 
@@ -208,7 +208,12 @@ def test_beeper() -> None:
     lab.say("var frequency = 440; var duration = 1s;")
     assert lab.say("{\n  beeper.play(frequency, duration);\n  sleep(duration)\n},", 0.5) == ""
     assert lab.brick.sound.frequency == 440 and lab.brick.sound.sounding(lab.bus_clock.now())
-    lab.say("beeper.play(500, 0);", 0.1)
+
+
+def test_a_beep_of_no_duration_is_for_ever() -> None:
+    lab = Lab.ready(layout="")
+    lab.say("var beeper = Beeper.new(); beeper.play(500, 0);", 0.1)
+    # The longest tone of the brick is 65.5 s.
     lab.until(lambda: lab.bus_clock.now() > 175, patience=100)
     assert lab.brick.sound.sounding(lab.bus_clock.now())
     lab.say("beeper.stop;", 0.1)
