@@ -87,6 +87,7 @@ class Drive(CanNode):
         self._node = node
         self._next: float | None = None
         self._sent_at: dict[int, float] = {}
+        self._timed: list[tuple[int, Any]] = []
         self._operational = False
         self._booted = False
         self._master_at: float | None = None
@@ -167,14 +168,12 @@ class Drive(CanNode):
                 self._net.send_message(task.identifier, task.data)
                 task.due += task.period
         if self._operational:
-            for number, pdo in self._node.tpdo.items():
-                self._transmit(number, pdo, now)
+            for number, pdo in self._timed:
+                if now >= self._sent_at.get(number, 0.0) + pdo.event_timer / 1000 - 1e-9:
+                    self._sent_at[number] = now
+                    self._transmit(pdo)
 
-    def _transmit(self, number: int, pdo: PdoMap, now: float) -> None:
-        period = (pdo.event_timer or 0) / 1000
-        if not pdo.enabled or not period or now < self._sent_at.get(number, 0.0) + period - 1e-9:
-            return
-        self._sent_at[number] = now
+    def _transmit(self, pdo: PdoMap) -> None:
         for variable in pdo:
             variable.raw = self._value(variable.index)
         pdo.transmit()
@@ -185,6 +184,7 @@ class Drive(CanNode):
         if operational and not self._operational:
             self._node.tpdo.read()
             self._node.rpdo.read()
+            self._timed = [(number, pdo) for number, pdo in self._node.tpdo.items() if pdo.enabled and pdo.event_timer]
             for pdo in self._node.rpdo.values():
                 if pdo.enabled and self._take not in pdo.callbacks:
                     pdo.add_callback(self._take)

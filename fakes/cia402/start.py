@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from fakes.can.device import CanDevice
 from fakes.can.slcan import Slcan
 from fakes.can.slcan_pty import SlcanPty
 from fakes.console import Command
 from fakes.serving import Endpoint
+
+if TYPE_CHECKING:
+    from fakes.cia402.node import Drive
 
 HELP = "a servo drive after CiA 402 on CANopen"
 MULTICAST_PORT = 43113
@@ -38,6 +42,19 @@ def start(options: argparse.Namespace) -> tuple[Endpoint, Mapping[str, Command]]
     from fakes.cia402.node import Drive
 
     drive = Drive(options.node)
+    words = words_of(drive)
+    if options.can is None:
+        return SlcanPty(CanDevice(drive, Slcan()), options.pty or None), words
+    from fakes.can.endpoint import BusEndpoint
+    from fakes.can.records import Records
+
+    interface, _, channel = options.can.partition("/")
+    more = {"port": options.port, "hop_limit": 0} if interface == "udp_multicast" else {}
+    return BusEndpoint(CanDevice(drive, Records()), interface, channel, **more), words
+
+
+def words_of(drive: Drive) -> Mapping[str, Command]:
+    """What can be typed at a drive."""
 
     def fault(words: list[str]) -> str:
         drive.fault(int(words[0], 16)) if words else drive.fault()
@@ -47,15 +64,7 @@ def start(options: argparse.Namespace) -> tuple[Endpoint, Mapping[str, Command]]
         machine = drive.machine
         return f"{machine.state}, mode {machine.mode}, {machine.position:.0f} at {machine.speed:.0f}/s"
 
-    words = {
+    return {
         "fault": Command("[CODE]", "let something go wrong (3210, hexadecimal)", fault),
         "show": Command("", "state, mode, position and speed in increments", show),
     }
-    if options.can is None:
-        return SlcanPty(CanDevice(drive, Slcan()), options.pty or None), words
-    from fakes.can.endpoint import BusEndpoint
-    from fakes.can.records import Records
-
-    interface, _, channel = options.can.partition("/")
-    more = {"port": options.port, "hop_limit": 0} if interface == "udp_multicast" else {}
-    return BusEndpoint(CanDevice(drive, Records()), interface, channel, **more), words

@@ -18,6 +18,7 @@ from typing import Any, Final
 import can
 
 from urbihw.buses.can.frame import Frame
+from urbihw.buses.can.pipe import PipeBus
 from urbihw.buses.can.slcan import SlcanText
 from urbihw.buses.errors import BadUrl, BusTimeout, LinkGone, Unavailable
 from urbihw.buses.link import Context, Port, Url
@@ -49,7 +50,8 @@ class CanPort(Port):
             raise BadUrl(f"bus url {url.text!r}: bitrate must be a number such as 500000, not {bitrate!r}")
         self.baud = bitrate
         self.damaged = 0
-        self._bus: can.BusABC | None = None
+        self._context = context
+        self._bus: can.BusABC | PipeBus | None = None
         self._lock = -1
         self._text: SlcanText | None = None
         self._waiting: list[Frame] = []
@@ -60,8 +62,7 @@ class CanPort(Port):
         return 8 / self.baud
 
     @property
-    def bus(self) -> can.BusABC:
-        """The bus itself, for who needs more than frames (canopen). Raises LinkGone when it is closed."""
+    def _open_bus(self) -> can.BusABC | PipeBus:
         if self._bus is None:
             raise LinkGone(f"{self.url.text} is closed")
         return self._bus
@@ -70,7 +71,9 @@ class CanPort(Port):
         """Send a frame. Raises BusTimeout when the adapter is full (nobody acknowledges?), LinkGone."""
         message = can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=False)
         try:
-            self.bus.send(message)
+            self._open_bus.send(message)
+        except LinkGone:
+            raise
         except can.CanTimeoutError as error:
             raise BusTimeout(self._full()) from error
         except (can.CanError, OSError) as error:
@@ -104,8 +107,9 @@ class CanPort(Port):
         return frames
 
     def _receive_text(self, limit: int, pause: float) -> list[Frame]:
-        assert self._text is not None
-        fd = self.bus.fileno()
+        bus = self._open_bus
+        assert self._text is not None and isinstance(bus, can.BusABC)
+        fd = bus.fileno()
         frames, self._waiting = self._waiting, []
         try:
             while len(frames) < limit and select.select((fd,), (), (), 0 if frames else pause)[0]:
@@ -129,7 +133,9 @@ class CanPort(Port):
     def _next(self, pause: float) -> tuple[can.Message | None, bool]:
         """The next message, or whether something came that is none."""
         try:
-            return self.bus.recv(pause), False
+            return self._open_bus.recv(pause), False
+        except LinkGone:
+            raise
         except (ValueError, IndexError):
             # Text of a serial adapter that is no frame; python-can lets its mistakes through.
             return None, True
@@ -142,17 +148,24 @@ class CanPort(Port):
     def _open(self) -> None:
         try:
             self._claim()
-            self._bus = can.Bus(self.channel, self.interface, ignore_config=True, **self.options)
+            self._bus = self._make_bus()
             self._text = SlcanText() if self.interface == "slcan" else None
         except (NotImplementedError, ImportError) as error:
             self._close()
             raise Unavailable(errno.ENOENT, f"{self.url.text}: {error}; python-can knows: {_known()}") from error
+        except Unavailable:
+            raise
         except (can.CanError, OSError) as error:
             self._close()
             raise self._explained(error) from error
         except (ValueError, TypeError) as error:
             self._close()
             raise BadUrl(f"bus url {self.url.text!r}: {error}") from error
+
+    def _make_bus(self) -> can.BusABC | PipeBus:
+        if self.interface == "pipe":
+            return PipeBus(self.channel, self._context)
+        return can.Bus(self.channel, self.interface, ignore_config=True, **self.options)
 
     def _close(self) -> None:
         bus, self._bus = self._bus, None

@@ -1,0 +1,215 @@
+"""Drives after CiA 402 as urbiscript sees them, against one in software in simulated time; what the README shows."""
+
+from __future__ import annotations
+
+import logging
+import math
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from cia402_lab import Lab
+from doc_sessions import blocks, differences
+
+from fakes.cia402.dictionary import INCREMENTS
+from fakes.cia402.node import Drive
+from fakes.cia402.start import words_of
+from fakes.console import Console
+from urbihw.kernel.lobby.lobby import Lobby
+from urbihw.kernel.uobject import BadConfig, NotReady
+
+README = Path(__file__).resolve().parents[2] / "urbihw" / "platforms" / "cia402" / "README.md"
+
+
+@pytest.fixture
+def lab() -> Lab:
+    """A drive that is on."""
+    made = Lab.ready()
+    made.say("drive5.load = 1;", 0.2)
+    assert made.drive.machine.state == "operation enabled"
+    return made
+
+
+def turns(lab: Lab) -> float:
+    """Where the motor of the fake is."""
+    return lab.drive.machine.position / INCREMENTS
+
+
+def test_starting_moves_nothing_and_switches_nothing_on() -> None:
+    lab = Lab.ready()
+    lab.run(2.0)
+    assert (lab.drive.machine.state, turns(lab)) == ("switch on disabled", 0.0)
+    assert lab.say("drive5.load; drive5.watched; drive5.increments; drive5.node;") == "0\ntrue\n4096\n5"
+
+
+def test_positions_and_speeds_are_in_radians(lab: Lab) -> None:
+    lab.say("drive5.val = 1;", 2.0)
+    assert turns(lab) * math.tau == pytest.approx(1.0, abs=0.002)
+    assert lab.number("drive5.val") == pytest.approx(1.0, abs=0.002)
+    lab.say("drive5.speed = -2;", 2.0)
+    assert lab.number("drive5.speed") == pytest.approx(-2.0, abs=0.005)
+    assert lab.say("drive5.mode;") == '"velocity"'
+    lab.say("drive5.val = 0;", 4.0)
+    assert turns(lab) == pytest.approx(0.0, abs=0.001)
+    assert lab.say("drive5.mode;") == '"position"'
+
+
+def test_a_trajectory_is_followed(lab: Lab) -> None:
+    lab.say("drive5.val = 0 sin:2s ampli:30deg,", 2.0)
+    places = []
+    for _ in range(200):
+        lab.step()
+        places.append(turns(lab) * 360)
+    assert max(places) == pytest.approx(30, abs=3)
+    assert min(places) == pytest.approx(-30, abs=3)
+
+
+def test_limits_are_those_of_the_drive(lab: Lab) -> None:
+    assert lab.number("drive5.val->rangemax") == pytest.approx(100 * math.tau, rel=1e-4)
+    assert lab.number("drive5.speed->rangemin") == pytest.approx(-20 * math.tau, rel=1e-4)
+    lab.say("drive5.speed = 1000;", 3.0)
+    assert lab.number("drive5.speed") == pytest.approx(20 * math.tau, rel=1e-3)
+
+
+def test_a_gear_is_a_coefficient(lab: Lab) -> None:
+    lab.say("drive5.positionCoeff /= -10;")
+    lab.say("drive5.val = 0.5;", 4.0)
+    assert turns(lab) == pytest.approx(-10 * 0.5 / math.tau, abs=0.01)
+    assert lab.number("drive5.val->rangemax") == pytest.approx(10 * math.tau, rel=1e-4)
+    for value in ("0", "nan", "inf", '"x"'):
+        assert "!!!" in lab.say(f"drive5.velocityCoeff = {value};")
+
+
+@pytest.mark.parametrize("value", ["nan", '"far"'])
+def test_values_without_sense_are_refused(lab: Lab, value: str) -> None:
+    assert "this slot takes a number" in lab.say(f"drive5.val = {value};")
+
+
+def test_off_means_off(lab: Lab) -> None:
+    lab.say("drive5.load = 0;", 0.3)
+    assert lab.drive.machine.state == "ready to switch on"
+    assert "drive 5 is off (ready to switch on): switch it on with load = 1" in lab.say("drive5.speed = 1;")
+
+
+def test_a_fault_is_said_reset_and_nothing_moves_until_told(lab: Lab, caplog: pytest.LogCaptureFixture) -> None:
+    lab.say("drive5.speed = 3;", 1.0)
+    lab.say("at (drive5.faulted?(var what)) echo(what);")
+    lab.drive.fault(0x2310)
+    lab.run(1.5)
+    assert lab.heard() == "*** code 0x2310"
+    assert lab.say("drive5.fault; drive5.load;") == '"code 0x2310"\n0'
+    assert "drive 5: code 0x2310" in caplog.text
+    lab.say("at (cia402.refused?(var d, var slot, var why)) echo(slot + \": \" + why);")
+    lab.say("drive5.load = 1;", 0.3)
+    assert "drive 5: load not done: drive 5 stays in fault" in caplog.text
+    lab.say("drive5.resetFault;", 0.5)
+    assert lab.say("drive5.fault;").endswith('""')
+    place = turns(lab)
+    lab.say("drive5.load = 1;", 1.0)
+    assert turns(lab) == pytest.approx(place, abs=0.001)
+
+
+def test_quick_stop_and_stop(lab: Lab) -> None:
+    lab.say("drive5.speed = 20;", 1.0)
+    lab.say("cia402.stop;", 0.5)
+    assert (lab.drive.machine.speed, lab.drive.machine.state) == (0.0, "operation enabled")
+    lab.say("drive5.speed = 20;", 1.0)
+    lab.say("drive5.quickStop;", 0.5)
+    assert (lab.drive.machine.speed, lab.drive.machine.state) == (0.0, "switch on disabled")
+    lab.say("cia402.on;", 0.3)
+    assert lab.drive.machine.state == "operation enabled"
+    lab.say("cia402.off;", 0.3)
+    assert lab.drive.machine.state == "ready to switch on"
+
+
+def test_a_drive_that_lost_its_power_comes_back_off(lab: Lab, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.WARNING)
+    lab.say('at (drive5.lost?(var why)) echo(why) & at (cia402.back?(var d)) echo("back " + d.node);')
+    lab.say("drive5.speed = 3;", 1.0)
+    lab.drive.power_off(lab.bus_clock.now())
+    lab.run(1.5)
+    assert lab.heard() == "*** it says nothing"
+    assert lab.say("drive5.stale; drive5.load;") == "true\n0"
+    lab.drive.power_on(lab.bus_clock.now())
+    lab.run(1.0)
+    assert lab.heard() == "*** back 5"
+    assert lab.drive.machine.state == "switch on disabled"
+    assert [record.message for record in caplog.records] == [
+        "drive 5 is lost: it says nothing",
+        "drive 5 is back, and off",
+    ]
+
+
+def test_the_adapter_pulled_and_put_back(lab: Lab, caplog: pytest.LogCaptureFixture) -> None:
+    lab.say("drive5.speed = 3;", 1.0)
+    lab.end.unplug()
+    lab.run(2.0)
+    assert lab.drive.machine.speed == 0.0
+    assert lab.robot.status() == "link down"
+    lab.end.replug()
+    lab.run(3.0)
+    assert [record.message.partition(" ")[0] for record in caplog.records] == ["link", "link"]
+    assert lab.drive.machine.speed == 0.0
+    lab.say("drive5.load = 1;", 0.3)
+    lab.say("drive5.speed = 3;", 1.0)
+    assert lab.number("drive5.speed") == pytest.approx(3.0, abs=0.01)
+
+
+def test_drives_by_number() -> None:
+    lab = Lab.ready()
+    assert lab.say("cia402.drive(5) === drive5; cia402.drives.size; robot.body.joint[0] === drive5;") == "true\n1\ntrue"
+    assert "no drive 6; there are: 5" in lab.say("cia402.drive(6);")
+    assert lab.robot.status().startswith("1 drive, ")
+
+
+def test_nobody_there_is_not_ready() -> None:
+    drive = Drive(5)
+    drive.power_off(0.0)
+    lab = Lab(drive)
+    lab.until(lambda: bool(lab.opened))
+    (error,) = lab.opened
+    assert isinstance(error, NotReady)
+    assert "no node answers on can://pipe/robot: power, wiring, bitrate?" in str(error)
+
+
+def test_options_without_sense_are_bad_config() -> None:
+    with pytest.raises(BadConfig, match="nodes must be a list"):
+        Lab(nodes=5)
+
+
+# ---------------------------------------------------------------- the README
+
+
+class Windows:
+    """Some connections to one lab, and the console of its fake."""
+
+    def __init__(self) -> None:
+        self.lab = Lab.ready()
+        self._lobbies: dict[str, Lobby] = {}
+        end, clock = self.lab.end, self.lab.bus_clock.now
+        cable: Any = SimpleNamespace(device=self.lab.device, clock=clock, unplug=end.unplug, plug=end.replug)
+        self._console = Console(cable, words_of(self.lab.drive))
+
+    def play(self, window: str, text: str) -> bytes:
+        """Type a text into a window and wait until its last statement is over; what the window then shows."""
+        if window not in self._lobbies:
+            self._lobbies[window] = self.lab.kernel.open_lobby()
+        lobby = self._lobbies[window]
+        idle: list[bool] = []
+        self.lab.kernel.feed(lobby, text.encode("latin-1"))
+        lobby.shell.when_idle(lambda: idle.append(True))
+        self.lab.run(0)
+        self.lab.until(lambda: bool(idle), patience=60)
+        return lobby.output.take()
+
+    def happen(self, words: str) -> None:
+        """Do something to the drive."""
+        assert self._console.line(words) == "ok"
+        self.lab.run(2.0)
+
+
+def test_answers_of_the_readme_are_those_given() -> None:
+    assert any(block.world == "cia402" for block in blocks(README))
+    windows = Windows()
+    assert differences(README, "cia402", windows.play, windows.happen, stamps=False) == ""

@@ -1,0 +1,117 @@
+"""The object ``cia402``: the bus, with its drives as they are found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from urbihw.buses import messages as m
+from urbihw.kernel.uobject import BadConfig, event, function
+from urbihw.platforms.base import WiredRobot
+from urbihw.platforms.cia402.servo import ServoDrive
+
+TREE: Final = "cia402.u"
+"""Builds the standard robot API, when the drives are there."""
+
+
+class Cia402(WiredRobot):
+    """Drives on one bus.  Option: "nodes", a list of their numbers; all that answer if missing."""
+
+    classes = (ServoDrive,)
+
+    robot_name = "cia402"
+    family = "urbihw.buses.can.drives:DrivesDriver"
+
+    lost = event()
+    back = event()
+    refused = event()
+
+    def init(self) -> None:
+        """Called by ``new``; nothing happens before ``open``."""
+        super().init()
+        self.members: dict[int, ServoDrive] = {}
+
+    def status(self) -> str:
+        """See ``Robot``."""
+        if not self.link.sensed:
+            return "link down"
+        lost = [str(number) for number, drive in self.members.items() if drive.state.sensed == "lost"]
+        count = f"{len(self.members)} drive{'s' if len(self.members) != 1 else ''}, {self.rate.sensed:.0f} Hz"
+        return count + (f", lost: {' '.join(lost)}" if lost else "")
+
+    @function
+    def drives(self) -> list[ServoDrive]:
+        """All drives, in order of their numbers."""
+        return [self.members[number] for number in sorted(self.members)]
+
+    @function
+    def drive(self, number: int) -> ServoDrive:
+        """The drive with this number."""
+        if number not in self.members:
+            known = ", ".join(map(str, sorted(self.members))) or "none"
+            raise ValueError(f"no drive {number}; there are: {known}")
+        return self.members[number]
+
+    # ---------------------------------------------------------------- the worker
+
+    def on_found(self, message: m.Found) -> None:
+        """See ``WiredRobot``."""
+        for info in message.devices:
+            known = self.members.get(info.id)
+            if known is not None:
+                known.changed_state("ok", "")
+                continue
+            drive = self.host.create(ServoDrive, f"drive{info.id}", self.wire, info, self._refuse)
+            self.members[info.id] = drive
+            if not info.watches:
+                self.log.warning("drive %d cannot watch us: it goes on if this machine dies", info.id)
+        if self.opening:
+            path = Path(__file__).with_name(TREE)
+            self.host.run(path.read_text("latin-1"), str(path), self._has_tree)
+
+    def _has_tree(self, problem: str) -> None:
+        if problem:
+            self.answer(BadConfig(problem))
+        else:
+            self.wait_for_readings()
+
+    def on_samples(self, message: m.Samples) -> None:
+        """See ``WiredRobot``."""
+        for number, values in message.values.items():
+            drive = self.members.get(number)
+            if drive is not None:
+                drive.take(values, message.times[number] + self.offset)
+
+    def whole(self) -> bool:
+        """See ``WiredRobot``."""
+        return bool(self.members) and not any(drive.stale.sensed for drive in self.members.values())
+
+    def on_happened(self, message: m.Happened) -> None:
+        """See ``WiredRobot``."""
+        drive = self.members.get(message.device)
+        if message.what == "emergency" and drive is not None:
+            drive.emergency(message.value[0])
+        elif message.what == "left alone":
+            self.log.warning("%s; it is left alone", message.value)
+
+    def on_device_state(self, message: m.DeviceState) -> None:
+        """See ``WiredRobot``."""
+        drive = self.members.get(message.device)
+        if drive is None:
+            return
+        drive.changed_state(message.new, message.reason)
+        if message.new == "lost":
+            self.log.warning("drive %d is lost: %s", message.device, message.reason)
+            self.lost.emit(drive)
+        elif message.new == "back":
+            self.log.warning("drive %d is back, and off", message.device)
+            self.back.emit(drive)
+
+    def on_link_down(self, reason: str) -> None:
+        """See ``WiredRobot``."""
+        for drive in self.members.values():
+            drive.changed_state("lost", reason)
+
+    def _refuse(self, drive: ServoDrive, slot: str, reason: str) -> None:
+        self.log.warning("drive %d: %s not done: %s", drive.number, slot, reason)
+        self.refused.emit(drive, slot, reason)

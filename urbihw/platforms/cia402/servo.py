@@ -1,0 +1,173 @@
+"""The class ServoDrive: a drive as a motor in radians.
+
+``positionCoeff`` is rad for an increment, taken from the encoder that the drive tells of (0x608F), of the motor's own
+shaft; with a gear, or a drive that counts in other units, set it and ``velocityCoeff`` (rad/s for one of its units).
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Mapping
+
+from urbihw.buses.can import cia402 as c
+from urbihw.buses.can.drive import DriveInfo
+from urbihw.buses.messages import Reply
+from urbihw.kernel.uobject import UObject, UVar, event, function, owned, reading, variable
+from urbihw.platforms.wire import Wire
+
+log = logging.getLogger("urbihw.cia402")
+
+Refused = Callable[["ServoDrive", str, str], None]
+"""Told of what a drive did not do: drive, slot, why."""
+
+
+class ServoDrive(UObject):
+    """A drive.  ``load`` is its power: 0 when off.  It is switched on by hand only, and stands when it is."""
+
+    val = owned(math.nan)
+    speed = owned(math.nan)
+    load = owned(0.0)
+    torque = reading(math.nan)
+    positionCoeff = variable(1.0)  # noqa: N815 - names of slots
+    velocityCoeff = variable(1.0)  # noqa: N815
+
+    node = reading()
+    modelName = reading("")  # noqa: N815
+    increments = reading(math.nan)
+    watched = reading(False)
+    state = reading("ok")
+    driveState = reading("")  # noqa: N815
+    mode = reading("")
+    stale = reading(True)
+    fault = reading("")
+    faulted = event()
+    lost = event()
+    back = event()
+
+    def init(self, wire: Wire, info: DriveInfo, refused: Refused) -> None:
+        """Show the drive that ``info`` tells of."""
+        self.number = info.id
+        self._wire = wire
+        self._info = info
+        self._tell_refused = refused
+        self._raw: Mapping[str, int] = {}
+        self._code = 0
+        for var, value in (
+            (self.node, float(info.id)),
+            (self.modelName, info.name),
+            (self.increments, info.increments),
+            (self.watched, info.watches),
+        ):
+            var.sense(value)
+        if math.isfinite(info.increments) and info.increments > 0:
+            self.positionCoeff.sense(math.tau / info.increments)
+            self.velocityCoeff.sense(math.tau / info.increments)
+        self._set_ranges()
+        self.notify_change(self.val, lambda: self._aim(self.val, "position", self.positionCoeff))
+        self.notify_change(self.speed, lambda: self._aim(self.speed, "velocity", self.velocityCoeff))
+        self.notify_change(self.load, self._switch)
+        for coefficient in (self.positionCoeff, self.velocityCoeff):
+            self.notify_change(coefficient, self._check)
+
+    # ---------------------------------------------------------------- what urbiscript calls
+
+    @function("resetFault")
+    def reset_fault(self) -> None:
+        """Acknowledge a fault; the drive is off afterwards."""
+        self._ask("reset", "resetFault")
+
+    @function("quickStop")
+    def quick_stop(self) -> None:
+        """Brake as hard as the drive can, then off."""
+        self._ask("quick_stop", "quickStop")
+
+    # ---------------------------------------------------------------- written
+
+    def _aim(self, var: UVar, item: str, coefficient: UVar) -> None:
+        value = _number(var)
+        if self.state.sensed == "ok" and self.driveState.sensed != c.ENABLED:
+            raise ValueError(f"drive {self.number} is off ({self.driveState.sensed}): switch it on with load = 1")
+        if not math.isfinite(value):
+            raise ValueError("this slot takes a finite number")
+        most = (1 << 31) - 1
+        self._wire.aim(self.number, item, max(-most, min(most, round(value / coefficient.value))))
+
+    def _switch(self) -> None:
+        self._ask("enable" if _number(self.load) else "disable", "load")
+
+    def _ask(self, verb: str, slot: str) -> None:
+        def done(reply: Reply) -> None:
+            if not reply.ok:
+                self._tell_refused(self, slot, reply.error)
+
+        self._wire.ask(verb, self.number, done)
+
+    def _check(self, coefficient: UVar) -> None:
+        value = _number(coefficient)
+        if value == 0 or not math.isfinite(value):
+            raise ValueError("a coefficient is a number other than 0: SI units per unit of the drive")
+        self._set_ranges()
+        self._show(None)
+
+    def _set_ranges(self) -> None:
+        """Limits as the drive keeps them, in SI; a negative coefficient exchanges them."""
+        ends = sorted((self._info.low * self.positionCoeff.value, self._info.high * self.positionCoeff.value))
+        fastest = self._info.most_speed * abs(self.velocityCoeff.value)
+        for var, (least, most) in ((self.val, ends), (self.speed, (-fastest, fastest))):
+            var.set_property("rangemin", least)
+            var.set_property("rangemax", most)
+
+    # ---------------------------------------------------------------- read
+
+    def take(self, raw: Mapping[str, int], stamp: float) -> None:
+        """Take what was measured, in the drive's units."""
+        self._raw = raw
+        self._show(stamp)
+        self.stale.sense(False)
+
+    def _show(self, stamp: float | None) -> None:
+        raw = self._raw
+        if not raw:
+            return
+        self.val.sense(raw["position"] * self.positionCoeff.value, stamp)
+        self.speed.sense(raw["velocity"] * self.velocityCoeff.value, stamp)
+        state = c.state_of(raw["status"])
+        self.driveState.sense(state)
+        self.load.sense(1.0 if state == c.ENABLED else 0.0)
+        self.mode.sense(c.MODES.get(raw["mode"], ""))
+        self._show_fault(state)
+
+    def _show_fault(self, state: str) -> None:
+        faulty = state in (c.FAULT, c.REACTION)
+        words = "" if not faulty else f"code 0x{self._code:04X}" if self._code else "fault"
+        if words == self.fault.sensed:
+            return
+        fresh = not self.fault.sensed
+        self.fault.sense(words)
+        if words and fresh:
+            log.warning("drive %d: %s", self.number, words)
+            self.faulted.emit(words)
+
+    def emergency(self, code: int) -> None:
+        """The drive reported an error; 0 takes it back (CiA 301, error codes)."""
+        self._code = code
+        self._show(None)
+
+    def changed_state(self, state: str, reason: str) -> None:
+        """The drive is ok, lost or back."""
+        self.state.sense(state)
+        if state == "lost":
+            self.stale.sense(True)
+            self.load.sense(0.0)
+            self.lost.emit(reason)
+        elif state == "back":
+            self.back.emit()
+
+
+def _number(var: UVar) -> float:
+    """What urbiscript wrote, as a float; true and false are 1 and 0.  Raises ValueError for anything else."""
+    value = var.value
+    if not isinstance(value, int | float) or math.isnan(value):
+        raise ValueError("this slot takes a number")
+    return float(value)
