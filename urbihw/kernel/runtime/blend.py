@@ -64,6 +64,7 @@ class Blender:
         self._line = WaitQueue(world.scheduler)
         self._waiting = 0
         self._gathered: list[float] = []
+        self._ended: list[tuple[float, float]] = []
 
     @property
     def mode(self) -> str:
@@ -85,6 +86,8 @@ class Blender:
             pass
         finally:
             self._movements.pop(movement, None)
+            if movement.value is not None:
+                self._ended.append((self._world.scheduler.clock.now(), movement.value))
             self._line.wake_one()
 
     def _admit(self, mode: str) -> bool:
@@ -111,6 +114,10 @@ class Blender:
 
     def _blended(self, more: list[float]) -> float:
         wanted = [movement.value for movement in self._movements if movement.value is not None] + more
+        # What ended in this very step still counts: two movements of the same length end at the blend of their targets.
+        since = self._world.scheduler.clock.now() - self._world.period / 2
+        self._ended = [(time, value) for time, value in self._ended if time > since]
+        wanted += [value for _, value in self._ended]
         return sum(wanted) if self.mode == "add" else sum(wanted) / len(wanted)
 
     def assign(self, value: Any) -> None:

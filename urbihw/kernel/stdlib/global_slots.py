@@ -38,6 +38,7 @@ def isdef(world: World, message: CallMessage) -> bool:
     names.reverse()
     value = message.sender
     for name in names:
+        world.recorder.read(value, name)
         if world.peek_obj(value).find(name) is None:
             return False
         value = world.get_slot(value, name)

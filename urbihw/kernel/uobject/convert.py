@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
 Convert = Callable[[Any, int | None], Any]
-"""Given an urbiscript value and the number of the argument (None inside a container), the Python value."""
+"""Given an urbiscript value and the number of the argument, the Python value."""
 
 
 def hints_of(function: Callable[..., Any]) -> dict[str, Any]:
@@ -37,6 +37,16 @@ def hints_of(function: Callable[..., Any]) -> dict[str, Any]:
         return typing.get_type_hints(plain)
     except Exception:
         return dict(getattr(plain, "__annotations__", {}))
+
+
+def wrong(world: World, index: int | None, value: Any, expected: str) -> errors.UrbiError:
+    """``unexpected VALUE for argument INDEX, expected a TYPE``; of a Binary only the header is shown."""
+    if not isinstance(value, BinaryObject):
+        return world.type_error(index, value, expected)
+    where = "" if index is None else f" for argument {index}"
+    head = f"BIN {len(value.content)} {value.keywords}".rstrip()
+    article = "an" if expected[:1] in "AEIOU" else "a"
+    return errors.Raised("ArgumentType", f"unexpected {head}{where}, expected {article} {expected}")
 
 
 def converter(world: World, wanted: Any) -> Convert:
@@ -79,7 +89,7 @@ def _simple(world: World) -> dict[type, Convert]:
             return float(value)
         if isinstance(value, FloatObject):
             return value.value
-        raise world.type_error(index, value, "Float")
+        raise wrong(world, index, value, "Float")
 
     def to_int(value: Any, index: int | None) -> int:
         number = to_float(value, index)
@@ -89,7 +99,7 @@ def _simple(world: World) -> dict[type, Convert]:
 
     def to_str(value: Any, index: int | None) -> str:
         if not isinstance(value, String):
-            raise world.type_error(index, value, "String")
+            raise wrong(world, index, value, "String")
         return value.s
 
     def to_bytes(value: Any, index: int | None) -> bytes:
@@ -97,7 +107,7 @@ def _simple(world: World) -> dict[type, Convert]:
             return bytes(value.content)
         if isinstance(value, String):
             return value.s.encode("latin-1", "replace")
-        raise world.type_error(index, value, "Binary")
+        raise wrong(world, index, value, "Binary")
 
     return {float: to_float, int: to_int, str: to_str, bytes: to_bytes, bool: lambda value, index: bool(value)}
 
@@ -121,7 +131,7 @@ def _optional(world: World, inner: tuple[Any, ...]) -> Convert:
 def _list(world: World, member: Convert | None) -> Convert:
     def convert(value: Any, index: int | None) -> Any:
         if not isinstance(value, List):
-            raise world.type_error(index, value, "List")
+            raise wrong(world, index, value, "List")
         if member is None:
             return from_urbi(value)
         return [member(one, index) for one in value.l]
@@ -132,7 +142,7 @@ def _list(world: World, member: Convert | None) -> Convert:
 def _dict(world: World, member: Convert | None) -> Convert:
     def convert(value: Any, index: int | None) -> Any:
         if not isinstance(value, Dictionary):
-            raise world.type_error(index, value, "Dictionary")
+            raise wrong(world, index, value, "Dictionary")
         if member is None:
             return from_urbi(value)
         return {key: member(one, index) for key, one in value.d.items()}
@@ -143,7 +153,7 @@ def _dict(world: World, member: Convert | None) -> Convert:
 def _instance(world: World, kind: type, name: str, give: Callable[[Any], Any]) -> Convert:
     def convert(value: Any, index: int | None) -> Any:
         if not isinstance(value, kind):
-            raise world.type_error(index, value, name)
+            raise wrong(world, index, value, name)
         return give(value)
 
     return convert
@@ -155,7 +165,7 @@ def _binary(world: World, wanted: type[UBinary]) -> Convert:
     def convert(value: Any, index: int | None) -> Any:
         made = make_binary(value.content, value.keywords) if isinstance(value, BinaryObject) else None
         if not isinstance(made, wanted):
-            raise world.type_error(index, value, name)
+            raise wrong(world, index, value, name)
         return made
 
     return convert
@@ -165,7 +175,7 @@ def _uvar(world: World) -> Convert:
     def convert(value: Any, index: int | None) -> Any:
         found: Any = world.uobjects.var(value.s) if isinstance(value, String) else value
         if type(found).__name__ != "UVar":
-            raise world.type_error(index, value, "UVar")
+            raise wrong(world, index, value, "UVar")
         return found
 
     return convert
@@ -179,7 +189,7 @@ def _device(world: World, wanted: type) -> Convert:
             return python
         if wanted.__name__ == "UObject" and isinstance(face, Obj) and not isinstance(face, String):
             return face
-        raise world.type_error(index, value, wanted.__name__)
+        raise wrong(world, index, value, wanted.__name__)
 
     return convert
 
@@ -203,6 +213,6 @@ def _by_name(world: World, name: str) -> Convert:
         for one in (python, value):
             if any(kind.__name__ == plain for kind in type(one).__mro__):
                 return one
-        raise world.type_error(index, value, plain.removesuffix("Object"))
+        raise wrong(world, index, value, plain.removesuffix("Object"))
 
     return convert
