@@ -1,0 +1,54 @@
+"""The real daemon with a CiA 402 drive in software, and what becomes of the drive when the daemon's worker dies."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from test_serve import Daemon, until
+
+from fakes.can.device import CanDevice
+from fakes.can.slcan import Slcan
+from fakes.can.slcan_pty import SlcanPty
+from fakes.cia402.node import Drive
+
+pytestmark = pytest.mark.e2e
+
+
+@pytest.fixture
+def drive() -> Drive:
+    return Drive(5)
+
+
+@pytest.fixture
+def daemon(tmp_path: Path, drive: Drive) -> Iterator[Daemon]:
+    with SlcanPty(CanDevice(drive, Slcan())) as end:
+        end.start()
+        made = Daemon(tmp_path, "--platform", "cia402", "--quiet", "--url", end.url)
+        yield made
+        made.close()
+
+
+def worker_of(daemon: Daemon) -> int:
+    """The process that owns the wire."""
+    children = Path(f"/proc/{daemon.process.pid}/task/{daemon.process.pid}/children").read_text("ascii").split()
+    lines = {int(child): Path(f"/proc/{child}/cmdline").read_bytes() for child in children}
+    (found,) = [child for child, line in lines.items() if b"urbihw.buses.child" in line]
+    return found
+
+
+def test_a_drive_turns_and_brakes_by_itself_when_the_worker_is_killed(daemon: Daemon, drive: Drive) -> None:
+    client = daemon.client()
+    assert client.ask("drive5.driveState;") == '"switch on disabled"'
+    client.say("drive5.load = 1|;")
+    until(lambda: drive.machine.state == "operation enabled")
+    until(lambda: client.ask("drive5.load;") == "1")
+    client.say("drive5.speed = 6|;")
+    until(lambda: drive.machine.speed > 3900)
+    os.kill(worker_of(daemon), signal.SIGKILL)
+    until(lambda: drive.machine.speed == 0.0, 3)
+    assert drive.machine.state != "operation enabled"
+    assert client.ask("cia402.link;") == "false"
