@@ -16,7 +16,7 @@ META = sorted((HERE / "meta").glob("*.chk"))
 
 @pytest.mark.parametrize("path", META, ids=lambda path: path.stem)
 def test_meta_transcripts_fail_for_the_reason_they_name(path: Path) -> None:
-    outcomes = Player(effort=0.2).play(read(path))
+    outcomes = Player(effort=1.0).play(read(path))
     wanted = [re.findall(r"^//#because (.*)$", outcome.unit.text, re.MULTILINE) for outcome in outcomes]
     named = [(outcome, *reasons) for outcome, reasons in zip(outcomes, wanted, strict=True) if reasons]
     assert named
