@@ -36,8 +36,8 @@ class AtExpression(Handlers):
         self._duration = duration
         self._timer: Timer | None = None
         self._on = False
-        self._watch = Watch(world.recorder, condition, self._edge)
-        self._watch.touched()
+        self._watch = Watch(world.recorder, condition, self._edge, self.fail)
+        self._watch.begin()
 
     def _edge(self, value: bool) -> None:
         if self.frozen():
@@ -88,8 +88,8 @@ class Edge:
         self._timer: Timer | None = None
         self._waiting = False
         self.value = False
-        self._watch = Watch(world.recorder, condition, self._edge)
-        self._watch.touched()
+        self._watch = Watch(world.recorder, condition, self._edge, self._fail)
+        self._watch.begin()
 
     def _edge(self, value: bool) -> None:
         if self._timer is not None:
@@ -100,6 +100,10 @@ class Edge:
             self._timer = scheduler.call_at(scheduler.clock.now() + self._duration, lambda: self._set(True))
         else:
             self._set(value)
+
+    def _fail(self, error: Exception) -> None:
+        """The condition failed: so does the job that waits for it."""
+        self._world.scheduler.throw(self._job, error)
 
     def _set(self, value: bool) -> None:
         self.value = value

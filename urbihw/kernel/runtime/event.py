@@ -182,6 +182,17 @@ class Handlers:
         """A job under the tags of the maker."""
         return self.world.scheduler.spawn(body, self.name, context=self._context, entries=self._entries)
 
+    def fail(self, error: Exception) -> None:
+        """A condition or a guard failed: tell the maker; the job that happened to evaluate it goes on."""
+        if self._context is not None:
+            self._context.report(error)
+            return
+
+        def tell() -> None:
+            raise error
+
+        self.spawn(tell)
+
     def stopped(self) -> None:
         """A tag of the maker was stopped."""
         if self.live:
@@ -229,7 +240,11 @@ class Subscription(Handlers):
         scheduler = self.world.scheduler
         if scheduler.frozen_tags and self.frozen():
             return
-        match = self._accept(emission.payload)
+        try:
+            match = self._accept(emission.payload)
+        except Exception as error:
+            self.fail(error)
+            return
         if match is None:
             return
         if self._simple:
@@ -289,9 +304,13 @@ class Waiter:
     def offer(self, emission: Emission) -> None:
         """An emission begins; one that comes while the waiting job is frozen is lost."""
         if self.match is None and not self._job.frozen:
-            self.match = self._accept(emission.payload)
-            if self.match is not None:
-                self.world.scheduler.wake(self._job)
+            try:
+                self.match = self._accept(emission.payload)
+            except Exception as error:
+                self.world.scheduler.throw(self._job, error)
+            else:
+                if self.match is not None:
+                    self.world.scheduler.wake(self._job)
 
     def ended(self, emission: Emission, match: Any) -> None:
         """Ends do not matter to one who waits for a beginning."""

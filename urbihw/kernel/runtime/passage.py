@@ -185,8 +185,13 @@ class ConditionPassage(_Guard):
     def enter(self) -> None:
         """Begin to watch and go in."""
         self._entry = self._tag.enter()
-        self._watch = Watch(self._world.recorder, self._condition, self._changed)
-        self._watch.touched()
+        self._watch = Watch(self._world.recorder, self._condition, self._changed, self._fail)
+        self._watch.begin()
+
+    def _fail(self, error: Exception) -> None:
+        """The condition failed: so does the code under it."""
+        if self._entry is not None:
+            self._world.scheduler.throw(self._entry.owner, error)
 
     def _changed(self, value: bool) -> None:
         if not self._freezes:

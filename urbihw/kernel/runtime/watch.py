@@ -51,14 +51,25 @@ def _filled(cell: Any) -> bool:
 
 
 class Watch:
-    """One watched condition: evaluates ``condition`` and calls ``changed(value)`` when its truth changes."""
+    """One watched condition: evaluates ``condition`` and calls ``changed(value)`` when its truth changes.
 
-    __slots__ = ("_busy", "_changed", "_condition", "_again", "_places", "_recorder", "live", "value")
+    It is evaluated by whoever writes what it has read, who must not suffer when it fails: ``failed(error)`` is told
+    then, and the condition counts as it did before.
+    """
 
-    def __init__(self, recorder: Recorder, condition: Callable[[], Any], changed: Callable[[bool], None]) -> None:
+    __slots__ = ("_again", "_busy", "_changed", "_condition", "_failed", "_places", "_recorder", "live", "value")
+
+    def __init__(
+        self,
+        recorder: Recorder,
+        condition: Callable[[], Any],
+        changed: Callable[[bool], None],
+        failed: Callable[[Exception], None],
+    ) -> None:
         self._recorder = recorder
         self._condition = condition
         self._changed = changed
+        self._failed = failed
         self._places: list[dict[Watch, None]] = []
         self._busy = False
         self._again = False
@@ -77,13 +88,25 @@ class Watch:
             watchers[self] = None
             self._places.append(watchers)
 
+    def begin(self) -> None:
+        """Evaluate the condition for the first time; if it fails, it is not watched, and the error is raised."""
+        try:
+            self._look()
+        except BaseException:
+            self.stop()
+            raise
+
     def touched(self) -> None:
         """Something the condition read was written: evaluate it again."""
-        if not self.live:
-            return
         if self._busy:
             self._again = True
-            return
+        elif self.live:
+            try:
+                self._look()
+            except Exception as error:
+                self._failed(error)
+
+    def _look(self) -> None:
         self._busy = True
         try:
             self._again = True
