@@ -69,7 +69,8 @@ def test_at_sonar_stops_the_robot_that_drives_to_the_wall(serve: Callable[..., D
     until(lambda: powers(end) == [0, 0, 0])
     assert client.ask("sonar.val < 50;") == "true"
     end.call(lambda: end.device.tick(end.clock()))
-    assert 0.4 < robot_of(end).distance() < 0.5
+    # 22 cm/s, on a machine that may have other things to do.
+    assert 0.1 < robot_of(end).distance() < 0.5
 
 
 def test_it_comes_with_a_robot_in_software(serve: Callable[..., Daemon]) -> None:
