@@ -27,6 +27,7 @@ class RigPort(CanPort):
         dead: everything raises LinkGone.
         full: nobody acknowledges.
         deaf: what the base says is lost.
+        others: frames that others put on the bus, to be read next.
     """
 
     def __init__(self, base: SegwayRmp, clock: SimClock) -> None:
@@ -34,6 +35,7 @@ class RigPort(CanPort):
         self.base = base
         self.sent: list[tuple[float, Frame]] = []
         self.dead = self.full = self.deaf = False
+        self.others: list[Frame] = []
 
     def _open(self) -> None:
         pass
@@ -52,8 +54,9 @@ class RigPort(CanPort):
     def receive(self, limit: int, deadline: float) -> list[Frame]:
         if self.dead:
             raise LinkGone("unplugged")
-        said = self.base.tick(self.clock.now())
-        return [] if self.deaf else [Frame(*frame) for _, frame in said][:limit]
+        said = [Frame(*frame) for _, frame in self.base.tick(self.clock.now())]
+        others, self.others = self.others, []
+        return [] if self.deaf else [*others, *said][:limit]
 
 
 class Rig:

@@ -194,6 +194,32 @@ def test_a_cycle_with_a_lost_frame_does_not_count() -> None:
         assert monitor.heard_at == (0.0, 0.0, 2.0)[step]
 
 
+def test_commands_of_somebody_else_are_noticed_and_our_own_echo_is_not() -> None:
+    rig = Rig()
+    rig.run(0.1)
+    rig.aim(velocity=100)
+    rig.run(0.1)
+    rig.port.others = [frame for _, frame in rig.port.sent]
+    rig.run(0.1)
+    assert rig.take(m.Happened) == []
+    for _ in range(100):
+        rig.port.others = [Frame(0x413, p.command(700, 0))]
+        rig.run(TICK)
+    assert rig.take(m.Happened) == [m.Happened(BASE, "commanded by another")]
+
+
+@pytest.mark.parametrize("data", [b"", b"\xff", b"\xff" * 8])
+def test_frames_without_sense_do_no_harm(data: bytes) -> None:
+    rig = Rig()
+    rig.run(0.1)
+    rig.aim(velocity=100)
+    for identifier in range(0x800):
+        if not 0x400 <= identifier <= 0x407 and identifier not in (0x412, 0x680):
+            rig.port.others.append(Frame(identifier, data))
+    rig.run(1.0)
+    assert rig.base.body.speed == pytest.approx(100 / 1176 * 3.576, abs=0.01)
+
+
 # ---------------------------------------------------------------- reporting
 
 

@@ -12,6 +12,7 @@ from segway_lab import Lab
 from fakes.segway import frames as f
 from fakes.segway.rmp import SegwayRmp
 from urbihw.kernel.uobject import BadConfig, NotReady
+from urbihw.platforms import find
 
 READINGS = ("leftSpeed", "rightSpeed", "forward", "yaw", "left", "right")
 COEFFICIENTS = tuple(f"{name}Coeff" for name in ("forwardSpeed", "yawSpeed", *READINGS))
@@ -110,6 +111,16 @@ def test_odometry_follows_a_curve_and_is_not_lost_by_a_reset() -> None:
     assert heading == pytest.approx(body.yaw, abs=0.2)
     assert (x, y) == pytest.approx((math.sin(heading), 1 - math.cos(heading)), abs=0.15)
     assert lab.number("rmp.forward") < body.forward - 0.3
+
+
+@pytest.mark.parametrize("name", ["usegway.u", "rmp.u"])
+def test_the_files_of_the_manual_can_be_loaded_again(name: str) -> None:
+    lab = Lab.ready()
+    path = find("segway").folder / name
+    assert lab.say(f'load("{path}");') == ""
+    lab.say("var Global.mine = RMP.new(50ms);")
+    lab.say("robot.body.x.speed = 0.3;", 2.0)
+    assert lab.number("mine.forwardSpeed") == lab.number("rmp.forwardSpeed") == pytest.approx(0.3, abs=0.005)
 
 
 # ---------------------------------------------------------------- what else there is

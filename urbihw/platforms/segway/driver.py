@@ -14,6 +14,7 @@ of a value of the last cycle, "shutdown" (switches the base off: a balancing one
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -50,6 +51,9 @@ SILENCE: Final = 0.25
 """Seconds without a cycle after which the base is lost."""
 _FIRST_WORD: Final = 1.0
 """Seconds for it to be heard after the link has opened."""
+_REMEMBERED: Final = 50
+_FOREIGN_PAUSE: Final = 10.0
+"""Seconds between two complaints about somebody else's commands."""
 _LIMITS: Final = {"velocity": p.MOST_VELOCITY, "turn": p.MOST_TURN}
 
 
@@ -82,6 +86,9 @@ class RmpDriver:
         self._next_sample = 0.0
         self._told_at: float | None = None
         self._owed: list[FromWorker] = []
+        # Multicast brings our own commands back; whatever else commands the base is somebody else.
+        self._own: deque[bytes] = deque(maxlen=_REMEMBERED)
+        self._foreign_at = -math.inf
 
     # ---------------------------------------------------------------- the engine's calls
 
@@ -128,6 +135,8 @@ class RmpDriver:
         frames = line.receive()
         now = self._clock.now()
         for frame in frames:
+            if frame.id == p.COMMAND:
+                news += self._overheard(frame, now)
             self._monitor.take(frame, now)
         return news + self._look(now)
 
@@ -209,13 +218,21 @@ class RmpDriver:
 
     def _send(self, frame: Frame) -> None:
         assert self._line is not None
+        self._own.append(frame.data)
         try:
             self._line.send(frame)
         except BusTimeout:
             # Nobody acknowledges; that the base is silent will be said.
             self._unsent += 1
 
-    # ---------------------------------------------------------------- what the base says
+    # ---------------------------------------------------------------- what is on the bus
+
+    def _overheard(self, frame: Frame, now: float) -> list[FromWorker]:
+        """A command on the bus: is it one of ours?"""
+        if frame.data in self._own or now - self._foreign_at < _FOREIGN_PAUSE:
+            return []
+        self._foreign_at = now
+        return [Happened(BASE, "commanded by another")]
 
     def _look(self, now: float) -> list[FromWorker]:
         news: list[FromWorker] = []

@@ -171,7 +171,10 @@ class Segway(WiredRobot):
         return False
 
     def on_happened(self, message: m.Happened) -> None:
-        """See ``WiredRobot``: the base was off in between and has forgotten its settings, which it gets again."""
+        """See ``WiredRobot``; a base that was off in between has forgotten its settings, which it gets again."""
+        if message.what != "restarted":
+            self.log.warning("another program on the bus commands this base too; end it, or the base jerks")
+            return
         self.log.warning("the base was switched off and on; it gets its settings again")
         for name, parameter in self.settings.items():
             self.order(name, name, parameter)
