@@ -309,3 +309,21 @@ def test_real_clock_does_not_sleep_into_the_past() -> None:
     clock.sleep_until(start - 1.0)
     clock.sleep_until(start + 0.002)
     assert 0.0018 < clock.now() - start < 1.0
+
+
+class Babbler(Link):
+    """Sends without end."""
+
+    def _open(self) -> None: ...
+
+    def _close(self) -> None: ...
+
+    def _read(self, size: int, deadline: float) -> bytes:
+        return bytes(size)
+
+    def _write(self, data: bytes) -> None: ...
+
+
+def test_what_babbles_without_end_is_discarded_in_part() -> None:
+    with Babbler(Url.parse("pipe://babbler"), Context(SimClock())) as link:
+        assert link.discard() == 65536

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 DEFAULT_BAUD = 1_000_000  # factory speed of the AX series, the commonest bus here
 _BITS_PER_BYTE = 10  # start, 8 data, stop
+_MOST_DISCARDED = 1 << 16  # far more than any system holds for a reader that sleeps
 
 
 @dataclass(frozen=True)
@@ -168,9 +169,12 @@ class Link(Port):
         self.bytes_written += len(data)
 
     def discard(self) -> int:
-        """Throw away all input that has arrived; return how many bytes that were. Raises LinkGone."""
+        """Throw away all input that has arrived, but no more than comes from something that babbles without end.
+
+        Returns how many bytes that were. Raises LinkGone.
+        """
         count = 0
-        while data := self.read(4096, self.clock.now()):
+        while count < _MOST_DISCARDED and (data := self.read(4096, self.clock.now())):
             count += len(data)
         return count
 
