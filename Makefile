@@ -35,6 +35,7 @@ bench: .venv/installed-dev
 	$(BIN)/python -m bench.kernel_bench
 	$(BIN)/python -m bench.dynamixel_cycle
 	$(BIN)/python -m bench.segway
+	$(BIN)/python -m bench.p3dx
 	$(BIN)/python -m bench.nxt
 
 clean:

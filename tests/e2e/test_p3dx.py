@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from e2e.test_serve import PATIENCE, Client, Daemon, until
+from test_serve import PATIENCE, Client, Daemon, until
 
 from fakes.p3dx.kit import P3dx as Kit
 from fakes.p3dx.start import TwoPorts, TwoPtys
@@ -56,8 +56,8 @@ def test_a_robot_that_drives_to_a_wall_stops_by_at_sonar(serve: Callable[..., Da
         end.start()
         client = serve("--url", end.url).client()
         motors_on(client)
-        client.say("at (P3dx.body.sonar[front][front][left].val < 0.6) { P3dx.stop; echo(\"wall\") };")
-        client.say("P3dx.body.x.speed = 0.5;")
+        client.say('at (P3dx.body.sonar[front][front][left].val < 0.6) { P3dx.stop; echo("wall") };')
+        client.say("P3dx.body.x.speed = 0.3;")
         client.wait("wall")
         until(lambda: not kit.body.moving, 5)
         assert 2.1 < kit.body.pose[0] < 2.7
@@ -101,3 +101,21 @@ def test_a_killed_daemon_leaves_a_standing_robot(serve: Callable[..., Daemon], t
         again = serve("--url", end.url)
         assert again.client().ask("P3dx.link;") == "true"
         assert not kit.body.moving
+
+
+def test_the_line_is_made_faster_if_that_is_wanted(serve: Callable[..., Daemon], tmp_path: Path) -> None:
+    config = tmp_path / "urbihw.toml"
+    config.write_text("[options]\nhost_baud = 38400\n")
+    kit = Kit()
+    with TwoPtys(kit.robot, kit.laser) as end:
+        end.start()
+        client = serve("--config", str(config), "--url", end.url).client()
+        assert kit.robot.host_baud == 38400
+        assert client.ask("P3dx.link;") == "true"
+        # Pulled, it is found again at its new speed.
+        client.say('at (P3dx.linkBack?) echo("back");')
+        client.listen(0.3)
+        end.unplug()
+        client.listen(0.5)
+        end.plug()
+        client.wait("back")

@@ -14,9 +14,8 @@ from urbihw.buses import messages as m
 from urbihw.buses.errors import BadUrl, BadValue
 from urbihw.buses.link import Url
 from urbihw.kernel.uobject import BadConfig, NotReady, Opened, RobotSettings, function, reading
-from urbihw.platforms.base import WiredRobot
 from urbihw.platforms.p3dx import sip
-from urbihw.platforms.p3dx.commands import DRIVING, encode
+from urbihw.platforms.p3dx.arcos import ArcosRobot
 from urbihw.platforms.p3dx.devices import Battery, Body, Camera, Odometry, Sonar, Sonars, Wheel, XSpeed, YawSpeed
 from urbihw.platforms.p3dx.drive import Drive, Motion, State
 from urbihw.platforms.p3dx.factors import ANGLE, FACTORS, NO_ECHO, SONARS, Factors, factors_of
@@ -24,7 +23,6 @@ from urbihw.platforms.p3dx.handshake import RobotInfo
 from urbihw.platforms.p3dx.laserdevice import Laser, laser_url
 from urbihw.platforms.p3dx.navigator import Navigator
 from urbihw.platforms.p3dx.options import Options
-from urbihw.platforms.p3dx.packets import REQUESTS
 from urbihw.platforms.p3dx.values import checked
 
 ROBOT, SONAR = "robot", "sonar"
@@ -33,12 +31,10 @@ DEFAULT_BUMPERS = 5
 _SIMULATORS = ("SIM", "MobileSim")
 
 
-class P3dx(WiredRobot):
+class P3dx(ArcosRobot):
     """A Pioneer 3-DX, or another robot that speaks ARCOS."""
 
     uname = "P3dxRobot"
-    family = "urbihw.platforms.p3dx.driver:ArcosDriver"
-    robot_name = "p3dx"
     classes = (Body, Wheel, Odometry, Sonar, Sonars, Laser, Camera, XSpeed, YawSpeed, Battery, Navigator)
 
     robotType = reading("")  # noqa: N815 - names of slots
@@ -54,7 +50,6 @@ class P3dx(WiredRobot):
         self.options = Options()
         self.factors: Factors = FACTORS["p3dx-sh"]
         self.state = State(0.0, 0.0, 0.0)
-        self.extras: dict[str, Mapping[str, Any]] = {}
         self._parts = False
         self._last: tuple[float, float, float] | None = None
         self._motors = self._motors_wanted = False
@@ -196,7 +191,7 @@ class P3dx(WiredRobot):
             elif device == "laser":
                 self.laser.take_simulated(values["ranges"], stamp)
             else:
-                self.extras[device] = values
+                self.take_extra(device, values)
         if ROBOT in message.values:
             self._order()
             self.planner.moved()
@@ -283,15 +278,11 @@ class P3dx(WiredRobot):
 
     def switch_motors(self, on: bool) -> None:
         """See ``devices.Commands``."""
-        self._check_link()
+        self.check_link()
         self._motors_wanted = on
         if not on:
             self.halt("the motors were switched off")
         self.wire.write(ROBOT, "enable", int(on), self._motors_answered)
-
-    def _check_link(self) -> None:
-        if not self.link.sensed:
-            raise ValueError("the link to the robot is down")
 
     def _motors_answered(self, reply: m.Reply) -> None:
         if not reply.ok:
@@ -302,11 +293,8 @@ class P3dx(WiredRobot):
 
     def switch_sonars(self, on: bool) -> None:
         """See ``devices.Commands``."""
-        self._check_link()
-        self.wire.write(ROBOT, "sonar", int(on), self._warn("sonars"))
-
-    def _warn(self, what: str) -> Any:
-        return lambda reply: None if reply.ok else self.log.warning("%s: %s", what, reply.error)
+        self.check_link()
+        self.wire.write(ROBOT, "sonar", int(on), self.warn("sonars"))
 
     def set_speed(self, v: float | None = None, w: float | None = None) -> None:
         """See ``devices.Commands``."""
@@ -382,48 +370,5 @@ class P3dx(WiredRobot):
         """Go to [x, y, heading] of the map, along a planned path; see the planner's events."""
         self.planner.move_to(goal)
 
-    @function("command")
-    def command_(self, name: str, value: Any) -> None:
-        """Send a command of ARCOS by name: with nil, a number, or a list of bytes; none that drives."""
-        if isinstance(value, list):
-            try:
-                value = bytes(int(byte) for byte in value)
-            except ValueError:
-                raise ValueError("the bytes of a command are numbers from 0 to 255") from None
-        self.command(name, int(value) if isinstance(value, float) else value)
-
-    def command(self, name: str, value: int | bytes | None) -> None:
-        """See ``devices.Commands``."""
-        try:
-            encode(name, value)
-        except BadValue as error:
-            raise ValueError(str(error)) from error
-        if name in DRIVING:
-            raise ValueError(f"{name} cannot be sent like this; use the slots that drive the robot")
-        self._check_link()
-        self.wire.write("command", name, value, self._warn(name))
-
-    @function
-    def watch(self, device: str) -> None:
-        """Let the robot send the packets of a device from now on: encoder, io, gyro, joystick, gripper, battery."""
-        self._watch(device, 0.0)
-
-    @function
-    def unwatch(self, device: str) -> None:
-        """No more packets of a device."""
-        self._watch(device, None)
-        self.extras.pop(device, None)
-
-    def _watch(self, device: str, period: float | None) -> None:
-        if device not in REQUESTS:
-            raise ValueError(f"there is no {device!r} to watch; there are: {', '.join(sorted(REQUESTS))}")
-        self.tell(m.Watch(device, (), period))
-
     def _watch_laser(self, wanted: bool) -> None:
         self.tell(m.Watch("laser", ("ranges",), 0.0 if wanted else None))
-
-    @function
-    def values(self, device: str) -> dict[str, Any]:
-        """What the last packet of a watched device said, by name; nothing if none came yet."""
-        return {name: list(value) if isinstance(value, bytes) else value
-                for name, value in self.extras.get(device, {}).items()}  # fmt: skip

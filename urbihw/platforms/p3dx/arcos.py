@@ -1,0 +1,81 @@
+"""What every robot that speaks ARCOS can do: any command by name, and packets on request, as urbiscript sees them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from urbihw.buses import messages as m
+from urbihw.buses.errors import BadValue
+from urbihw.kernel.uobject import function
+from urbihw.platforms.base import WiredRobot
+from urbihw.platforms.p3dx.commands import DRIVING, encode
+from urbihw.platforms.p3dx.packets import REQUESTS
+
+
+class ArcosRobot(WiredRobot):
+    """A robot on a wire that ``driver`` drives."""
+
+    family = "urbihw.platforms.p3dx.driver:ArcosDriver"
+    robot_name = "p3dx"
+
+    def init(self) -> None:
+        """Called by ``new``; nothing happens before ``open``."""
+        super().init()
+        self._extras: dict[str, Mapping[str, Any]] = {}
+
+    def check_link(self) -> None:
+        """Raises ValueError while the link is down."""
+        if not self.link.sensed:
+            raise ValueError("the link to the robot is down")
+
+    def warn(self, what: str) -> Callable[[m.Reply], None]:
+        """Takes the answer to a request, and logs what went wrong."""
+        return lambda reply: None if reply.ok else self.log.warning("%s: %s", what, reply.error)
+
+    def take_extra(self, device: str, values: Mapping[str, Any]) -> None:
+        """A packet that was asked for came."""
+        self._extras[device] = values
+
+    @function("command")
+    def command_(self, name: str, value: Any) -> None:
+        """Send a command of ARCOS by name: with nil, a number, or a list of bytes; none that drives."""
+        if isinstance(value, list):
+            try:
+                value = bytes(int(byte) for byte in value)
+            except ValueError:
+                raise ValueError("the bytes of a command are numbers from 0 to 255") from None
+        self.command(name, int(value) if isinstance(value, float) else value)
+
+    def command(self, name: str, value: int | bytes | None) -> None:
+        """See ``devices.Commands``."""
+        try:
+            encode(name, value)
+        except BadValue as error:
+            raise ValueError(str(error)) from error
+        if name in DRIVING:
+            raise ValueError(f"{name} cannot be sent like this; use the slots that drive the robot")
+        self.check_link()
+        self.wire.write("command", name, value, self.warn(name))
+
+    @function
+    def watch(self, device: str) -> None:
+        """Let the robot send the packets of a device from now on: encoder, io, gyro, joystick, gripper, battery."""
+        self._watch(device, 0.0)
+
+    @function
+    def unwatch(self, device: str) -> None:
+        """No more packets of a device."""
+        self._watch(device, None)
+        self._extras.pop(device, None)
+
+    def _watch(self, device: str, period: float | None) -> None:
+        if device not in REQUESTS:
+            raise ValueError(f"there is no {device!r} to watch; there are: {', '.join(sorted(REQUESTS))}")
+        self.tell(m.Watch(device, (), period))
+
+    @function
+    def values(self, device: str) -> dict[str, Any]:
+        """What the last packet of a watched device said, by name; nothing if none came yet."""
+        return {name: list(value) if isinstance(value, bytes) else value
+                for name, value in self._extras.get(device, {}).items()}  # fmt: skip
