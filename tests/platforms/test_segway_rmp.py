@@ -45,22 +45,22 @@ def test_all_raw_sensors_of_the_manual_measure() -> None:
     assert lab.number("rmp.yaw") == pytest.approx(0.59, abs=0.05)
 
 
-@pytest.mark.parametrize("name", READINGS)
-def test_raw_sensors_cannot_be_written(name: str) -> None:
+def test_raw_sensors_cannot_be_written() -> None:
     lab = Lab.ready()
-    assert "this slot can only be read" in lab.say(f"rmp.{name} = 1;")
+    answers = [lab.say(f"rmp.{name} = 1;") for name in READINGS]
+    assert ["this slot can only be read" in answer for answer in answers] == [True] * 6
 
 
-@pytest.mark.parametrize("name", COEFFICIENTS)
-def test_every_coefficient_scales_what_it_is_of(name: str) -> None:
+def test_every_coefficient_scales_what_it_is_of() -> None:
     lab = Lab.ready()
     lab.base.preset(left=1000, right=1000, forward=1000, yaw=1000)
     lab.say("rmp.forwardSpeed = 0.5 | rmp.yawSpeed = 0.5;", 3.0)
-    slot = name.removesuffix("Coeff")
-    before, coefficient = lab.number(f"rmp.{slot}"), lab.number(f"rmp.{name}")
-    assert before != 0
-    lab.say(f"rmp.{name} = {coefficient * 10};")
-    assert lab.number(f"rmp.{slot}") == pytest.approx(before * 10, rel=0.1)
+    for name in COEFFICIENTS:
+        slot = name.removesuffix("Coeff")
+        before, coefficient = lab.number(f"rmp.{slot}"), lab.number(f"rmp.{name}")
+        assert before != 0
+        lab.say(f"rmp.{name} = {coefficient * 10};")
+        assert lab.number(f"rmp.{slot}") == pytest.approx(before * 10, rel=0.1)
 
 
 @pytest.mark.parametrize(("model", "speed", "metre", "turn"), [("50", 401, 40181, 117031), ("200", 332, 33215, 112644)])
@@ -139,10 +139,10 @@ def test_speeds_are_clamped_and_the_limit_is_seen() -> None:
     assert lab.base.reading().velocity == -1176
 
 
-@pytest.mark.parametrize("value", ["0", "nan", "inf", '"x"'])
-def test_coefficients_without_sense_are_refused(value: str) -> None:
+def test_coefficients_without_sense_are_refused() -> None:
     lab = Lab.ready()
-    assert "!!!" in lab.say(f"rmp.velocityCoeff = {value};")
+    for value in ("0", "nan", "inf", '"x"'):
+        assert "!!!" in lab.say(f"rmp.velocityCoeff = {value};")
     lab.say("rmp.forwardSpeed = 1;", 2.0)
     assert lab.base.body.speed == pytest.approx(1.0, abs=0.01)
 
@@ -246,9 +246,10 @@ def test_the_period_is_kept_within_what_the_base_needs(period: str, rate: float,
     assert lab.number("n") == pytest.approx(2.5 * readings, abs=0.25 * 2.5 * readings)
 
 
-@pytest.mark.parametrize("period", ["0", "-1", "nan", "61", '"fast"'])
-def test_periods_without_sense(period: str) -> None:
-    assert "!!!" in Lab.ready().say(f"RMP.new({period});")
+def test_periods_without_sense() -> None:
+    lab = Lab.ready()
+    for period in ("0", "-1", "nan", "61", '"fast"'):
+        assert "!!!" in lab.say(f"RMP.new({period});")
 
 
 # ---------------------------------------------------------------- stopping
