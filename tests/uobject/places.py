@@ -66,6 +66,7 @@ class Remote(Plugged):
 
     def __init__(self, binary: bool = True, old: bool = False) -> None:
         super().__init__()
+        self.old = old
         self.devices = Kernel(self.clock)
         slots = self.server.world.uobject_proto.slots
         if not binary:

@@ -87,7 +87,7 @@ class Blender:
         finally:
             self._movements.pop(movement, None)
             if movement.value is not None:
-                self._ended.append((self._world.scheduler.clock.now(), movement.value))
+                self._ended = [*self._just_ended(), (self._world.scheduler.clock.now(), movement.value)]
             self._line.wake_one()
 
     def _admit(self, mode: str) -> bool:
@@ -114,11 +114,13 @@ class Blender:
 
     def _blended(self, more: list[float]) -> float:
         wanted = [movement.value for movement in self._movements if movement.value is not None] + more
-        # What ended in this very step still counts: two movements of the same length end at the blend of their targets.
-        since = self._world.scheduler.clock.now() - self._world.period / 2
-        self._ended = [(time, value) for time, value in self._ended if time > since]
-        wanted += [value for _, value in self._ended]
+        wanted += [value for _, value in self._just_ended()]
         return sum(wanted) if self.mode == "add" else sum(wanted) / len(wanted)
+
+    def _just_ended(self) -> list[tuple[float, float]]:
+        """What ended in this very step still counts: movements of the same length end at the blend of their targets."""
+        since = self._world.scheduler.clock.now() - self._world.period / 2
+        return [(time, value) for time, value in self._ended if time > since]
 
     def assign(self, value: Any) -> None:
         """An assignment of the place."""

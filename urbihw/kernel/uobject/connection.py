@@ -54,7 +54,8 @@ class Connection:
         """One message."""
         if self.open:
             now, members = self.world.scheduler.now, [float(code), *values]
-            for part in message(self.world, now, CHANNEL, self.exact, members, direct=code == Code.CALL):
+            direct = code == Code.CALL and not self.exact
+            for part in message(self.world, now, CHANNEL, self.exact, members, direct):
                 self.lobby.output.write(part)
 
     def say(self, channel: str, value: Any) -> None:

@@ -21,7 +21,7 @@ def message(
     """The line ``[stamp:channel] value``.
 
     A Python list is a list of its members; of those, if ``direct``, devices and variables are sent as strings with
-    their names, as functions of remotes want them.
+    their names, as functions of remotes want them.  ``exact`` is for remotes of ours: all digits, and bare names.
     """
     parts: list[bytes] = [f"[{int(now * 1000 + 1e-6):08d}:{channel}] ".encode("latin-1")]
     if isinstance(value, list):
@@ -76,5 +76,7 @@ def _put(world: World, parts: list[bytes], value: Any, exact: bool) -> None:
             parts.append(quoted(key).encode("latin-1") + b" => ")
             _put(world, parts, member, exact)
         parts.append(b"]" if value.d else b" => ]")
+    elif exact and (name := _name(world, value)) is not None:
+        parts.append(name.encode("latin-1"))
     else:
         parts.append(latin(world.text(world.send(value, "asToplevelPrintable")) if value is not world.nil else "nil"))
