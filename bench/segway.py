@@ -5,6 +5,9 @@ are stamped when they are read. The deadlines are a grid with the worker's perio
 punctual command, so what is printed is how much later than the best the others came, reading included. Where it is
 allowed to (as root), the reading thread goes before all others, so that it adds little.
 
+On a busy machine the kernel's own thread behind a pseudo terminal comes late, too, and brings commands closer together
+than they were sent.
+
 The goal: on an idle machine 99 % within 5 ms, and no two closer than 10 ms. The last run has a process beside it on
 each core that never rests.
 """

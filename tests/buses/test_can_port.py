@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import socket
+import struct
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
@@ -16,8 +17,10 @@ from urbihw import buses
 from urbihw.buses.can.frame import Frame
 from urbihw.buses.can.port import CanPort, can_port
 from urbihw.buses.can.slcan import SlcanText
+from urbihw.buses.clock import SimClock
 from urbihw.buses.errors import BadUrl, BusTimeout, LinkGone, Unavailable
 from urbihw.buses.link import Context, Url
+from urbihw.buses.pipe import PipeEnd
 
 HELLO = Frame(0x413, bytes.fromhex("014C004E00000000"))
 GROUP, PORT = "239.74.163.2", 43197
@@ -157,6 +160,29 @@ def test_closing_twice_is_fine_and_use_after_it_is_an_error(
         port.receive(1, 0.0)
     port.open()
     port.close()
+
+
+def test_a_bus_in_memory_takes_simulated_time_only() -> None:
+    clock = SimClock(5.0)
+    heard: list[bytes] = []
+    end = PipeEnd(lambda data, at: heard.append(data))
+    record = struct.pack("=IB3x8s", 0x401, 2, b"\x01\x02")
+    with can_port(buses.open("can://pipe/x", Context(clock, {"x": end}))) as port:
+        end.send(record * 2 + record[:7], 5.5)
+        assert port.receive(10, 5.4) == []
+        assert port.receive(10, 6.0) == [Frame(0x401, b"\x01\x02")] * 2
+        assert clock.now() == 5.5
+        end.send(record[7:], 5.6)
+        assert port.receive(10, 6.0) == [Frame(0x401, b"\x01\x02")]
+        port.send(HELLO)
+        assert heard == [struct.pack("=IB3x8s", 0x413, 8, HELLO.data)]
+        end.unplug()
+        with pytest.raises(LinkGone, match="unplugged"):
+            port.send(HELLO)
+        with pytest.raises(LinkGone, match="unplugged"):
+            port.receive(1, 7.0)
+    with pytest.raises(Unavailable, match="unplugged"):
+        buses.open("can://pipe/x", Context(clock, {"x": end}))
 
 
 # ---------------------------------------------------------------- nothing that comes is trusted

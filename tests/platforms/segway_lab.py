@@ -1,4 +1,4 @@
-"""A Segway RMP in simulated time: see ``lab``.  The base is on its USB link, which a pipe can carry."""
+"""A Segway RMP in simulated time: see ``lab``.  The base is on its USB link, or, in ``CanLab``, on a CAN bus."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from typing import Any
 
 from lab import RobotLab
 
-from fakes.can.device import CanDevice
+from fakes.can.device import CanDevice, Codec
+from fakes.can.records import Records
 from fakes.segway.rmp import SegwayRmp
 from fakes.segway.usb import UsbLink
 from urbihw.buses.link import Context
@@ -24,9 +25,13 @@ class Lab(RobotLab):
 
     def __init__(self, base: SegwayRmp | None = None, **options: Any) -> None:
         self.base = base if base is not None else SegwayRmp()
-        self.device = CanDevice(self.base, UsbLink())
+        self.device = CanDevice(self.base, self.codec())
         self.end = PipeEnd(lambda data, at: self._send(self.device.feed(data, at)))
         super().__init__(**options)
+
+    def codec(self) -> Codec:
+        """What stands between the base and the pipe."""
+        return UsbLink()
 
     def context(self) -> Context:
         """See ``RobotLab``."""
@@ -42,6 +47,16 @@ class Lab(RobotLab):
     def _send(self, answers: list[Any]) -> None:
         for answer in answers:
             self.end.send(answer.data, answer.at)
+
+
+class CanLab(Lab):
+    """A base on a bus."""
+
+    url = "can://pipe/robot"
+
+    def codec(self) -> Codec:
+        """See ``Lab``."""
+        return Records()
 
 
 def lab() -> Lab:

@@ -7,7 +7,7 @@ import math
 import re
 
 import pytest
-from segway_lab import Lab
+from segway_lab import CanLab, Lab
 
 from fakes.segway import frames as f
 from fakes.segway.rmp import SegwayRmp
@@ -121,6 +121,21 @@ def test_the_files_of_the_manual_can_be_loaded_again(name: str) -> None:
     lab.say("var Global.mine = RMP.new(50ms);")
     lab.say("robot.body.x.speed = 0.3;", 2.0)
     assert lab.number("mine.forwardSpeed") == lab.number("rmp.forwardSpeed") == pytest.approx(0.3, abs=0.005)
+
+
+def test_it_is_the_same_on_a_can_bus(caplog: pytest.LogCaptureFixture) -> None:
+    lab = CanLab.ready()
+    lab.say("rmp.forwardSpeed = 0.5 | rmp.yawSpeed = 0.2;", 2.0)
+    assert (lab.base.body.speed, lab.base.body.turn) == pytest.approx((0.5, 0.2), abs=0.005)
+    assert lab.number("rmp.forwardSpeed") == pytest.approx(0.5, abs=0.005)
+    assert lab.number("segway.busLoad") == pytest.approx(0.23, abs=0.03)
+    lab.end.unplug()
+    lab.run(2.0)
+    assert lab.base.body.speed == 0.0
+    lab.end.replug()
+    lab.run(3.0)
+    assert [record.message.partition(" ")[0] for record in caplog.records] == ["link", "link"]
+    assert lab.base.body.speed == 0.0
 
 
 # ---------------------------------------------------------------- what else there is

@@ -212,9 +212,10 @@ class RmpDriver:
             number = p.CONFIGURATIONS[name][0]
             if name == "reset":
                 self._monitor.reset(parameter, now)
-        self._sent_at = now
         # The speeds go with every configuration: with zeros the base would jerk.
         self._send(Frame(p.COMMAND, p.command(self._aim["velocity"], self._aim["turn"], number, parameter)))
+        # Looked at afterwards: on a busy machine some time may have passed since the tick began.
+        self._sent_at = self._clock.now()
 
     def _send(self, frame: Frame) -> None:
         assert self._line is not None
