@@ -19,7 +19,7 @@ from urbihw.cli.console.colours import painted
 from urbihw.cli.console.completion import candidates
 from urbihw.cli.console.help import described
 from urbihw.cli.console.lexer import UrbiscriptLexer
-from urbihw.cli.console.screen import depth, history, is_command
+from urbihw.cli.console.screen import depth, history, is_command, lacks_separator
 from urbihw.cli.console.session import Session
 from urbihw.cli.console.subject import Subject, subject, whole_path
 from urbihw.cli.lines import Line, Lines
@@ -143,9 +143,20 @@ def test_candidates_are_names_that_can_be_typed() -> None:
     names = ["val", "+", "_hidden", "value", "Velocity", "load"]
     assert candidates(Subject(("motor",), "v"), names, first=False) == ["val", "value"]
     assert candidates(Subject(("motor",), "_"), names, first=False) == ["_hidden"]
+    assert candidates(Subject(("motor",), ""), ["val", "load", "", "asString"], first=False) == [
+        "load", "val", "asString",
+    ]
     assert candidates(Subject((), "wh"), names, first=False) == ["whenever", "while"]
     assert "help" in candidates(Subject((), "he"), [], first=True)
     assert "help" not in candidates(Subject((), "he"), [], first=False)
+
+
+def test_an_empty_line_stands_for_a_missing_separator() -> None:
+    assert lacks_separator("1 + 1\n")
+    assert lacks_separator("if (x)\n  1\n")
+    assert not lacks_separator("1 + 1")
+    assert not lacks_separator("{ 1\n")
+    assert not lacks_separator("1 +\n")  # an error as it stands, perhaps not when it goes on
 
 
 def test_depth_of_a_text() -> None:

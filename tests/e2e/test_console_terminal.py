@@ -54,6 +54,9 @@ def test_a_statement_of_several_lines(console: Callable[[], Terminal]) -> None:
     assert "once" not in talk.listen(0.5).replace('"on" + "ce"', "")
     talk.type("};\r")
     talk.wait(r"\*\*\* once\n")
+    talk.type("40 + 2\r\r")
+    talk.wait(r"\[\d{8}\] 42\n")
+    talk.type("\x1b[A")
     # The whole of it is one entry of the history.
     talk.type("\x1b[A")
     talk.wait(r'echo\("on" \+ "ce"\);')

@@ -6,7 +6,6 @@ import contextlib
 import os
 import re
 import signal
-import socket
 import subprocess
 import time
 from collections.abc import Callable, Iterator
@@ -130,64 +129,9 @@ def test_the_sources_of_the_manual_run_in_one_lobby(tmp_path: Path) -> None:
     assert (code, unstamped(out)) == (0, ["1", "2", "3"])
 
 
-def test_the_fast_example_of_the_manual() -> None:
-    text = '{ sleep(2s); echo("after") } & { sleep(1s); echo("before") }; shutdown;'
-    code, out, _ = run("urbi", "-q", "--fast", "-e", text)
-    assert code == 0
-    before, after = (int(stamp) for stamp in re.findall(r"^\[(\d+)\]", out, re.MULTILINE))
-    assert 1000 <= before < 1100
-    assert after == before + 1000
-
-
-def test_a_banner_unless_quiet() -> None:
-    assert len(run("urbi", "-e", "shutdown;")[1].splitlines()) == 10
-    assert run("urbi", "--no-banner", "-e", "shutdown;")[1] == ""
-
-
-def test_a_script_and_its_arguments(tmp_path: Path) -> None:
-    (tmp_path / "script.u").write_text("#! /usr/bin/env urbi\necho(System.arguments); foo; shutdown;\n")
-    code, out, _ = run("urbi", "-q", "script.u", "a", "--port", cwd=tmp_path)
-    assert code == 70
-    assert unstamped(out) == ['*** ["a", "--port"]', "[:error] !!! script.u:2.25-27: lookup failed: foo"]
-    assert unstamped(run("urbi", "-q", "-e", "echo(System.arguments); shutdown;", "--", "-q")[1]) == ['*** ["-q"]']
-
-
 def test_a_script_on_standard_input() -> None:
     code, out, _ = run("urbi", "-q", "-f", "-", stdin="echo(1);\nshutdown;")
     assert (code, unstamped(out)) == (0, ["*** 1"])
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "words"),
-    [
-        (("--no-such-option",), 64, "urbi: invalid option: --no-such-option"),
-        (("--port", "many"), 64, "'many' is no port"),
-        (("--debug", "SHOUT"), 64, "NONE, LOG, TRACE, DEBUG, DUMP"),
-        (("--stack-size", "-1"), 64, "is no size"),
-        (("-f", "/none.u"), 66, "urbi: failed to process file /none.u: No such file or directory"),
-        (("--host", "192.0.2.1", "--port", "0", "-e", ";"), 69, "cannot listen to port 192.0.2.1:0"),
-        (("--port-file", "/none/port", "-e", ";"), 78, "cannot write /none/port"),
-        (("--module", "none", "-e", ";"), 78, "none"),
-    ],
-)
-def test_what_is_wrong_is_said_in_a_line(arguments: tuple[str, ...], code: int, words: str) -> None:
-    got, _, err = run("urbi", "-q", *arguments)
-    assert got == code
-    lines = err.splitlines()
-    assert words in lines[0]
-    assert lines[1:] == (["Try `urbi --help' for more information."] if code == 64 else [])
-
-
-def test_a_port_that_is_taken() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = taken.getsockname()[1]
-        code, _, err = run("urbi", "-q", "-P", str(port))
-    assert (code, err) == (69, f"urbi: cannot listen to port 127.0.0.1:{port}: Address already in use\n")
-
-
-@pytest.mark.parametrize(("text", "code"), [("1+; foo;", 65), ("foo; 1+;", 70), ("1;", 0)])
-def test_errors_in_what_was_given_decide_about_the_exit_code(text: str, code: int) -> None:
-    assert run("urbi", "-q", "-e", text, "-e", "shutdown;")[0] == code
 
 
 def test_errors_of_a_user_do_not() -> None:
@@ -223,15 +167,6 @@ def test_global_and_local_files(tmp_path: Path, server: Callable[..., Server]) -
     assert unstamped(started.log()) == [
         f"[:clog] *** loading {other}/global.u.", f"[:clog] *** loading {tmp_path}/local.u.", "*** welcome",
     ]
-
-
-def test_an_error_in_a_start_up_file_is_told_and_no_more(tmp_path: Path) -> None:
-    (tmp_path / "global.u").write_text("foo;")
-    code, out, _ = run("urbi", "-q", "-e", "echo(1); shutdown;", cwd=tmp_path)
-    said = unstamped(out)
-    assert code == 70
-    assert said[1] == "[:error] !!! global.u:1.1-3: lookup failed: foo"
-    assert said[-1] == "*** 1"
 
 
 # ---------------------------------------------------------------- urbi: quitting

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import os
 import signal
 from collections.abc import Callable, Iterable
@@ -29,6 +30,11 @@ CONSOLE_FILES: Final = ("URBI.INI", "global.u", "CLIENT.INI", "local.u")
 """What the console loads when the server starts; the names in capitals are those of old."""
 CONNECTION_FILES: Final = ("CLIENT.INI", "local.u")
 """What every connection loads when it opens."""
+
+START_PATIENCE: Final = 5.0
+"""Seconds that the start-up files may take before the port is opened all the same."""
+
+log = logging.getLogger("urbihw.urbi")
 
 
 @dataclass(frozen=True)
@@ -102,7 +108,7 @@ class Process:
         except BadConfig as error:
             raise Refused(str(error), EX_CONFIG) from error
         self._terminal.feed(start_up(self.kernel, CONSOLE_FILES))
-        await self._either(self._terminal.idle())
+        await self._wait(self._terminal.idle())
         if not self._stopped.done():
             await self._listen()
             self._terminal.on_quit = self._no_more_input
@@ -111,10 +117,12 @@ class Process:
         await self._stopped
         return self._terminal.code
 
-    async def _either(self, done: asyncio.Future[None]) -> None:
-        """Wait for something, or for the end."""
+    async def _wait(self, loaded: asyncio.Future[None]) -> None:
+        """Wait until the start-up files are loaded, or for the end; one that never ends does not keep clients out."""
         self.driver.drive()
-        await asyncio.wait((done, self._stopped), return_when=asyncio.FIRST_COMPLETED)
+        await asyncio.wait((loaded, self._stopped), timeout=START_PATIENCE, return_when=asyncio.FIRST_COMPLETED)
+        if not loaded.done() and not self._stopped.done():
+            log.warning("a start-up file still runs after %g s: end what should go on with a comma", START_PATIENCE)
 
     def _open_lobby(self, remote: str, wanted: Callable[[Lobby], None], limit: int) -> Lobby:
         lobby = self.kernel.open_lobby(remote, wanted, limit)

@@ -55,7 +55,10 @@ class Assistant:
         self._turn = asyncio.Lock()
 
     async def names(self, uid: str, path: Sequence[Step]) -> list[str]:
-        """The names of all slots of what a path leads to.  Raises NoAnswer."""
+        """The names of all slots of what a path leads to; an empty one stands before those that everything has.
+
+        Raises NoAnswer.
+        """
         return strings(await self._ask(f"assistant_names({quoted(uid)}, {written(path)})"))
 
     async def describe(self, uid: str, path: Sequence[Step], name: str) -> Description:

@@ -6,9 +6,7 @@ from collections.abc import Iterable
 from typing import Final
 
 from prompt_toolkit.formatted_text import FormattedText, PygmentsTokens, to_formatted_text
-from prompt_toolkit.styles import Style, merge_styles, style_from_pygments_cls
-from prompt_toolkit.styles.base import BaseStyle
-from pygments.styles import get_style_by_name  # type: ignore[import-untyped]
+from prompt_toolkit.styles import Style
 
 from urbihw.cli.console.lexer import UrbiscriptLexer
 from urbihw.cli.lines import Line
@@ -20,24 +18,30 @@ LONGEST_LEXED: Final = 4000
 """Bytes up to which a value is coloured; what is longer is data."""
 
 
-def style(dark: bool = True) -> BaseStyle:
-    """All colours, for a dark or a light background."""
-    own = {
-        "stamp": "ansibrightblack",
-        "channel": "ansimagenta",
-        "error": "ansired",
-        "warning": "ansiyellow",
-        "echo": "ansigreen",
-        "log": "ansicyan",
-        "other": "ansicyan",
-        "note": "italic ansibrightblack",
-        "prompt": "bold ansiblue",
-        "prompt.lost": "bold ansired",
-        "hint": "ansibrightblack",
-        "bottom-toolbar": "noreverse ansibrightblack",
-    }
-    return merge_styles([style_from_pygments_cls(get_style_by_name("native" if dark else "default")),
-                         Style(list(own.items()))])
+STYLE: Final = Style.from_dict({
+    # Only the terminal's own colours, so that they suit its background.
+    "stamp": "ansibrightblack",
+    "channel": "ansimagenta",
+    "error": "ansired",
+    "warning": "ansiyellow",
+    "echo": "ansigreen",
+    "log": "ansicyan",
+    "other": "ansicyan",
+    "note": "italic ansibrightblack",
+    "prompt": "bold ansiblue",
+    "prompt.lost": "bold ansired",
+    "hint": "ansibrightblack",
+    "bottom-toolbar": "noreverse ansibrightblack",
+    "pygments.keyword": "bold ansiblue",
+    "pygments.keyword.constant": "nobold ansimagenta",
+    "pygments.literal.number": "ansicyan",
+    "pygments.literal.string": "ansigreen",
+    "pygments.literal.string.escape": "bold",
+    "pygments.comment": "italic ansibrightblack",
+    "pygments.name.builtin": "ansiblue",
+    "pygments.name.label": "bold",
+    "pygments.error": "underline",
+})
 
 
 def painted(line: Line) -> FormattedText:

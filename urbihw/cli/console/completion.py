@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import AsyncGenerator, Iterable
+from collections.abc import AsyncGenerator, Iterable, Sequence
 from typing import Final
 
 from prompt_toolkit.completion import CompleteEvent, Completer, Completion
@@ -49,13 +49,22 @@ class LiveCompleter(Completer):
             return []
 
 
-def candidates(wanted: Subject, names: Iterable[str], *, first: bool) -> list[str]:
-    """The names to offer, in order; hidden ones (``_x``) only to who asks for them."""
-    offered = {name for name in names if _IDENTIFIER.fullmatch(name)}
+def candidates(wanted: Subject, names: Sequence[str], *, first: bool) -> list[str]:
+    """The names to offer: those that not everything has first; hidden ones (``_x``) only to who asks for them.
+
+    ``names`` as the assistant gives them; ``first``: nothing stands before the name.
+    """
+    border = names.index("") if "" in names else len(names)
+    own = set(names[:border])
+    offered = own | set(names[border:])
     if not wanted.path:
         offered |= WORDS
         if first:
             offered |= set(COMMANDS)
-    if not wanted.prefix.startswith("_"):
-        offered = {name for name in offered if not name.startswith("_")}
-    return sorted((name for name in offered if name.startswith(wanted.prefix)), key=lambda name: (name.lower(), name))
+    hidden = wanted.prefix.startswith("_")
+    fitting = [
+        name
+        for name in offered
+        if name.startswith(wanted.prefix) and _IDENTIFIER.fullmatch(name) and (hidden or not name.startswith("_"))
+    ]
+    return sorted(fitting, key=lambda name: (name not in own, name.lower(), name))

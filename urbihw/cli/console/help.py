@@ -12,7 +12,8 @@ from prompt_toolkit.formatted_text import AnyFormattedText, FormattedText
 from urbihw.cli.console.assistant import Description
 
 KEYS: Final = """what you type goes to the server when it ends with ; (and wait) or , (in the background)
-   Enter         send, or begin a new line while the statement is unfinished; Esc Enter: send as it is
+   Enter         send; while the statement is unfinished, begin a new line; on an empty line, add the missing ;
+   Esc Enter     send as it is
    Tab           complete the name of a slot; Up, Down: what was typed before; Ctrl-R: search it
    Ctrl-C        drop what is typed; with nothing typed: kill what runs in the foreground
    Ctrl-D        leave; the server goes on

@@ -21,7 +21,7 @@ from prompt_toolkit.output import Output
 
 from urbihw.cli.console.above import Above
 from urbihw.cli.console.assistant import Assistant, NoAnswer
-from urbihw.cli.console.colours import highlighted, painted, style
+from urbihw.cli.console.colours import STYLE, highlighted, painted
 from urbihw.cli.console.completion import LiveCompleter
 from urbihw.cli.console.help import KEYS, described
 from urbihw.cli.console.lexer import UrbiscriptLexer
@@ -29,7 +29,7 @@ from urbihw.cli.console.session import Session
 from urbihw.cli.console.subject import whole_path
 from urbihw.cli.lines import Line
 from urbihw.cli.options import EX_UNAVAILABLE, Refused
-from urbihw.kernel.stages import unfinished
+from urbihw.kernel.stages import dump, unfinished
 
 FIRST_PATIENCE: Final = 10.0
 INDENT: Final = "  "
@@ -72,7 +72,7 @@ class Screen:
             multiline=True,
             prompt_continuation=lambda width, line, wrapped: continuation(width),
             lexer=PygmentsLexer(UrbiscriptLexer),
-            style=style(),
+            style=STYLE,
             include_default_pygments_style=False,
             history=remembered,
             auto_suggest=AutoSuggestFromHistory(),
@@ -84,7 +84,7 @@ class Screen:
             input=input,
             output=output,
         )
-        self._above = Above(self._prompt.app, style())
+        self._above = Above(self._prompt.app, STYLE)
 
     # ---------------------------------------------------------------- the connection
 
@@ -130,7 +130,7 @@ class Screen:
         if self._session.state != "connected":
             return FormattedText([("class:hint", f"not connected: {self._session.reason}")])
         if text.strip() and not is_command(text) and unfinished(text):
-            return FormattedText([("class:hint", "unfinished: end it with ; or , (Esc Enter sends it as it is)")])
+            return FormattedText([("class:hint", "unfinished: end it with ; or , (an empty line adds the ;)")])
         return FormattedText([("class:hint", "Tab completes, help NAME explains, Ctrl-C stops, Ctrl-D leaves")])
 
     # ---------------------------------------------------------------- typing
@@ -143,10 +143,13 @@ class Screen:
             buffer = event.current_buffer
             if not buffer.text.strip():
                 buffer.reset()
-            elif not is_command(buffer.text) and unfinished(buffer.text):
-                buffer.insert_text("\n" + INDENT * depth(buffer.document.text_before_cursor))
-            else:
+            elif is_command(buffer.text) or not unfinished(buffer.text):
                 self._submit(buffer)
+            elif buffer.document.is_cursor_at_the_end and lacks_separator(buffer.text):
+                buffer.text = buffer.text.rstrip() + ";"
+                self._submit(buffer)
+            else:
+                buffer.insert_text("\n" + INDENT * depth(buffer.document.text_before_cursor))
 
         @keys.add("escape", "enter")
         def send_anyway(event: KeyPressEvent) -> None:
@@ -224,6 +227,14 @@ def is_command(text: str) -> bool:
     """Whether a text is for the console and not for the server."""
     words = text.strip().rstrip(";").split(maxsplit=1)
     return bool(words) and words[0] == "help" and (len(words) == 1 or whole_path(words[1]) is not None)
+
+
+def lacks_separator(text: str) -> bool:
+    """Whether a text ends with an empty line and is a whole statement but for its ``;``."""
+    if text.rpartition("\n")[1:] != ("\n", "") or unfinished(text.rstrip() + ";"):
+        return False
+    _, problems = dump(text.rstrip() + ";", "ast")
+    return not problems
 
 
 def depth(text: str) -> int:
