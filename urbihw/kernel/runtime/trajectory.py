@@ -77,7 +77,7 @@ class Trajectory:
         self._write = write
         self._blender = blender
         self._limits = Limits(properties or {})
-        self._target = self._limits.inside(self._number(target, ""))
+        self._target = self._finite(self._limits.inside(self._number(target, "")))
         self._attributes = attributes
         unknown = [name for name in attributes if name not in ATTRIBUTES]
         kinds = [name for name in attributes if name in KINDS]
@@ -112,11 +112,11 @@ class Trajectory:
     def _curve(self) -> tuple[Curve, float]:
         parameter, target = self._parameter, self._target
         if self._kind in ("sin", "cos"):
-            amplitude = self._number(self._attributes.get("ampli", 0.0), "ampli")
-            phase = self._number(self._attributes.get("phase", 0.0), "phase")
+            amplitude = self._finite(self._number(self._attributes.get("ampli", 0.0), "ampli"))
+            phase = self._finite(self._number(self._attributes.get("phase", 0.0), "phase"))
             wave = math.sin if self._kind == "sin" else math.cos
             return lambda t: target + amplitude * wave(2 * math.pi * t / parameter + phase), math.inf
-        start = self._number(self._read(), "-")
+        start = self._finite(self._number(self._read(), "-"))
         way = target - start
         if self._kind == "accel":
             if way * parameter < 0 or (parameter == 0 and way != 0):
@@ -197,4 +197,11 @@ class Trajectory:
     def _number(self, value: Any, routine: str) -> float:
         if value.__class__ is not float:
             raise self._world.type_error(1, value, "Float", routine or None)
+        if value != value:  # neither a place to go to nor a time to be there
+            raise errors.bad_number("BadNumber", "expected a number, got nan")
         return float(value)
+
+    def _finite(self, value: float) -> float:
+        if math.isinf(value):
+            raise errors.bad_number("BadNumber", f"expected a finite number, got {value:g}")
+        return value

@@ -156,7 +156,7 @@ class World:
     def iterate(self, items: Any) -> Iterable[Any]:
         """The members of a container as ``each`` would give them: a snapshot."""
         if items.__class__ is float:
-            if items < 0 or items != int(items):
+            if items < 0 or not items.is_integer():
                 raise errors.Raised("BadInteger", f"expected positive integer, got {self.text(items)}", "each")
             return map(float, range(int(items)))
         if isinstance(items, List) and "each" not in items.slots:

@@ -7,6 +7,8 @@ import heapq
 import math
 from collections.abc import Callable
 
+from urbihw.kernel import errors
+
 
 class Timer:
     """A promise to call something once at a time; ``cancel()`` takes it back."""
@@ -43,7 +45,12 @@ class TimeQueue:
         return len(self._heap) - self._cancelled
 
     def add(self, deadline: float, action: Callable[[], None]) -> Timer:
-        """Call ``action`` when ``pop_due`` is told a time at or after ``deadline``."""
+        """Call ``action`` when ``pop_due`` is told a time at or after ``deadline``.
+
+        Raises BadNumber for what is no number: it comes neither before nor after anything, and would never be due.
+        """
+        if deadline != deadline:
+            raise errors.bad_number("BadNumber", "expected a duration, got nan")
         self._order += 1
         timer = Timer(deadline, self._order, action, self)
         heapq.heappush(self._heap, timer)

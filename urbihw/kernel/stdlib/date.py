@@ -57,6 +57,13 @@ def parse(text: str) -> datetime:
         raise errors.primitive(f"cannot convert to date: {text}") from error
 
 
+def _later(world: World, moment: datetime, seconds: float) -> DateObject:
+    try:
+        return _make(world, moment + timedelta(seconds=seconds))
+    except (OverflowError, ValueError) as error:  # ValueError: not a number
+        raise errors.primitive("date out of range: years go from 1 to 9999") from error
+
+
 @TABLE.primitive("init")
 def init(world: World, this: DateObject, text: str | None = None) -> None:
     """The present moment; or that of a text ``yyyy-mm-dd hh:mn:ss``, raises ``cannot convert to date``."""
@@ -78,7 +85,7 @@ def epoch(world: World, this: Any) -> Any:
 @TABLE.primitive("+")
 def plus(world: World, this: DateObject, duration: float) -> Any:
     """The moment some seconds later."""
-    return _make(world, this.moment + timedelta(seconds=duration))
+    return _later(world, this.moment, duration)
 
 
 @TABLE.primitive("-")
@@ -86,7 +93,7 @@ def minus(world: World, this: DateObject, that: Any) -> Any:
     """The Duration since another Date, or the moment some seconds earlier."""
     if isinstance(that, DateObject):
         return make_duration(world, (this.moment - that.moment).total_seconds())
-    return _make(world, this.moment - timedelta(seconds=world.as_float(that, 1, "-")))
+    return _later(world, this.moment, -world.as_float(that, 1, "-"))
 
 
 @TABLE.primitive("==")

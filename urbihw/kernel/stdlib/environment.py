@@ -21,23 +21,28 @@ PROTOS = {"System.Platform": ("Object",), "System.PackageInfo": ("Object",)}
 @TABLE.primitive("getenv")
 def getenv(world: World, this: Any, name: str) -> Any:
     """The value of an environment variable, nil if it is not set."""
-    value = os.environ.get(name)
-    return world.nil if value is None else world.string(value)
+    return _text(world, os.environb.get(name.encode("latin-1", "replace")))
 
 
 @TABLE.primitive("setenv")
 def setenv(world: World, this: Any, name: str, value: Any) -> str:
     """Set an environment variable to the text of a value; returns that text."""
     text = world.text(value)
-    os.environ[name] = text
+    if name == "" or "=" in name or "\0" in name + text:
+        raise errors.primitive(f"the environment takes no such name or value: {world.printable(world.string(name))}")
+    os.environb[name.encode("latin-1", "replace")] = text.encode("latin-1", "replace")
     return text
 
 
 @TABLE.primitive("unsetenv")
 def unsetenv(world: World, this: Any, name: str) -> Any:
     """Remove an environment variable; returns what it was, nil if it was not set."""
-    value = os.environ.pop(name, None)
-    return world.nil if value is None else world.string(value)
+    key = name.encode("latin-1", "replace")
+    return _text(world, os.environb.pop(key, None))
+
+
+def _text(world: World, value: bytes | None) -> Any:
+    return world.nil if value is None else world.string(value.decode("latin-1"))
 
 
 @TABLE.primitive("scopeTag")

@@ -14,6 +14,7 @@ from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import List
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.channel import starred
+from urbihw.kernel.stdlib.members import members_of
 
 TABLE = Table("Lobby")
 GLOBAL = Table("Global")
@@ -87,7 +88,7 @@ def echo(world: World, this: Any, value: Any, channel: str = "") -> None:
 @TABLE.primitive("echoEach")
 def echo_each(world: World, this: Any, values: Any, channel: str = "") -> None:
     """``echo`` every member of a list."""
-    for value in world.iterate(values):
+    for value in members_of(world, values):
         echo_to(world, real(this), value, channel)
 
 

@@ -18,6 +18,9 @@ from urbihw.kernel.sched.group import Group
 
 Less = Callable[[Any, Any], bool]
 
+MANY = 1e7
+"""How many members a built-in function may be asked to go through: it does not give way to others meanwhile."""
+
 
 def equal(world: World, a: Any, b: Any) -> bool:
     """Whether ``a == b`` as urbiscript has it."""
@@ -127,6 +130,13 @@ def count(world: World, value: Any) -> int:
     if not 0 <= number < 2**63 or number != int(number):
         raise errors.bad_number("NegativeNumber", f"expected non-negative integer, got {world.text(value)}")
     return int(number)
+
+
+def members_of(world: World, value: Any) -> Iterable[Any]:
+    """What ``each`` gives of an argument; not of a number so large that nobody means to wait for its end."""
+    if value.__class__ is float and value > MANY:
+        raise errors.bad_number("BadNumber", f"expected at most {MANY:.0f} members, got {world.text(value)}")
+    return world.iterate(value)
 
 
 def strings_of(world: World, value: Any, index: int) -> list[str]:

@@ -8,6 +8,7 @@ from urbihw.kernel.compiler import print_node
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import CallMessage
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.stdlib.members import count
 from urbihw.kernel.stdlib.support import say
 
 TABLE = Table("Profiling")
@@ -16,7 +17,7 @@ TABLE = Table("Profiling")
 @TABLE.lazy("new", least=2, most=2)
 def new(world: World, message: CallMessage) -> None:
     """Evaluate an expression a number of times, and say how many rounds and seconds it took."""
-    turns = int(world.as_float(message.eval_at(1), 2, "new"))
+    turns = count(world, message.eval_at(1))
     scheduler, lazy = world.scheduler, message.args[0]
     cycle, start = scheduler.cycle, scheduler.clock.now()
     for _ in range(turns):

@@ -1,7 +1,7 @@
 """InputStream and OutputStream: files and pipes, byte by byte.
 
 Source: manual, specs/input-stream and specs/output-stream.  A stream stands on a ``Source`` or a ``Sink``: a file's is
-here, that of whatever may let wait in ``pipe``.
+here, that of whatever may let wait in ``pipe``.  A stream that is forgotten is closed.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import os
 import stat
+import weakref
 from typing import Any, BinaryIO, Protocol
 
 from urbihw.kernel import errors
@@ -139,11 +140,14 @@ def _open(world: World, file: FileObject, mode: str) -> Any:
 def init_input(world: World, this: InputStreamObject, file: FileObject) -> None:
     """Read a File from its beginning.  One that is no plain file (a FIFO, a device) is read as things come."""
     opened = _open(world, file, "rb")
+    source: FileSource | PipeSource
     if isinstance(opened, io.BufferedReader):
-        this.source = FileSource(opened)
+        source = FileSource(opened)
     else:
-        this.source = PipeSource(world.scheduler)
-        in_background(pump_in, opened, this.source, world.scheduler)
+        source = PipeSource(world.scheduler)
+        in_background(pump_in, opened, source, world.scheduler)
+    weakref.finalize(this, source.close)
+    this.source = source
 
 
 @INPUT.primitive("get")
@@ -197,11 +201,14 @@ def close_input(world: World, this: InputStreamObject) -> None:
 def init_output(world: World, this: OutputStreamObject, file: FileObject) -> None:
     """Write to the end of a File.  To one that is no plain file (a FIFO, a device) is written in a thread."""
     opened = _open(world, file, "ab")
+    sink: io.BufferedWriter | PipeSink
     if isinstance(opened, io.BufferedWriter):
-        this.sink = opened
+        sink = opened
     else:
-        this.sink = PipeSink()
-        in_background(this.sink.pump, opened)
+        sink = PipeSink()
+        in_background(sink.pump, opened)
+    weakref.finalize(this, sink.close)
+    this.sink = sink
 
 
 def _do(action: Any, *args: Any) -> None:

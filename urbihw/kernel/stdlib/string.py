@@ -12,7 +12,7 @@ from urbihw.kernel import errors
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import String
 from urbihw.kernel.runtime.world import World
-from urbihw.kernel.stdlib.members import count, strings_of
+from urbihw.kernel.stdlib.members import count, members_of, strings_of
 
 TABLE = Table("String")
 PROTOS = {"String": ("Comparable", "Orderable", "RangeIterable")}
@@ -144,6 +144,8 @@ def split(
     separators = [" ", "\t", "\n", "\r"] if sep is None else strings_of(world, sep, 1)
     if keep_empty is None:
         keep_empty = sep is not None
+    if lim != lim:
+        raise errors.bad_number("BadNumber", "expected a number of splits, got nan")
     return world.new_list([world.string(part) for part in _split(this, separators, lim, keep_sep, bool(keep_empty))])
 
 
@@ -151,7 +153,8 @@ def _split(text: str, separators: list[str], lim: float, keep_sep: bool, keep_em
     if "" in separators:
         return list(text)
     pattern = re.compile("(" + "|".join(map(re.escape, separators)) + ")")
-    parts = pattern.split(text, maxsplit=0 if lim < 0 else int(lim)) if separators and lim != 0 else [text]
+    most = int(min(lim, len(text) + 1)) if lim >= 0 else 0
+    parts = pattern.split(text, maxsplit=most) if separators and lim != 0 else [text]
     wanted = []
     for index, part in enumerate(parts):
         if keep_sep if index % 2 else part or keep_empty:
@@ -162,7 +165,7 @@ def _split(text: str, separators: list[str], lim: float, keep_sep: bool, keep_em
 @TABLE.primitive("join")
 def join(world: World, this: str, members: Any, prefix: str = "", suffix: str = "") -> str:
     """The members' ``asString``, with this string between them, a prefix before and a suffix behind."""
-    return prefix + this.join([world.text(member) for member in world.iterate(members)]) + suffix
+    return prefix + this.join([world.text(member) for member in members_of(world, members)]) + suffix
 
 
 @TABLE.primitive("replace")
@@ -318,7 +321,7 @@ def edits(a: str, b: str) -> int:
 def closest(world: World, this: str, among: Any) -> Any:
     """The one member that is like this string: by at most one edit in three characters, or else but for the case of
     letters; nil if there is none or more than one."""
-    names = [_text(world, member) for member in world.iterate(among)]
+    names = [_text(world, member) for member in members_of(world, among)]
     reach = max(1, len(this) // 3)
     near = [name for name in names if edits(this, name) <= reach]
     if not near:

@@ -257,7 +257,10 @@ def redefinition_mode(world: World) -> Any:
 
 def _fields(world: World, system: Any) -> None:
     def write_period(this: Any, value: Any) -> None:
-        world.period = world.as_float(value, 1, "period")
+        period = world.as_float(value, 1, "period")
+        if not 0 < period < float("inf"):
+            raise errors.bad_number("NonPositiveNumber", f"expected positive number, got {world.text(value)}")
+        world.period = period
 
     def write_ndebug(this: Any, value: Any) -> None:
         world.ndebug = bool(value)
