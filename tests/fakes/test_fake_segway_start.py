@@ -1,0 +1,117 @@
+"""How an RMP and a drive in software are started, reached and spoken to by hand."""
+
+from __future__ import annotations
+
+import argparse
+import socket
+from types import ModuleType
+from typing import Any
+
+import can
+import pytest
+
+from fakes.can.device import CanDevice
+from fakes.can.endpoint import BusEndpoint
+from fakes.can.records import Records
+from fakes.cia402 import start as cia402
+from fakes.console import Console
+from fakes.errors import FakeError
+from fakes.segway import start as segway
+from fakes.segway.rmp import SegwayRmp
+from fakes.serving import Endpoint
+
+GROUP, PORT = "239.74.163.2", 43223
+
+
+def started(module: ModuleType, *arguments: str) -> tuple[Endpoint, Console]:
+    parser = argparse.ArgumentParser()
+    module.options(parser)
+    end, words = module.start(parser.parse_args(arguments))
+    return end, Console(end, words)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "scheme"),
+    [
+        (("--pty",), "can://slcan/"),
+        (("--pty", "--usb"), "serial:///"),
+        (("--tcp", "0"), "can://slcan/socket://127.0.0.1:"),
+        (("--tcp", "0", "--usb", "--model", "50", "--old", "--tractor"), "socket://127.0.0.1:"),
+    ],
+)
+def test_the_url_says_how_to_reach_it(arguments: tuple[str, ...], scheme: str) -> None:
+    end, _ = started(segway, *arguments)
+    with end:
+        assert end.url.startswith(scheme)
+
+
+def test_what_can_be_typed_at_a_base() -> None:
+    end, console = started(segway, "--pty")
+    with end:
+        device: Any = end.device
+        base = device.node
+        assert console.line("push 3") == "ok"
+        assert base.body.pitch == pytest.approx(0.0524, abs=1e-4)
+        assert console.line("battery 61.5") == "ok"
+        assert base.body.volts == 61.5
+        assert console.line("estop on") == "ok"
+        assert base.estop
+        assert console.line("estop maybe") == "error: estop maybe: say on or off"
+        base.body.fallen = True
+        assert console.line("lift") == "ok"
+        assert not base.body.fallen
+        assert console.line("show") == "mode 2, motors off, 0.000 m/s, 0.000 rad/s, 0.000 m, 0.0 deg, 61.5 V"
+        assert console.line("push hard") == "error: usage: push DEGREES"
+        assert console.line("power off") == "ok"
+        assert not base.powered
+
+
+def test_what_can_be_typed_at_a_drive() -> None:
+    end, console = started(cia402, "--pty", "--node", "7")
+    with end:
+        device: Any = end.device
+        assert device.node.number == 7
+        assert console.line("show") == "switch on disabled, mode 0, 0 at 0/s"
+        assert console.line("fault 8130") == "ok"
+        assert device.node.machine.error == 0x8130
+        assert console.line("fault x") == "error: usage: fault [CODE]"
+
+
+def hear(bus: can.BusABC) -> can.Message | None:
+    """The next frame; a datagram that is none counts as none."""
+    try:
+        return bus.recv(5.0)
+    except can.CanError:
+        return None
+
+
+def test_a_bus_of_python_can() -> None:
+    try:
+        far = can.Bus(GROUP, "udp_multicast", port=PORT, hop_limit=0)
+    except (can.CanError, OSError) as error:
+        pytest.skip(f"no multicast here: {error}")
+    base = SegwayRmp()
+    with far, BusEndpoint(CanDevice(base, Records()), "udp_multicast", GROUP, port=PORT, hop_limit=0) as end:
+        assert end.url == f"can://udp_multicast/{GROUP}?port={PORT}&hop_limit=0"
+        end.start()
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+            stranger.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
+            stranger.sendto(b"hello", (GROUP, PORT))
+        far.send(can.Message(arbitration_id=0x413, is_extended_id=True, data=bytes(8)))
+        while (message := hear(far)) is None or message.arbitration_id != 0x407:
+            pass
+        assert base.heard == 0
+        far.send(can.Message(arbitration_id=0x413, is_extended_id=False, data=bytes(8)))
+        while end.call(lambda: base.heard) == 0:
+            assert hear(far) is not None
+        end.unplug()
+        assert not end.plugged
+        end.plug()
+        assert end.plugged
+
+
+def test_a_bus_without_anything_to_wait_for_is_refused() -> None:
+    with pytest.raises(FakeError, match="nothing to wait for"):
+        BusEndpoint(CanDevice(SegwayRmp(), Records()), "virtual", "x")
+    with pytest.raises(FakeError, match="teapot"):
+        BusEndpoint(CanDevice(SegwayRmp(), Records()), "teapot", "x")
