@@ -48,7 +48,7 @@ class FakeClock(SimClock):
     def sleep_until(self, when: float) -> None:
         """Jump there in steps, each of which the fake lives through."""
         while self.now() < when:
-            super().sleep_until(min(when, self.now() + 0.01))
+            super().sleep_until(min(when, self.now() + Lab.tick))
             for line in self._lines:
                 line.tick(self.now())
 
@@ -74,6 +74,7 @@ class Lab(RobotLab):
     """A Pioneer and its laser on two pipes."""
 
     platform = "p3dx"
+    tick = 0.02
     url = f"pipe://robot?baud={BAUD}&laser=pipe://laser?baud={BAUD}"
 
     def __init__(self, kit: Kit | None = None, **options: Any) -> None:

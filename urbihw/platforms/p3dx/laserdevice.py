@@ -64,6 +64,7 @@ class Laser(Switch):
         self._offset = offset
         self._worker: Handle | None = None
         self._wanted = False
+        self._session = 0
         self.scanned: Callable[[], None] = lambda: None
         self.ranges: Sequence[float] = ()
         self.stamp = -math.inf
@@ -91,13 +92,20 @@ class Laser(Switch):
             self._watch(True)
             return
         settings = m.Configure(rate=_RATE, dead_man=0.0)
+        session = self._session = self._session + 1
+
+        def post(message: m.FromWorker) -> None:
+            """Called in the worker handle's thread; the last words of a worker that was let go count no more."""
+            self.host.post(lambda: self._heard(message) if session == self._session else None)
+
         try:
-            self._worker = self._start_worker(self._url, post=self._post, settings=settings, family=FAMILY)
+            self._worker = self._start_worker(self._url, post=post, settings=settings, family=FAMILY)
         except (BadUrl, BadValue) as error:
             self.state.sense("off")
             raise ValueError(str(error)) from error
 
     def _let_go(self) -> None:
+        self._session += 1
         worker, self._worker = self._worker, None
         if worker is not None:
             # Its end may take a second, for which nobody shall wait.
@@ -119,13 +127,7 @@ class Laser(Switch):
 
     # ---------------------------------------------------------------- what the worker says
 
-    def _post(self, message: m.FromWorker) -> None:
-        """Called in the worker handle's thread."""
-        self.host.post(lambda: self._heard(message))
-
     def _heard(self, message: m.FromWorker) -> None:
-        if not self._wanted:
-            return
         if isinstance(message, m.Samples):
             values = message.values["laser"]
             self.dirty.sense(bool(values["dirty"]))
