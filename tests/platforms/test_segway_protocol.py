@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import random
 
 import pytest
 
 from fakes import captures
 from urbihw.buses.can.frame import Frame
 from urbihw.platforms.segway import protocol as p
+from urbihw.platforms.segway.monitor import Monitor
 from urbihw.platforms.segway.usb import UsbReader, packet
 
 EXCHANGES = captures.read("segway")
@@ -155,6 +157,19 @@ def test_endless_garbage_does_not_fill_the_memory() -> None:
     for _ in range(1000):
         assert reader.feed(b"\xf0\x55" * 500) == []
     assert len(reader._rest) < 300
+
+
+def test_whatever_comes_nothing_breaks() -> None:
+    chance = random.Random(1)
+    reader, monitor = UsbReader(), Monitor()
+    for step in range(300):
+        piece = bytes(chance.choice(b"\xf0\x55\xaa\x00\x80\xff") for _ in range(chance.randrange(200)))
+        for frame in reader.feed(piece + GOOD[: chance.randrange(len(GOOD) + 1)]):
+            monitor.take(frame, step / 100)
+        monitor.take(Frame(chance.randrange(0x800), chance.randbytes(chance.randrange(9))), step / 100)
+    for identifier in range(0x400, 0x408):
+        monitor.take(Frame(identifier, chance.randbytes(8)), 4.0)
+    assert monitor.heard_at == 4.0
 
 
 @pytest.mark.parametrize(("identifier", "data"), [(0x401, b""), (0x401, bytes(7)), (0x123, bytes(8)), (0x7FF, b"")])
