@@ -232,6 +232,13 @@ def test_without_pillow_the_extra_is_named(monkeypatch: Patch, tmp_path: Path) -
         picture.save(tmp_path / "a.png")
 
 
+def test_images_without_a_screen(monkeypatch: Patch, capsys: Capture) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    serve(monkeypatch, CAMERA)
+    assert image.main([]) == 78
+    assert re.fullmatch(r"urbi-image: there is no screen .*save one: --output FILE\n", capsys.readouterr().err)
+
+
 # ---------------------------------------------------------------- urbi-sound
 
 

@@ -43,16 +43,23 @@ class Terminal:
     def __init__(self, name: str, *arguments: str, cwd: Path | None = None, **environment: str) -> None:
         self._end, side = pty.openpty()
         fcntl.ioctl(side, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 100, 0, 0))
+        first = termios.tcgetattr(side)
         self.process = subprocess.Popen(
             module(name, *arguments), stdin=side, stdout=side, stderr=side, cwd=cwd, start_new_session=True,
             env={**os.environ, "TERM": "xterm-256color", **environment},
         )
-        os.close(side)
+        # Kept open: a terminal that nobody holds any more has no settings.
+        self._side = side
+        self.at_first = first
         self.heard = ""
 
     def type(self, text: str) -> None:
         """Press keys."""
         os.write(self._end, text.encode())
+
+    def settings(self) -> list[object]:
+        """How the terminal treats keys."""
+        return list(termios.tcgetattr(self._side))
 
     def interrupt(self) -> None:
         """Ctrl-C as a signal, for a program that leaves the terminal as it is."""
@@ -100,6 +107,7 @@ class Terminal:
         with contextlib.suppress(ProcessLookupError):
             self.process.kill()
         self.process.wait(PATIENCE)
+        os.close(self._side)
         os.close(self._end)
 
 

@@ -130,10 +130,19 @@ def test_what_was_typed_is_remembered(console: Callable[[], Terminal], tmp_path:
     second.wait(r"\*\*\* remembered")
 
 
+def test_a_terminal_is_left_as_it_was(console: Callable[[], Terminal]) -> None:
+    talk = console()
+    before = talk.settings()
+    talk.process.terminate()
+    assert talk.ended() == 0
+    assert talk.settings() != before
+    assert talk.settings() == talk.at_first
+
+
 def test_no_server_to_begin_with() -> None:
     talk = Terminal("main", "console", ":1")
     try:
-        assert talk.ended() == 69
+        assert talk.ended() == 1
         assert re.fullmatch(r"urbihw console: cannot connect to 127\.0\.0\.1:1: Connection refused; .*\n", talk.heard)
     finally:
         talk.close()

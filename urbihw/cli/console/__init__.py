@@ -25,7 +25,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("server", nargs="?", type=address, default=("127.0.0.1", DEFAULT_PORT), metavar="HOST:PORT",
                         help=f"where the server listens (127.0.0.1:{DEFAULT_PORT})")
     parser.add_argument("--plain", action="store_true",
-                        help="no editing and no colours, as when input or output is no terminal")
+                        help="no editing and no colours, as when input or output is no terminal, or a dumb one")
 
 
 def address(text: str) -> tuple[str, int]:
@@ -46,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
     """Talk until Ctrl-D, or until the input has ended and what it said is run."""
     host, port = options.server
     try:
-        if options.plain or not (sys.stdin.isatty() and sys.stdout.isatty()):
+        if options.plain or not (sys.stdin.isatty() and sys.stdout.isatty()) or os.environ.get("TERM") == "dumb":
             from urbihw.cli.console import plain
 
             return plain.talk(host, port, sys.stdin.buffer)

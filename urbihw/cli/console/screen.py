@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import signal
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
@@ -28,7 +29,8 @@ from urbihw.cli.console.lexer import UrbiscriptLexer
 from urbihw.cli.console.session import Session
 from urbihw.cli.console.subject import whole_path
 from urbihw.cli.lines import Line
-from urbihw.cli.options import EX_UNAVAILABLE, Refused
+from urbihw.cli.link import NO_SERVER
+from urbihw.cli.options import Refused
 from urbihw.kernel.stages import dump, unfinished
 
 FIRST_PATIENCE: Final = 10.0
@@ -95,7 +97,7 @@ class Screen:
         if self._session.state != "connected":
             self._keeping.cancel()
             raise Refused(f"cannot connect to {self._session.name}: {self._session.reason}; is the server running, "
-                          "is this its address?", EX_UNAVAILABLE)
+                          "is this its address?", NO_SERVER)
 
     def _changed(self) -> None:
         self._connected.set()
@@ -194,12 +196,15 @@ class Screen:
             self._note(f"cannot stop it: {error}")
 
     async def run(self) -> int:
-        """Talk until Ctrl-D."""
+        """Talk until Ctrl-D, or SIGTERM, after which the terminal should be as it was."""
+        loop = asyncio.get_running_loop()
+        loop.add_signal_handler(signal.SIGTERM, lambda: self._prompt.app.exit(exception=EOFError))
         try:
             await self._prompt.prompt_async()
         except EOFError:
             pass
         finally:
+            loop.remove_signal_handler(signal.SIGTERM)
             self._keeping.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await self._keeping
