@@ -1,0 +1,203 @@
+"""Clients that do what they should not, on the real port of a real server: their neighbour never notices."""
+
+from __future__ import annotations
+
+import os
+import random
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.e2e
+
+PATIENCE = 10.0
+"""Seconds after which anything has failed; a busy machine may need some."""
+
+
+CENSUS = "[Lobby.instances.size, System.jobs.size];"
+
+
+class Client:
+    """A connection whose answers are taken without their time stamps."""
+
+    def __init__(self, port: int, receive: int | None = None) -> None:
+        """``receive``: the size of the operating system's buffer for what comes in."""
+        self.socket = socket.socket()
+        if receive is not None:
+            self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive)
+        self.socket.settimeout(PATIENCE)
+        self.socket.connect(("127.0.0.1", port))
+
+    def say(self, data: bytes) -> None:
+        """Send something; a server that hung up in the middle of it may have done right."""
+        try:
+            self.socket.sendall(data)
+        except ConnectionError:
+            return
+
+    def line(self) -> str:
+        """The next line that comes, whole."""
+        heard = b""
+        while not heard.endswith(b"\n"):
+            data = self.socket.recv(1)
+            assert data, f"the server hung up after {heard!r}"
+            heard += data
+        return heard.decode("latin-1").partition("] ")[2].rstrip("\n")
+
+    def ask(self, text: str) -> str:
+        """The line that answers."""
+        self.say(text.encode() + b"\n")
+        return self.line()
+
+    def close(self) -> None:
+        self.socket.close()
+
+
+class Server:
+    """``urbi`` in a process of its own, and the neighbour of all that is done to it."""
+
+    def __init__(self, folder: Path) -> None:
+        port_file = folder / "port"
+        self._log = (folder / "log").open("w+")
+        command = (sys.executable, "-m", "urbihw.cli.urbi", "--quiet", "--port", "0", "--port-file", str(port_file))
+        self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=self._log)
+        end = time.monotonic() + PATIENCE
+        while not (port_file.exists() and port_file.read_text().endswith("\n")):
+            assert self.process.poll() is None and time.monotonic() < end, self.log()
+            time.sleep(0.01)
+        self.port = int(port_file.read_text())
+        self.neighbour = self.client()
+        self.at_rest = self.neighbour.ask(CENSUS)
+
+    def client(self, receive: int | None = None) -> Client:
+        """One more client."""
+        return Client(self.port, receive)
+
+    def wait(self, question: str, answer: str) -> None:
+        """Ask until the answer is the right one."""
+        end = time.monotonic() + PATIENCE
+        while (heard := self.neighbour.ask(question)) != answer:
+            assert time.monotonic() < end, f"{question} is {heard}, not {answer}"
+            time.sleep(0.02)
+
+    def log(self) -> str:
+        """What the server wrote to its log."""
+        self._log.seek(0)
+        return self._log.read()
+
+    def resident(self) -> float:
+        """Megabytes of memory that the server holds."""
+        pages = int(Path(f"/proc/{self.process.pid}/statm").read_text().split()[1])
+        return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+    def close(self) -> None:
+        self.neighbour.close()
+        self.process.kill()
+        self.process.wait(PATIENCE)
+        self._log.close()
+
+
+@pytest.fixture(scope="module")
+def process(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    server = Server(tmp_path_factory.mktemp("hostile"))
+    yield server
+    server.close()
+
+
+@pytest.fixture
+def server(process: Server) -> Iterator[Server]:
+    """The server; afterwards it must be as it was, and it must have nothing to complain of itself."""
+    yield process
+    assert process.neighbour.ask("40 + 2;") == "42"
+    process.wait(CENSUS, process.at_rest)
+    assert "Traceback" not in process.log()
+    assert "bug" not in process.log()
+
+
+NOISE = {
+    "every byte": bytes(range(256)) * 400,
+    "random bytes": random.Random(54000).randbytes(100_000),
+    "zeros": bytes(100_000),
+    "telnet negotiation": b"\xff\xfb\x01\xff\xfd\x03\xff\xf4\xff\xfd\x06",
+    "no text": b'"\xff\xfe\xc3\x28";',
+    "half a statement": b"function f() { every (1s) {",
+    "half a string": b'"' + b"x" * 100_000,
+    "half a comment": b"/* " * 30_000,
+    "half a binary": b"BIN 100000000;" + b"x" * 100_000,
+    "open brackets": b"[" * 100_000,
+    "open parentheses": b"(" * 100_000,
+    "open braces": b"{" * 100_000,
+    "brackets": b"[" * 50_000 + b"]" * 50_000 + b";",
+    "separators": b";,|&" * 10_000,
+    "a long name": b"x" * 500_000 + b";",
+}
+
+
+@pytest.mark.parametrize("kind", NOISE)
+def test_noise_hurts_nobody_else(server: Server, kind: str) -> None:
+    client = server.client()
+    client.say(NOISE[kind])
+    assert server.neighbour.ask("6 * 7;") == "42"
+    client.close()
+
+
+def test_a_telnet_client_that_negotiates_is_answered(server: Server) -> None:
+    client = server.client()
+    client.say(b"\xff\xfb\x01\xff\xfd\x03\r\n;")
+    client.say(b'"ready";\r\n')
+    while client.line() != '"ready"':
+        pass
+    assert client.ask("1 + 1;") == "2"
+    client.close()
+
+
+def test_a_string_of_a_megabyte_comes_and_goes(server: Server) -> None:
+    client = server.client()
+    client.say(b'"' + b"x" * 1_000_000 + b'".size;\n')
+    assert client.line() == "1000000"
+    assert server.neighbour.ask("6 * 7;") == "42"
+    client.close()
+
+
+def test_a_client_that_does_not_read_is_closed_and_costs_little(server: Server) -> None:
+    before = server.resident()
+    client = server.client(receive=4096)
+    client.say(b'every| (1ms) echo("x" * 100000);\n')
+    end = time.monotonic() + PATIENCE
+    while "does not read: closed with" not in server.log():
+        assert server.neighbour.ask("6 * 7;") == "42"
+        assert server.resident() - before < 60
+        assert time.monotonic() < end, server.log()
+        time.sleep(0.01)
+    client.close()
+
+
+def test_three_hundred_clients_that_leave_in_the_middle_leave_nothing(server: Server) -> None:
+    for turn in range(300):
+        client = server.client()
+        client.say(b'every (1s) { 1 }, at (System.ndebug) {}; var t = Tag.new; { t: sleep(1h) }, "half')
+        client.close()
+        if turn % 50 == 0:
+            assert server.neighbour.ask("6 * 7;") == "42"
+
+
+def test_an_endless_loop_that_yields_is_stopped_from_another_connection(server: Server) -> None:
+    client = server.client()
+    client.say(b"var Global.stopMe = Tag.new|; stopMe: while (true) { 1; 2 },\n")
+    server.wait('Global.hasSlot("stopMe");', "true")
+    assert server.neighbour.ask("6 * 7;") == "42"
+    assert server.neighbour.ask('stopMe.stop | removeSlot("stopMe") | "stopped";') == '"stopped"'
+    client.close()
+
+
+def test_a_program_that_never_yields_is_named_in_the_log(server: Server) -> None:
+    client = server.client()
+    client.say(b"//#push 7 \"greedy.u\"\nvar began = time|; while| (time < began + 1.5) {}; 7;\n")
+    assert client.line() == "7"
+    assert "job shell_2 holds the interpreter for more than a second at greedy.u:7" in server.log()
+    client.close()
