@@ -236,6 +236,15 @@ def test_cycles_are_reported_as_often_as_wanted() -> None:
     assert rig.take(m.Samples) == []
 
 
+def test_ticks_that_are_a_little_late_or_early_lose_no_report() -> None:
+    rig = Rig()
+    rig.run(0.1)
+    rig.take(m.Samples)
+    for late in (0.003, -0.003, 0.0, 0.004, -0.004, 0.001, -0.001) * 10:
+        rig.run(TICK + late, TICK + late)
+    assert len(rig.take(m.Samples)) == pytest.approx(70, abs=1)
+
+
 def test_samples_carry_the_time_of_the_worker() -> None:
     rig = Rig()
     rig.run(0.1)
@@ -313,6 +322,13 @@ def test_a_mode_that_is_not_taken_is_asked_for_three_times_and_then_refused() ->
     assert reply == m.Reply(7, False, None, "the base stays in mode disabled (motors disabled on request, emergency "
                                             "stop switch open)")
     assert rig.base.refused == 3
+
+
+def test_the_oldest_firmware_takes_orders_unseen() -> None:
+    rig = Rig(SegwayRmp(old_firmware=True, mode=f.TRACTOR))
+    rig.run(0.1)
+    assert rig.ask("write", "mode", 2) == m.Reply(7, True, 2)
+    assert rig.base.mode == f.BALANCE
 
 
 def test_several_orders_go_one_by_one() -> None:

@@ -82,6 +82,7 @@ class RmpDriver:
         self._unsent = 0
         self._restarts = 0
         self._fall_on_stop = False
+        self._tick = 1 / FASTEST
         self._period: float | None = None
         self._next_sample = 0.0
         self._told_at: float | None = None
@@ -102,6 +103,7 @@ class RmpDriver:
             if str(value) not in MODELS:
                 raise BadValue(f"model must be one of {', '.join(MODELS)}, not {value!r}")
         self._fall_on_stop = settings.torque_off_on_stop
+        self._tick = 1 / settings.rate
 
     def attach(self, port: Port) -> list[FromWorker]:
         """Take an open port; the base is found when it is heard."""
@@ -254,10 +256,14 @@ class RmpDriver:
     def _sample(self, latest: Mapping[str, int], now: float) -> list[FromWorker]:
         """The last cycle, if it is new and wanted now."""
         heard = self._monitor.heard_at
-        if self._state != "ok" or self._period is None or heard in (None, self._told_at) or now < self._next_sample:
+        # A tick that is a little early is the one that is meant.
+        early = now < self._next_sample - self._tick / 2
+        if self._state != "ok" or self._period is None or heard in (None, self._told_at) or early:
             return []
         self._told_at = heard
-        self._next_sample = max(self._next_sample + self._period, now)
+        self._next_sample += self._period
+        if self._next_sample < now - self._period:
+            self._next_sample = now
         return [Samples(now, {BASE: latest}, {BASE: now})]
 
     def _found(self) -> list[FromWorker]:

@@ -70,7 +70,8 @@ class Orders:
         order = self._under_way
         if order is None or self._due:
             return []
-        if not order.shown or values.get(order.name) == order.parameter:
+        # The oldest firmware shows nothing.
+        if not order.shown or values.get(order.name, order.parameter) == order.parameter:
             return [self._done(Reply(order.reply_id, True, order.parameter))]
         if now - order.sent_at < PATIENCE:
             return []
@@ -93,7 +94,7 @@ class Orders:
     @staticmethod
     def _refusal(order: _Order, values: Mapping[str, int]) -> str:
         names = p.MODES if order.name == "mode" else p.GAINS
-        now = values.get(order.name, -1)
-        shown = names[now] if 0 <= now < len(names) else str(now)
+        now = values[order.name]
+        shown = names[now] if now < len(names) else str(now)
         wrong = p.fault_words(values.get("status1", 0), values.get("status2", 0))
         return f"the base stays in {order.name} {shown}" + (f" ({wrong})" if wrong else "")
