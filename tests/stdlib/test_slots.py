@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from stdlib.samples import SAMPLES
+from library_samples import SAMPLES
 
 from urbihw.kernel import Kernel
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import random as python_random
+from collections.abc import Iterable
 from typing import Any
 
 from urbihw.kernel import errors
@@ -19,26 +20,33 @@ TABLE = Table("Float")
 @TABLE.primitive("seq", "asList")
 def seq(world: World, this: float) -> list[Any]:
     """The integers from 0 up to, not including, this one; raises BadInteger."""
-    return [float(i) for i in range(whole(world, this))]
+    number = whole(world, this)
+    if number > members.MANY:
+        raise errors.Raised("BadInteger", f"expected at most {members.MANY:.0f}, got {float_text(this)}", "seq")
+    return list(_below(world, this))
+
+
+def _below(world: World, this: float) -> Iterable[float]:
+    return map(float, range(whole(world, this)))
 
 
 @TABLE.primitive("each")
 def each(world: World, this: float, function: Any) -> None:
     """Call the function on each integer from 0 up to this one; other jobs may run in between; raises BadInteger."""
-    members.each(world, this, seq(world, this), function)
+    members.each(world, this, _below(world, this), function)
 
 
 @TABLE.primitive("each|")
 def each_pipe(world: World, this: float, function: Any) -> None:
     """Call the function on each integer from 0 up to this one, without a pause; raises BadInteger."""
-    for index in seq(world, this):
+    for index in _below(world, this):
         world.invoke(function, this, (index,))
 
 
 @TABLE.primitive("each&")
 def each_and(world: World, this: float, function: Any) -> None:
     """Call the function on all integers from 0 up to this one at once; raises BadInteger."""
-    members.each_apart(world, this, seq(world, this), function)
+    members.each_apart(world, this, _below(world, this), function)
 
 
 @TABLE.primitive("times")

@@ -16,13 +16,13 @@ from urbihw.kernel.stdlib.members import (
     Ranked,
     callable_of,
     comparison,
-    count,
     each,
     each_apart,
     each_tight,
     equal,
     index_in,
     less_members,
+    repetitions,
     same_members,
 )
 
@@ -463,4 +463,4 @@ def minus(world: World, this: list[Any], other: list[Any]) -> Any:
 @TABLE.primitive("*")
 def times(world: World, this: list[Any], number: Any) -> Any:
     """A new list of the same members over and over, a non-negative number of times."""
-    return world.new_list(this * count(world, number))
+    return world.new_list(this * repetitions(world, number, len(this)))

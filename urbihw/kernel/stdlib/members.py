@@ -18,6 +18,8 @@ from urbihw.kernel.sched.group import Group
 
 Less = Callable[[Any, Any], bool]
 
+MOST = 1e8
+"""How large a repeated List or String may become."""
 MANY = 1e7
 """How many members a built-in function may be asked to go through: it does not give way to others meanwhile."""
 
@@ -130,6 +132,15 @@ def count(world: World, value: Any) -> int:
     if not 0 <= number < 2**63 or number != int(number):
         raise errors.bad_number("NegativeNumber", f"expected non-negative integer, got {world.text(value)}")
     return int(number)
+
+
+def repetitions(world: World, value: Any, size: int) -> int:
+    """How often something of this size is to be repeated; raises for what no memory could hold."""
+    number = count(world, value)
+    if number * size > MOST:
+        wanted = f"expected a result of at most {MOST:.0f} members, got {world.text(value)} times {size}"
+        raise errors.bad_number("BadNumber", wanted)
+    return number
 
 
 def members_of(world: World, value: Any) -> Iterable[Any]:

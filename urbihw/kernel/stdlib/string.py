@@ -12,7 +12,7 @@ from urbihw.kernel import errors
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import String
 from urbihw.kernel.runtime.world import World
-from urbihw.kernel.stdlib.members import count, members_of, strings_of
+from urbihw.kernel.stdlib.members import count, members_of, repetitions, strings_of
 
 TABLE = Table("String")
 PROTOS = {"String": ("Comparable", "Orderable", "RangeIterable")}
@@ -242,7 +242,8 @@ def times(world: World) -> Any:
     """This string repeated a number of times, a non-negative integer."""
 
     def run(this: Any, number: Any) -> String:
-        return world.string(_text(world, this) * count(world, number))
+        text = _text(world, this)
+        return world.string(text * repetitions(world, number, len(text)))
 
     return run
 
