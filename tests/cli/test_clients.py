@@ -79,6 +79,11 @@ def test_no_server_is_one_line(program: str, monkeypatch: Patch, capsys: Capture
     assert line.startswith(f"{program}: cannot connect to robot:1234: Connection refused; ")
 
 
+def test_a_name_that_no_host_can_have(capsys: Capture) -> None:
+    assert send.main(["-H", "x" * 70, "-e", ";"]) == 1
+    assert "this is no name of a host" in capsys.readouterr().err
+
+
 def test_a_port_file_without_a_port(capsys: Capture, tmp_path: Path) -> None:
     assert send.main(["--port-file", str(tmp_path / "none")]) == 66
     (tmp_path / "port").write_text("-1\n")

@@ -75,6 +75,7 @@ def test_the_value_of_an_option_may_look_like_an_option(capfd: Capture) -> None:
         (("-e",), 64, "expected one argument"),
         (("-f", "/none.u"), 66, "urbi: failed to process file /none.u: No such file or directory"),
         (("--host", "192.0.2.1", "--port", "0", "-e", ";"), 69, "cannot listen to port 192.0.2.1:0"),
+        (("--host", "x" * 70, "--port", "0", "-e", ";"), 69, ":0: this is no name of a host"),
         (("--port-file", "/none/port", "-e", ";"), 78, "cannot write /none/port"),
         (("--module", "none", "-e", ";"), 78, "none"),
     ],

@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import Final
 
 from urbihw.cli.lines import BadLine, Line, Lines, guarded
-from urbihw.cli.options import EX_UNAVAILABLE, Refused
+from urbihw.cli.options import EX_UNAVAILABLE, Refused, why
 
 NO_SERVER: Final = 1
 """Exit code when nobody listens, as of the SDK's own clients (server protocol, section 9)."""
@@ -31,9 +31,8 @@ class Link:
         self.peer = f"{host}:{port}"
         try:
             self._socket = socket.create_connection((host, port), CONNECT_PATIENCE)
-        except OSError as error:
-            reason = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
-            raise Refused(f"cannot connect to {self.peer}: {reason}; is the server running, is this its port (--port)?",
+        except (OSError, UnicodeError) as error:
+            raise Refused(f"cannot connect to {self.peer}: {why(error)}; is the server running, is this its port?",
                           NO_SERVER) from error
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._lines = Lines()

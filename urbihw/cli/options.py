@@ -7,6 +7,7 @@ Manual, chapter 18 (Programs).  Their exit codes are those of the original where
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -142,3 +143,13 @@ def split(argv: Sequence[str]) -> tuple[list[str], list[str]]:
     words = list(argv)
     at = words.index("--") if "--" in words else len(words)
     return words[:at], words[at + 1 :]
+
+
+def why(error: Exception) -> str:
+    """Why a host or port cannot be had, in a few words.  A name that no host can have is a UnicodeError."""
+    if isinstance(error, TimeoutError):
+        return "no answer"
+    if isinstance(error, UnicodeError):
+        return "this is no name of a host"
+    number = getattr(error, "errno", None)
+    return os.strerror(number) if number and number > 0 else getattr(error, "strerror", None) or str(error)

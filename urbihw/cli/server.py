@@ -10,14 +10,13 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import os
 import signal
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from urbihw.cli.options import EX_CONFIG, EX_UNAVAILABLE, Refused
+from urbihw.cli.options import EX_CONFIG, EX_UNAVAILABLE, Refused, why
 from urbihw.cli.terminal import Terminal
 from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby
@@ -134,9 +133,8 @@ class Process:
         if port >= 0:
             try:
                 port = await self._server.listen(host, port)
-            except OSError as error:
-                reason = os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror
-                raise Refused(f"cannot listen to port {host}:{port}: {reason}", EX_UNAVAILABLE) from error
+            except (OSError, UnicodeError) as error:
+                raise Refused(f"cannot listen to port {host}:{port}: {why(error)}", EX_UNAVAILABLE) from error
         self.kernel.programs.listen_port = port
         if self._settings.port_file is not None:
             try:

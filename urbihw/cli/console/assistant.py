@@ -78,7 +78,7 @@ class Assistant:
             except TimeoutError:
                 self.close()
                 raise NoAnswer("the server does not answer") from None
-            except (OSError, BadLine) as error:
+            except (OSError, UnicodeError, BadLine) as error:
                 self.close()
                 raise NoAnswer(str(error)) from error
 

@@ -7,6 +7,7 @@ import contextlib
 import os
 import signal
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
@@ -15,10 +16,8 @@ from prompt_toolkit.auto_suggest import AutoSuggestFromHistory
 from prompt_toolkit.buffer import Buffer
 from prompt_toolkit.formatted_text import AnyFormattedText, FormattedText
 from prompt_toolkit.history import FileHistory, History, InMemoryHistory
-from prompt_toolkit.input import Input
 from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
 from prompt_toolkit.lexers import PygmentsLexer
-from prompt_toolkit.output import Output
 
 from urbihw.cli.console.above import Above
 from urbihw.cli.console.assistant import Assistant, NoAnswer
@@ -37,11 +36,9 @@ FIRST_PATIENCE: Final = 10.0
 INDENT: Final = "  "
 
 
-async def talk(
-    host: str, port: int, environment: Mapping[str, str], input: Input | None = None, output: Output | None = None
-) -> int:
+async def talk(host: str, port: int, environment: Mapping[str, str]) -> int:
     """Talk until Ctrl-D.  Raises Refused when there is no server to begin with."""
-    screen = Screen(host, port, history(environment), input, output)
+    screen = Screen(host, port, history(environment))
     await screen.connect()
     return await screen.run()
 
@@ -62,11 +59,11 @@ def history(environment: Mapping[str, str]) -> History:
 class Screen:
     """One session at a terminal."""
 
-    def __init__(
-        self, host: str, port: int, remembered: History, input: Input | None = None, output: Output | None = None
-    ) -> None:
+    def __init__(self, host: str, port: int, remembered: History) -> None:
         self._session = Session(host, port, self._heard, self._changed)
         self._assistant = Assistant(host, port)
+        # Asked with each key, and again for Enter.
+        self._unfinished = lru_cache(maxsize=2)(unfinished)
         self._connected = asyncio.Event()
         self._lost_once = False
         self._prompt: PromptSession[str] = PromptSession(
@@ -83,8 +80,6 @@ class Screen:
             enable_history_search=True,
             key_bindings=self._keys(),
             bottom_toolbar=self._hint,
-            input=input,
-            output=output,
         )
         self._above = Above(self._prompt.app, STYLE)
 
@@ -131,7 +126,7 @@ class Screen:
         text = self._prompt.default_buffer.text
         if self._session.state != "connected":
             return FormattedText([("class:hint", f"not connected: {self._session.reason}")])
-        if text.strip() and not is_command(text) and unfinished(text):
+        if text.strip() and not is_command(text) and self._unfinished(text):
             return FormattedText([("class:hint", "unfinished: end it with ; or , (an empty line adds the ;)")])
         return FormattedText([("class:hint", "Tab completes, help NAME explains, Ctrl-C stops, Ctrl-D leaves")])
 
@@ -145,7 +140,7 @@ class Screen:
             buffer = event.current_buffer
             if not buffer.text.strip():
                 buffer.reset()
-            elif is_command(buffer.text) or not unfinished(buffer.text):
+            elif is_command(buffer.text) or not self._unfinished(buffer.text):
                 self._submit(buffer)
             elif buffer.document.is_cursor_at_the_end and lacks_separator(buffer.text):
                 buffer.text = buffer.text.rstrip() + ";"

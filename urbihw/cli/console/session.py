@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import os
 import socket
 from collections.abc import Callable
 from typing import Final, Literal
 
 from urbihw.cli.lines import BadLine, Line, Lines
+from urbihw.cli.options import why
 
 CHUNK: Final = 256 * 1024
 PATIENCE: Final = 5.0
@@ -52,8 +52,8 @@ class Session:
         while True:
             try:
                 reader, writer = await asyncio.wait_for(asyncio.open_connection(self.host, self.port), PATIENCE)
-            except (OSError, TimeoutError) as error:
-                self.reason = _reason(error)
+            except (OSError, TimeoutError, UnicodeError) as error:
+                self.reason = why(error)
                 self._enter("lost")
                 await asyncio.sleep(pause)
                 pause = min(pause * 2, LONGEST_PAUSE)
@@ -77,7 +77,7 @@ class Session:
             while data := await reader.read(CHUNK):
                 self._take(lines.feed(data))
         except OSError as error:
-            self.reason = _reason(error)
+            self.reason = why(error)
         except BadLine as error:
             self.reason = str(error)
         writer.close()
@@ -103,11 +103,3 @@ class Session:
             return False
         self._writer.write(text.encode("utf-8", "surrogateescape"))
         return True
-
-
-def _reason(error: BaseException) -> str:
-    """Why there is no connection, in a few words."""
-    if isinstance(error, TimeoutError):
-        return "no answer"
-    number = getattr(error, "errno", None)
-    return os.strerror(number) if number and number > 0 else str(error) or type(error).__name__
