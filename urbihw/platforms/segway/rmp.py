@@ -23,6 +23,9 @@ FULL_CURRENT: Final = 256
 EMPTY, FULL = 60.0, 78.0
 """Volts between which the battery's charge is estimated, along a straight line; guessed around the nominal 72."""
 
+_EARLY: Final = 0.01
+"""Seconds: half the shortest time between two cycles that come."""
+
 _SCALED: Final = {
     "leftSpeed": "left_speed",
     "rightSpeed": "right_speed",
@@ -105,9 +108,11 @@ class RMP(UObject):
     lockout = owned(False)
     faulted = event()
 
-    def attach(self, base: Base) -> None:
-        """Belong to a base, once; ``init`` in ``usegway.u`` sees to it."""
+    def attach(self, base: Base, period: float) -> None:
+        """Belong to a base and show it every ``period`` seconds; ``init`` in ``usegway.u`` sees to it, once."""
         self._base = base
+        self.period.sense(period)
+        self._due = -math.inf
         self._raw: Mapping[str, int] = {}
         self._place = [0.0, 0.0, 0.0]
         self._last: tuple[int, float, float] | None = None
@@ -188,6 +193,15 @@ class RMP(UObject):
             var.set_property("rangemax", limit)
 
     # ---------------------------------------------------------------- read
+
+    def offer(self, raw: Mapping[str, int], stamp: float) -> None:
+        """Take a cycle if it is time for one."""
+        period = float(self.period.sensed)
+        # One that comes a little early is the one that is meant.
+        if stamp < self._due - _EARLY:
+            return
+        self._due = max(self._due + period, stamp - period)
+        self.take(raw, stamp)
 
     def take(self, raw: Mapping[str, int], stamp: float) -> None:
         """Take a cycle, in counts."""

@@ -21,8 +21,8 @@ DEAD_MAN: Final = 0.4
 """Seconds of silence of the kernel at most until the base is stopped: as long as a base waits by itself."""
 ALIVE: Final = 0.1
 """Seconds between signs of life."""
-SHORTEST: Final = 0.01
-"""Seconds between two readings at least: the base's own cycle."""
+SHORTEST: Final = 1 / FASTEST
+"""Seconds between two readings at least; the base's own cycle takes half of that."""
 LONGEST: Final = 60.0
 TREE: Final = "rmp.u"
 """Builds the standard robot API, when the base is there."""
@@ -66,7 +66,7 @@ class Segway(WiredRobot):
         self.host.each_round(self._watch_driver)
 
     def configure(self, settings: RobotSettings) -> None:
-        """See ``Robot``; the rate stays what the last RMP asked for."""
+        """See ``Robot``; the rate stays what the RMPs asked for."""
         self._wanted = replace(_safe(settings), rate=self._wanted.rate)
         super().configure(self._wanted)
 
@@ -83,15 +83,14 @@ class Segway(WiredRobot):
 
     @function
     def join(self, rmp: RMP, period: float) -> None:
-        """Let an RMP show this base; it is read every ``period`` s, and commands go out every 20 to 50 ms."""
+        """Let an RMP show this base, every ``period`` s; commands go out as often as the quickest RMP wants, within
+        20 to 50 ms."""
         if not 0 < period <= LONGEST:
             raise ValueError(f"period is in seconds, {SHORTEST:g} to {LONGEST:g}")
-        rmp.attach(self)
+        rmp.attach(self, max(period, SHORTEST))
         self._members.add(rmp)
-        period = max(period, SHORTEST)
-        rmp.period.sense(period)
         rmp.changed_state(str(self.state.sensed))
-        self._pace(period)
+        self._pace(min(float(member.period.sensed) for member in self._members))
         if self._raw and self.state.sensed == "ok":
             rmp.take(self._raw, self.host.now())
 
@@ -164,7 +163,7 @@ class Segway(WiredRobot):
         self._raw = dict(message.values[BASE])
         stamp = message.times[BASE] + self.offset
         for rmp in self._members:
-            rmp.take(self._raw, stamp)
+            rmp.offer(self._raw, stamp)
 
     def whole(self) -> bool:
         """See ``WiredRobot``; the tree answers."""
