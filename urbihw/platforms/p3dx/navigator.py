@@ -85,7 +85,7 @@ class Navigator(UObject):
         value = number(var)
         if value <= 0:
             raise ValueError("this slot takes a speed above 0")
-        setattr(self._robot.drive_.limits, attribute, value)
+        setattr(self._robot.drive.limits, attribute, value)
 
     # ---------------------------------------------------------------- the map
 
@@ -175,7 +175,7 @@ class Navigator(UObject):
         if not self.mapFileName.sensed:
             raise ValueError("there is no map; set P3dx.planner.mapFileName first")
         self._robot.check_motors()
-        self._robot.drive_.halt("a path is being planned")
+        self._robot.drive.halt("a path is being planned")
         self.cancel()
         self._goal = Goal((x, y), heading)
         self.active.sense(True)
@@ -194,7 +194,7 @@ class Navigator(UObject):
     def _go(self, goal: Goal, path: list[Point]) -> None:
         self.path.sense([list(point) for point in path])
         robot = self._robot
-        follow = Follow(path, goal.heading, robot.drive_.limits, self._pose, self._room)
+        follow = Follow(path, goal.heading, robot.drive.limits, self._pose, self._room)
         self._follow = follow
         robot.begin(follow)
 
@@ -237,8 +237,8 @@ class Navigator(UObject):
         self._task += 1
         self.active.sense(False)
         self.path.sense([])
-        if follow is not None and self._robot.drive_.motion is follow:
-            self._robot.drive_.halt("the path was given up")
+        if follow is not None and self._robot.drive.motion is follow:
+            self._robot.drive.halt("the path was given up")
         self.pathPlanningEvent.emit(how)
 
     # ---------------------------------------------------------------- what the follower asks

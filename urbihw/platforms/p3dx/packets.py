@@ -150,11 +150,6 @@ REQUESTS: Final[dict[str, str]] = {
 """Device -> the command with which its packets are switched on (2, the gyro 1) and off (0)."""
 
 
-def describe(values: dict[str, int | str]) -> str:
-    """A robot in a few words, from its configuration."""
-    return f"{values['class']} {values['subclass']} {values['name']!r}, firmware {values['firmware'] or 'unknown'}"
-
-
 # --- the laser of MobileSim, which comes over the robot's own line ----------------------------------------------------
 
 SIM_LASER: Final = (0x60, 0x61)

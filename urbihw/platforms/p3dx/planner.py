@@ -1,7 +1,8 @@
 """Paths on a grid: A* by the package ``pathfinding``, then as few corners as the walls allow.
 
-``pathfinding`` is pure Python and takes 0.36 s for a grid of 200 by 200 with a wall to go around twice (0.1 s of it to
-make its grid); it runs in a thread, so that is fast enough.  It is asked for in the extra ``planner``.
+``pathfinding`` is pure Python and takes 0.4 s for a grid of 200 by 200 with a wall to go around twice (0.1 s of it to
+make its grid).  It runs in a thread, beside which others wait some 5 ms for their turn (``bench/p3dx.py``), so that is
+fast enough.  It is asked for in the extra ``planner``.
 """
 
 from __future__ import annotations

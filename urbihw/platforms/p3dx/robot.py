@@ -46,7 +46,7 @@ class P3dx(ArcosRobot):
     def init(self) -> None:
         """Called by ``new``; nothing happens before ``open``."""
         super().init()
-        self.drive_ = Drive(self._motion_ended)
+        self.drive = Drive(self._motion_ended)
         self.options = Options()
         self.factors: Factors = FACTORS["p3dx-sh"]
         self.state = State(0.0, 0.0, 0.0)
@@ -116,7 +116,7 @@ class P3dx(ArcosRobot):
         identity = {"robotType": info.kind, "name": info.name, "model": info.subclass}
         for slot, value in (identity | {"serial": config["serial"], "firmware": config["firmware"]}).items():
             self.variables[slot].sense(str(value))
-        limits, factors = self.drive_.limits, self.factors
+        limits, factors = self.drive.limits, self.factors
         limits.fastest = min(factors.fastest, int(config["trans_vel_max"]) / 1000 or factors.fastest)
         limits.fastest_turn = min(
             factors.fastest_turn, math.radians(int(config["rot_vel_max"])) or factors.fastest_turn
@@ -126,10 +126,10 @@ class P3dx(ArcosRobot):
         self._bumpers = int(config["front_bumps"]), int(config["rear_bumps"])
 
     def _make_parts(self, info: RobotInfo) -> None:
-        create, limits, config = self.host.create, self.drive_.limits, info.config
+        create, limits, config = self.host.create, self.drive.limits, info.config
         simulator = config["serial"] in _SIMULATORS or info.name in _SIMULATORS
         laser = laser_url({"laser": self._laser_url}, self.options.laser, simulator=simulator)
-        self.body = create(Body, None, self, self.drive_.safety)
+        self.body = create(Body, None, self, self.drive.safety)
         self.wheels = create(Wheel), create(Wheel)
         self.odometry = create(Odometry)
         self.sonar_ring = create(Sonars, None, self)
@@ -305,7 +305,7 @@ class P3dx(ArcosRobot):
         if v or w:
             self.check_motors()
         self.planner.cancel()
-        self.drive_.set(v, w)
+        self.drive.set(v, w)
         self._order()
 
     def check_motors(self) -> None:
@@ -315,13 +315,13 @@ class P3dx(ArcosRobot):
 
     def begin(self, motion: Motion) -> None:
         """Begin a motion."""
-        self.drive_.start(motion)
+        self.drive.start(motion)
         self._order()
 
     def halt(self, why: str) -> None:
         """Nothing shall move any more, and nothing waits to move."""
         self.planner.cancel()
-        self.drive_.halt(why)
+        self.drive.halt(why)
         self._order()
 
     def _order(self) -> None:
@@ -329,7 +329,7 @@ class P3dx(ArcosRobot):
         if not self._motors:
             self._aimed = (0, 0)
             return
-        v, w = self.drive_.step(self.state)
+        v, w = self.drive.step(self.state)
         wanted = round(v / self.factors.speed), round(math.degrees(w))
         for item, new, old in zip(("vel", "rvel"), wanted, self._aimed, strict=True):
             if new or new != old:
