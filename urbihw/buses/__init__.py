@@ -10,6 +10,7 @@ A bus is a url; a fake robot is just one more url::
     serial:///dev/ttyUSB0        the same, spelt out
     socket://localhost:6000      a bus behind TCP
     usb://0694:0002              a USB device with a pair of bulk endpoints, by vendor and product
+    can://socketcan/can0         a CAN bus, by the interfaces of python-can: see `can`
     spy:///dev/ttyUSB0           the same as without spy://, printing every byte
     pipe://name                  an in-memory pair, for tests
 """
