@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import time
 from collections.abc import Callable, Iterator
@@ -13,19 +14,20 @@ from programs_lab import PATIENCE, Server, Terminal, run
 pytestmark = pytest.mark.e2e
 
 
-@pytest.fixture
-def server(tmp_path: Path) -> Iterator[Server]:
-    made = Server(tmp_path)
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """One for all who leave it alive."""
+    made = Server(tmp_path_factory.mktemp("server"))
     yield made
     made.close()
 
 
 @pytest.fixture
-def console(tmp_path: Path, server: Server) -> Iterator[Callable[[], Terminal]]:
+def console(tmp_path: Path, server: Server) -> Iterator[Callable[..., Terminal]]:
     made: list[Terminal] = []
 
-    def start() -> Terminal:
-        made.append(Terminal("main", "console", f":{server.port}", cwd=tmp_path, XDG_STATE_HOME=str(tmp_path)))
+    def start(port: int = server.port) -> Terminal:
+        made.append(Terminal("main", "console", f":{port}", cwd=tmp_path, XDG_STATE_HOME=str(tmp_path)))
         made[-1].wait("Ctrl-D leaves")
         return made[-1]
 
@@ -34,7 +36,7 @@ def console(tmp_path: Path, server: Server) -> Iterator[Callable[[], Terminal]]:
         one.close()
 
 
-def test_a_conversation(console: Callable[[], Terminal]) -> None:
+def test_a_conversation(console: Callable[..., Terminal]) -> None:
     talk = console()
     talk.type("1 + 1;\r")
     talk.wait(r"\[\d{8}\] 2\n")
@@ -46,7 +48,7 @@ def test_a_conversation(console: Callable[[], Terminal]) -> None:
     assert talk.ended() == 0
 
 
-def test_a_statement_of_several_lines(console: Callable[[], Terminal]) -> None:
+def test_a_statement_of_several_lines(console: Callable[..., Terminal]) -> None:
     talk = console()
     talk.type("{\r")
     talk.wait("unfinished")
@@ -64,7 +66,7 @@ def test_a_statement_of_several_lines(console: Callable[[], Terminal]) -> None:
     talk.wait(r"\*\*\* once\n")
 
 
-def test_names_are_completed_while_something_runs(console: Callable[[], Terminal]) -> None:
+def test_names_are_completed_while_something_runs(console: Callable[..., Terminal]) -> None:
     talk = console()
     talk.type("class Thing { var velocityOfLight = 3 } | var thing = Thing.new | sleep(1h);\r")
     talk.listen(0.5)
@@ -80,7 +82,7 @@ def test_names_are_completed_while_something_runs(console: Callable[[], Terminal
     talk.wait(r"\[\d{8}\] 3\n")
 
 
-def test_help_from_docstrings(console: Callable[[], Terminal]) -> None:
+def test_help_from_docstrings(console: Callable[..., Terminal]) -> None:
     talk = console()
     talk.type("help sleep\r")
     talk.wait(r"sleep: Primitive\n +Do nothing for a duration in seconds")
@@ -93,7 +95,7 @@ def test_help_from_docstrings(console: Callable[[], Terminal]) -> None:
     talk.wait(r"!!! 1\.1-3: lookup failed: foo")
 
 
-def test_what_others_say_appears_above_the_prompt(console: Callable[[], Terminal], server: Server) -> None:
+def test_what_others_say_appears_above_the_prompt(console: Callable[..., Terminal], server: Server) -> None:
     talk = console()
     talk.type("half a")
     talk.listen(0.3)
@@ -102,24 +104,22 @@ def test_what_others_say_appears_above_the_prompt(console: Callable[[], Terminal
     talk.wait("half a")
 
 
-def test_a_server_that_goes_and_comes_back(console: Callable[[], Terminal], server: Server, tmp_path: Path) -> None:
-    talk = console()
-    server.process.terminate()
-    assert server.process.wait(PATIENCE) == 0
+def test_a_server_that_goes_and_comes_back(console: Callable[..., Terminal], tmp_path: Path) -> None:
+    with contextlib.closing(Server(tmp_path)) as mortal:
+        talk = console(mortal.port)
+        mortal.process.terminate()
+        assert mortal.process.wait(PATIENCE) == 0
     talk.wait("the server closed the connection; trying again")
     talk.wait(r"\(reconnecting\)>")
     talk.type("40 + 2;\r")
     talk.listen(0.3)
-    again = Server(tmp_path, port=server.port)
-    try:
+    with contextlib.closing(Server(tmp_path, port=mortal.port)):
         talk.wait("connected again")
         talk.type("\r")
         talk.wait(r"\[\d{8}\] 42\n")
-    finally:
-        again.close()
 
 
-def test_what_was_typed_is_remembered(console: Callable[[], Terminal], tmp_path: Path) -> None:
+def test_what_was_typed_is_remembered(console: Callable[..., Terminal], tmp_path: Path) -> None:
     first = console()
     first.type('echo("remem" + "bered");\r')
     first.wait(r"\*\*\* remembered")
@@ -130,7 +130,7 @@ def test_what_was_typed_is_remembered(console: Callable[[], Terminal], tmp_path:
     second.wait(r"\*\*\* remembered")
 
 
-def test_a_terminal_is_left_as_it_was(console: Callable[[], Terminal]) -> None:
+def test_a_terminal_is_left_as_it_was(console: Callable[..., Terminal]) -> None:
     talk = console()
     before = talk.settings()
     talk.process.terminate()
