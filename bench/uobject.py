@@ -124,13 +124,13 @@ class Client:
 
 
 @contextmanager
-def processes() -> Iterator[tuple[Client, int, int]]:
-    """A server, this file as its remote, a client, and the numbers of the two processes."""
+def processes(*more: str) -> Iterator[tuple[Client, int, int]]:
+    """A server, this file as its remote with ``more`` modules, a client, and the numbers of the two processes."""
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
-    here = str(Path(__file__).resolve())
+    modules = [str(Path(__file__).resolve()), *more]
     server = _python(f"from urbihw.cli.urbi import main; main(['-q', '-P', '{port}'])")
-    remote = _python(f"from urbihw.remote import run; run([{here!r}], port={port}, retry_first=True)")
+    remote = _python(f"from urbihw.remote import run; run({modules!r}, port={port}, retry_first=True)")
     try:
         yield _joined(port), server.pid, remote.pid
     finally:
@@ -195,9 +195,16 @@ def main() -> None:
     print(f"owned variable, write to callback: {plugged() * 1e6:.2f} us (aim: below 3)")
     with processes() as (client, server, remote):
         print(f"remote write to callback and back: {round_trip(client) * 1e3:.3f} ms at the median (aim: below 0.5)")
-        rate, of_server, of_remote = film(client, (server, remote), seconds)
-        print(f"film of {WIDTH}x{HEIGHT}: {rate:.1f} pictures a second (aim: {RATE}); "
-              f"server {of_server:.0%}, remote {of_remote:.0%} of a core (aim: below 50% each)")
+        print_film("film", film(client, (server, remote), seconds))
+    with processes("urbi/rtp") as (client, server, remote):
+        print_film("film by RTP", film(client, (server, remote), seconds))
+
+
+def print_film(what: str, measured: tuple[float, float, float]) -> None:
+    """One line."""
+    rate, of_server, of_remote = measured
+    print(f"{what}, {WIDTH}x{HEIGHT}: {rate:.1f} pictures a second (aim: {RATE}); "
+          f"server {of_server:.0%}, remote {of_remote:.0%} of a core (aim: below 50% each)")
 
 
 if __name__ == "__main__":

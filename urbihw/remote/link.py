@@ -41,6 +41,7 @@ class Link(asyncio.Protocol):
         if raw is not None and raw.family in (socket.AF_INET, socket.AF_INET6):
             raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             raw.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+            self._bridge.peer = str(transport.get_extra_info("peername")[0])
 
     def data_received(self, data: bytes) -> None:
         """Bytes of the server."""

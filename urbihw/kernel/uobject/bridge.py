@@ -13,6 +13,7 @@ arguments.
 from __future__ import annotations
 
 import logging
+import secrets
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 from weakref import WeakSet
@@ -21,9 +22,14 @@ from urbihw.kernel import errors
 from urbihw.kernel.runtime.event import Emission, Event
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.uobject import announce
+from urbihw.kernel.uobject.binary import UBinary
+from urbihw.kernel.uobject.frames import Update
 from urbihw.kernel.uobject.host import Host, Observer
 from urbihw.kernel.uobject.outbox import Outbox
 from urbihw.kernel.uobject.remote import Code, Garbage, Line, Reader, literal, quoted
+from urbihw.kernel.uobject.rtp import SECRET_SIZE
+from urbihw.kernel.uobject.rtplink import OpenPort, RtpLink
+from urbihw.kernel.uobject.udp import UdpPort
 from urbihw.kernel.uobject.uevent import UEvent
 from urbihw.kernel.uobject.uobject import UObject, UObjectFace
 from urbihw.kernel.uobject.uvar import UVar
@@ -64,6 +70,10 @@ class Bridge(Observer):
         self._offset = 0.0
         self._doomed: set[str] = set()
         self._refreshed: WeakSet[UVar] = WeakSet()
+        self._rtp_link: RtpLink | None = None
+        self.peer = "127.0.0.1"
+        """The address of the server, for RTP."""
+        self.open_port: OpenPort = UdpPort
         self.ready = False
         self.taken: list[str] = []
         host.observer = self
@@ -112,6 +122,7 @@ class Bridge(Observer):
         """The server is gone."""
         was, self.ready = self.ready, False
         self._out.close()
+        self._close_rtp()
         questions, self._questions = self._questions, {}
         for answer in questions.values():
             answer(None)
@@ -170,6 +181,8 @@ class Bridge(Observer):
             self._announce_foreign(var, name)
         for heard in self._heard:
             self._announce_ear(heard)
+        if self._host.rtp and self._extended:
+            self._open_rtp()
         self._tell(lambda device: device.connected())
         self._out.flush()
 
@@ -420,8 +433,13 @@ class Bridge(Observer):
         path, _, slot = name.rpartition(".")
         source = next(iter(self._devices), next(iter(self._faces), path))
         self._out.chain(announce.var_lines(path, slot, source, False, False))
-        self._ask(name, lambda value: None if value is None else var.learn(
-            from_wire(self._world, self._devices, value), self._host.now()))
+        known = var.current(False) is not self._world.void
+
+        def answer(value: Any) -> None:
+            if value is not None:
+                var.learn(from_wire(self._world, self._devices, value), self._host.now(), known)
+
+        self._ask(name, answer)
 
     def sensed(self, var: UVar) -> None:
         """The owner reported a value."""
@@ -432,9 +450,44 @@ class Bridge(Observer):
         return var in self._foreign_vars or self._world.text(var.holder.slots["__uobjectName"]) in self._devices
 
     def _send_value(self, var: UVar) -> None:
-        name = var.full_name
         stamp = max(0, int((var.stamp + self._offset) * 1e6))
-        self._out.update(name, lambda: to_wire(var.current(False)), stamp)
+        other = None if self._rtp_link is None else lambda update: self._by_rtp(var, update)
+        self._out.update(var.full_name, lambda: to_wire(var.current(False)), stamp, other)
+
+    def _by_rtp(self, var: UVar, update: Update) -> bool:
+        """Send a value by RTP if that is wanted: of binary values it is, unless ``use_rtp`` said otherwise."""
+        wanted = var.get_property("rtp")
+        if wanted is None:
+            wanted = isinstance(update.value, UBinary) if var.rtp is None else var.rtp
+        link = self._rtp_link
+        return bool(wanted) and update.value is not None and link is not None and link.send(update, self._host.now())
+
+    def _open_rtp(self) -> None:
+        """Agree on RTP with the server."""
+        secret = secrets.token_bytes(SECRET_SIZE)
+        try:
+            link = RtpLink(self.peer, secret, self._host.post, self._heard_by_rtp, self.open_port)
+        except OSError as error:
+            log.warning("no port for RTP: %s; values stay on the connection", error.strerror)
+            return
+
+        def answer(port: Any) -> None:
+            if isinstance(port, float) and self._rtp_link is link:
+                link.to(int(port))
+            else:
+                log.warning("the server does not take RTP; values stay on the connection")
+
+        self._rtp_link = link
+        self._ask(f'UObject.rtpOpen("{secret.hex()}", {link.port})', answer)
+
+    def _close_rtp(self) -> None:
+        link, self._rtp_link = self._rtp_link, None
+        if link is not None:
+            link.close()
+
+    def _heard_by_rtp(self, update: Update) -> None:
+        if self.ready:
+            self._changed(update.name, update.value, update.stamp / 1e6 - self._offset)
 
     def assigned(self, var: UVar, value: Any) -> None:
         """The server is to assign."""

@@ -5,12 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
+from urbihw.kernel.runtime.binary import BinaryObject
 from urbihw.kernel.runtime.code import Executable
 from urbihw.kernel.runtime.event import Emission, Event
 from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.values import String
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.uobject.external_text import message
+from urbihw.kernel.uobject.frames import SlotName, Update
 from urbihw.kernel.uobject.remote import CHANNEL, Code
+from urbihw.kernel.uobject.rtplink import OpenPort, RtpLink
+from urbihw.kernel.uobject.uvalue import from_urbi, to_urbi
 from urbihw.kernel.uobject.uvar import UVar
 
 if TYPE_CHECKING:
@@ -47,6 +52,7 @@ class Connection:
         self._newborn: dict[str, Job] = {}
         self._watches: dict[UVar, _Watch] = {}
         self._ears: dict[str, tuple[Event, _Ear]] = {}
+        self._rtp: RtpLink | None = None
 
     # ---------------------------------------------------------------- saying
 
@@ -160,7 +166,9 @@ class Connection:
         if value is self.world.nil or value is self.world.void:
             return
         watch = self._watches.get(var)
-        if watch is not None:
+        if watch is None:
+            return
+        if self._rtp is None or not self._by_rtp(watch.name, var, value):
             self.send(Code.CHANGED, self.world.string(watch.name), value, var.stamp)
 
     def update(self, var: UVar, value: Any, stamp: float) -> None:
@@ -173,6 +181,36 @@ class Connection:
         now, seconds = self.world.scheduler.clock.now(), stamp / 1e6
         other = seconds - self.registry.midnight
         return seconds if abs(seconds - now) <= abs(other - now) else other
+
+    def open_rtp(self, secret: bytes, port: int, open_port: OpenPort) -> int:
+        """Values may travel by RTP from now on; the port of this side.  Raises ``primitive`` if that cannot be."""
+        peer = self.lobby.slots.get("remoteIP")
+        if not isinstance(peer, String):
+            raise errors.primitive("this connection has no address")
+        if self._rtp is not None:
+            self._rtp.close()
+        try:
+            self._rtp = RtpLink(peer.s, secret, self.world.scheduler.post, self._heard, open_port)
+        except OSError as error:
+            raise errors.primitive(f"no port for RTP: {error.strerror}") from error
+        self._rtp.to(port)
+        return self._rtp.port
+
+    def _by_rtp(self, name: str, var: UVar, value: Any) -> bool:
+        wanted = isinstance(value, BinaryObject) if var.rtp is None else var.rtp
+        if self._rtp is None or not wanted:
+            return False
+        update = Update(name, from_urbi(value), int(var.stamp * 1e6))
+        return self._rtp.send(update, self.world.scheduler.clock.now())
+
+    def _heard(self, update: Update) -> None:
+        """A value came by RTP."""
+        path, _, slot = update.name.rpartition(".")
+        face = self.objects.get(path)
+        var = None if face is None else face.slots.get(slot)
+        if isinstance(var, UVar) and not isinstance(update.value, SlotName):
+            found = var
+            self.world.soon(lambda: self.update(found, to_urbi(self.world, update.value), update.stamp))
 
     def listen(self, event: Event, name: str, arity: int) -> None:
         """The remote wants to hear of emissions with so many arguments; asked twice is once."""
@@ -189,6 +227,8 @@ class Connection:
             return
         self.open = False
         self.registry.connections.pop(self.lobby, None)
+        if self._rtp is not None:
+            self._rtp.close()
         for name, face in self.objects.items():
             self.registry.remove(name, face)
             self.registry.left[name] = face

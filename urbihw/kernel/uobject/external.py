@@ -23,6 +23,7 @@ from urbihw.kernel.uobject.binarymode import binary_mode
 from urbihw.kernel.uobject.connection import Connection, RemoteClone, RemoteFunction
 from urbihw.kernel.uobject.registry import Registry, registry_of
 from urbihw.kernel.uobject.remote import Code
+from urbihw.kernel.uobject.rtp import SECRET_SIZE
 from urbihw.kernel.uobject.uvar import UVar
 
 UOBJECT = Table("UObject")
@@ -186,6 +187,18 @@ def rejoin(world: World, this: Any, token: str) -> None:
     mine.token = token
 
 
+@UOBJECT.primitive("rtpOpen")
+def rtp_open(world: World, this: Any, secret: str, port: float) -> float:
+    """Agree on RTP with a remote that receives at ``port``; the port at which this server does."""
+    try:
+        key = bytes.fromhex(secret)
+    except ValueError:
+        key = b""
+    if len(key) != SECRET_SIZE or not 0 < port < 65536:
+        raise errors.primitive(f"expected {SECRET_SIZE} bytes in hexadecimal digits and a port")
+    return float(connection_of(world).open_rtp(key, int(port), registry_of(world).open_port))
+
+
 @UOBJECT.primitive("arity")
 def set_arity(world: World, this: Any, path: str, least: float, most: float) -> None:
     """A function of a remote takes from ``least`` to ``most`` arguments (-1: any number)."""
@@ -246,15 +259,16 @@ class RtpSwitch:
         self._world = world
 
     def read(self, target: Any) -> Any:
-        """Whether binary values of the variable may travel by RTP."""
+        """Whether values of the variable are to travel by RTP, binary or not."""
         return self._world.boolean(isinstance(target, UVar) and target.rtp)
 
     def write(self, target: Any, value: Any) -> Any:
         """Somebody switches it: all remotes are told, once."""
-        if isinstance(target, UVar) and target.rtp != bool(value):
-            target.rtp = bool(value)
+        if isinstance(target, UVar):
+            changed, target.rtp = bool(target.rtp) != bool(value), bool(value)
             for connection in list(registry_of(self._world).connections.values()):
-                connection.send(Code.RTP, self._world.string(target.full_name), self._world.boolean(target.rtp))
+                if changed:
+                    connection.send(Code.RTP, self._world.string(target.full_name), self._world.boolean(target.rtp))
         return value
 
 

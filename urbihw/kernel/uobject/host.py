@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("urbihw.uobject")
 
+RTP_MODULE = "urbi/rtp"
+
 U = TypeVar("U", bound=UObject)
 H = TypeVar("H", bound=UObjectHub)
 
@@ -90,6 +92,8 @@ class Host:
         self.registry.find_var = self.var
         self.registry.load_module = self.load_module
         self.observer = Observer()
+        self.rtp = False
+        """Whether the module ``urbi/rtp`` was loaded: values of devices in another process may travel by RTP."""
         self._programs = programs
         self._classes: dict[type[UObject], UObjectFace] = {}
         self._hubs: dict[type[UObject], UObjectHub] = {}
@@ -127,7 +131,13 @@ class Host:
         return list(self._classes.values())
 
     def load_module(self, name: str) -> list[UObjectFace]:
-        """Import a module from URBI_UOBJECT_PATH and register its classes; raises BadConfig, one line that says why."""
+        """Import a module from URBI_UOBJECT_PATH and register its classes; raises BadConfig, one line that says why.
+
+        ``urbi/rtp`` is a part of this package and switches RTP on.
+        """
+        if name == RTP_MODULE:
+            self.rtp = True
+            return []
         return [self.register(kind) for kind in classes_of(import_module(name))]
 
     def create(self, kind: type[U], name: str | None = None, *args: Any) -> U:

@@ -90,8 +90,12 @@ class Outbox:
             values = b", ".join(literal(value) for value in payload)
             self._put(name.encode() + b"!(" + values + b")|;\n")
 
-    def update(self, name: str, value: Callable[[], Any], stamp: int) -> None:
-        """The value of a variable; void is not told."""
+    def update(
+        self, name: str, value: Callable[[], Any], stamp: int, other: Callable[[Update], bool] | None = None
+    ) -> None:
+        """The value of a variable, by an ``other`` way if that takes it; void is not told."""
+        if other is not None and self._open and other(Update(name, value(), stamp)):
+            return
         if self.congested():
             self._late[name] = (value, stamp)
             return

@@ -13,6 +13,7 @@ from urbihw.kernel import errors
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.uobject.stats import Stats
 from urbihw.kernel.uobject.threads import Threads
+from urbihw.kernel.uobject.udp import UdpPort
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
@@ -43,6 +44,8 @@ class Registry:
         """Lobby to the remote behind it."""
         self.left: WeakValueDictionary[str, Obj] = WeakValueDictionary()
         """Objects whose remote is gone and that somebody still holds: if it comes back, they are what they were."""
+        self.open_port: Any = UdpPort
+        """Makes what carries RTP packets."""
         self.midnight = 0.0
         """Seconds from ``System.timeReference`` to the moment at which the clock showed zero."""
         self.tickets = itertools.count(1)

@@ -104,7 +104,7 @@ class UVar(Executable):
         self.thread = registry.thread
         self.hooked = registry.hook_changed
         self.bypass = False
-        self.rtp = False
+        self.rtp: bool | None = None
         self.writable = True
         self.remove_throwing = True
         self.mirror: Mirror | None = None
@@ -294,10 +294,12 @@ class UVar(Executable):
             return
         self._take(value)
 
-    def learn(self, value: Any, stamp: float) -> None:
-        """The server tells a urbiscript value of another's variable."""
+    def learn(self, value: Any, stamp: float, changed: bool = True) -> None:
+        """The server tells the urbiscript value of another's variable, and whether that is a change."""
         self.stamp = stamp
         self._sensed = self._target = value
+        if not changed:
+            return
         if self._change or self._watched():
             self.world.soon(self._sensed_changed)
 
@@ -363,7 +365,8 @@ class UVar(Executable):
         self.bypass = on
 
     def use_rtp(self, on: bool = True) -> None:
-        """Whether binary values may travel by RTP if the device runs in another process."""
+        """Whether values may travel by RTP if the device runs in another process; otherwise, binary ones do if the
+        module ``urbi/rtp`` was loaded."""
         self.set_property("rtp", on)
         self.rtp = on
 
