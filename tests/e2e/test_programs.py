@@ -203,9 +203,12 @@ def test_ctrl_c_reaches_a_loop_that_never_gives_way(terminal: Callable[..., Term
     urbi.wait(r"\] 2\n")
 
 
-def test_without_a_user_the_first_ctrl_c_ends_it(server: Callable[..., Server]) -> None:
-    started = server()
-    started.process.send_signal(signal.SIGINT)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_without_a_user_one_signal_ends_it(server: Callable[..., Server], number: signal.Signals) -> None:
+    started = server("-e", 'echo("busy"); loop| {};')
+    while "busy" not in started.log():
+        time.sleep(0.01)
+    started.process.send_signal(number)
     assert started.process.wait(PATIENCE) == 0
 
 

@@ -8,12 +8,12 @@ of the four names and who loads which is what the original does (server protocol
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
 import signal
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from types import FrameType
 from typing import Final
 
 from urbihw.cli.options import EX_CONFIG, EX_UNAVAILABLE, Refused, why
@@ -80,6 +80,7 @@ class Process:
         self._settings = settings
         self.kernel = Kernel(fast=settings.fast)
         self.driver = Driver(self.kernel.scheduler)
+        self._former = signal.getsignal(signal.SIGTERM)
         self._stopped: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         programs = self.kernel.programs
         programs.shutdown = self.stop
@@ -98,9 +99,9 @@ class Process:
 
     async def run(self) -> int:
         """Serve."""
-        settings, loop = self._settings, asyncio.get_running_loop()
+        settings = self._settings
         self._interrupter.install()
-        loop.add_signal_handler(signal.SIGTERM, self.stop)
+        self._former = signal.signal(signal.SIGTERM, self._terminate)
         try:
             for module in settings.modules:
                 self.kernel.host.load_module(module)
@@ -115,6 +116,11 @@ class Process:
             self.driver.drive()
         await self._stopped
         return self._terminal.code
+
+    def _terminate(self, number: int, frame: FrameType | None) -> None:
+        """SIGTERM: shut down, even if a job never gives way."""
+        self._interrupter.lobby = None
+        self._interrupter(number, frame)
 
     async def _wait(self, loaded: asyncio.Future[None]) -> None:
         """Wait until the start-up files are loaded, or for the end; one that never ends does not keep clients out."""
@@ -151,8 +157,7 @@ class Process:
         self.driver.close()
         await self._server.close()
         self._interrupter.uninstall()
-        with contextlib.suppress(ValueError):
-            asyncio.get_running_loop().remove_signal_handler(signal.SIGTERM)
+        signal.signal(signal.SIGTERM, self._former)
 
 
 def start_up(kernel: Kernel, names: Iterable[str]) -> bytes:
