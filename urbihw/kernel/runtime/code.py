@@ -203,14 +203,17 @@ def make_code(world: World, fn: Callable[..., Any], info: FunctionInfo) -> Code:
 
 
 class Primitive(Executable):
-    """A built-in function: ``fn(this, *args)`` in Python, with the least and the greatest number of arguments."""
+    """A built-in function: ``fn(this, *args)`` in Python, with the least and the greatest number of arguments.
 
-    __slots__ = ("fn", "least", "most", "name")
+    ``source`` is the Python function as it was written: its docstring is what users are told of the built-in.
+    """
+
+    __slots__ = ("fn", "least", "most", "name", "source")
 
     def __init__(self, world: World, name: str, fn: Callable[..., Any], least: int, most: int) -> None:
         super().__init__(world, [world.primitive_proto])
         self.name = name
-        self.fn = fn
+        self.fn = self.source = fn
         self.least = least
         self.most = most
 

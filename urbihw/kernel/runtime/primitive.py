@@ -90,6 +90,12 @@ class Table:
 
 def build(world: World, name: str, row: Row) -> Primitive:
     """The Primitive for a row."""
+    made = _build(world, name, row)
+    made.source = row.function
+    return made
+
+
+def _build(world: World, name: str, row: Row) -> Primitive:
     if row.kind == "raw":
         return make_primitive(world, name, row.function(world), row.least, row.most)
     if row.kind == "lazy":

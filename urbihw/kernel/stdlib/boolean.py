@@ -12,6 +12,13 @@ from urbihw.kernel.runtime.world import World
 TABLE = Table("Boolean")
 PROTOS = {"Boolean": ("Singleton",)}
 
+NOTES = {
+    "Boolean": "Truth values: true and false.",
+    "true": "What holds.",
+    "false": "What does not hold.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 @TABLE.primitive("asString")
 def as_string(world: World, this: Any) -> str:

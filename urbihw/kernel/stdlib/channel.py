@@ -20,6 +20,13 @@ GLOBAL = Table("Global")
 TABLES = [CHANNEL, FILTER, GLOBAL]
 PROTOS = {"Channel.Filter": ("Channel",)}
 
+NOTES = {
+    "Channel": "Labelled output to the connection that the running job speaks to.",
+    "Channel.enabled": "Whether the channel says anything.",
+    "Channel.quote": "Whether strings are shown as literals, in quotes.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 def starred(text: str) -> str:
     """A text as ``echo`` shows it: behind three stars."""

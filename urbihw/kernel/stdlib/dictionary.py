@@ -22,6 +22,11 @@ PROTOS = {
     "Dictionary.KeyError": ("Exception",),
 }
 
+NOTES = {
+    "Dictionary.KeyError": "Exception.KeyError, thrown when a key is not there.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 def _dict(world: World, value: Any) -> dict[str, Any]:
     if not isinstance(value, Dictionary):

@@ -6,37 +6,64 @@ Nothing is gathered before somebody asks, so that it costs a server nothing to s
 from __future__ import annotations
 
 import inspect
+import re
 from functools import cache
 from importlib import import_module
+from importlib.resources import files
 from typing import Any
 
 from urbihw.kernel.runtime.code import Executable, Primitive
+from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib import MODULES, prototype
 
+_COMMENTED = re.compile(r"((?:^//.*\n)+)^function (\w+(?:\.\w+)*)\.(\w+)", re.MULTILINE)
+
 
 class Docstrings:
-    """The docstrings of one world's library, by the objects they are about."""
+    """The docstrings of one world's library, by the objects they are about.
+
+    A built-in function has that of its Python function, an urbiscript one the comment above it, a class what its module
+    says in its first line, and what is left, or needs more words, an entry in ``NOTES`` of its module.
+    """
 
     def __init__(self, world: World) -> None:
         self._world = world
-        self._built_in: dict[tuple[int, str], str] = {}
+        self._slots: dict[tuple[int, str], str] = {}
         self._prototypes: dict[int, str] = {}
         for name in MODULES:
-            module = import_module(f"urbihw.kernel.stdlib.{name}")
-            tables = getattr(module, "TABLES", None) or ([module.TABLE] if hasattr(module, "TABLE") else [])
-            for table in tables:
-                self._add(table, module.__doc__ or "")
+            self._read_module(import_module(f"urbihw.kernel.stdlib.{name}"))
+            source = files("urbihw.kernel.stdlib").joinpath(name + ".u")
+            if source.is_file():
+                self._read_urbiscript(source.read_text("latin-1"))
 
-    def _add(self, table: Table, about: str) -> None:
-        proto = prototype(self._world, table.proto)
-        subject, _, text = about.partition(": ")
-        if table.proto in subject.replace(",", " ").split():
-            self._prototypes.setdefault(id(proto), text.partition("\n\n")[0])
-        for row in table.rows:
-            for name in row.names:
-                self._built_in[id(proto), name] = row.function.__doc__ or ""
+    def _read_module(self, module: Any) -> None:
+        subject, _, text = (module.__doc__ or "").partition(": ")
+        known = self._world.global_.slots
+        for word in re.findall(r"\w+(?:\.\w+)*", subject):
+            if word.partition(".")[0] in known:
+                self._prototypes.setdefault(id(self._prototype(word)), text.partition("\n\n")[0])
+        for path, said in getattr(module, "NOTES", {}).items():
+            holder, _, slot = path.rpartition(".")
+            place = self._prototype(holder or "Global")
+            self._slots[id(place), slot] = said
+            value = place.slots.get(slot)
+            if isinstance(value, Obj) and not isinstance(value, Executable):
+                self._prototypes[id(value)] = said
+
+    def _prototype(self, path: str) -> Obj:
+        """The object that holds the slots of what is called so."""
+        return self._world.peek_obj(prototype(self._world, path))
+
+    def _read_urbiscript(self, text: str) -> None:
+        for comment, holder, slot in _COMMENTED.findall(text):
+            said = " ".join(line.removeprefix("//").strip() for line in comment.splitlines())
+            self._slots[id(self._prototype(holder)), slot] = said
+
+    def about(self, this: Any) -> str:
+        """What is said of a class or of the class of a value; "" if nothing is."""
+        return inspect.cleandoc(self._of_value(this)).replace("``", "")
 
     def of(self, this: Any, name: str) -> str:
         """What is said of a slot; "" if nothing is."""
@@ -44,9 +71,11 @@ class Docstrings:
         if holder is None:
             return ""
         value = holder.slots[name]
-        text = _of_device_function(holder, name)
+        text = _of_device_function(holder, name) or self._slots.get((id(holder), name), "")
         if not text and isinstance(value, Primitive):
-            text = self._built_in.get((id(holder), name), "")
+            text = value.source.__doc__ or ""
+        if not text and isinstance(value, Executable):
+            text = next((said for (_, slot), said in self._slots.items() if slot == name), "")
         if not text and not isinstance(value, Executable):
             text = self._of_value(value)
         return inspect.cleandoc(text).replace("``", "")
@@ -59,6 +88,9 @@ class Docstrings:
         for one in (value, *self._world.protos_of(value)):
             if id(one) in self._prototypes:
                 return self._prototypes[id(one)]
+            init = one.slots.get("init") if isinstance(one, Obj) else None
+            if isinstance(init, Primitive):
+                return init.source.__doc__ or ""
         return ""
 
 

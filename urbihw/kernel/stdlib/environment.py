@@ -17,6 +17,13 @@ from urbihw.kernel.stdlib.support import constant, in_thread
 TABLE = Table("System")
 PROTOS = {"System.Platform": ("Object",), "System.PackageInfo": ("Object",)}
 
+NOTES = {
+    "System.PackageInfo": "Whose language this is.",
+    "System.Platform": "The machine and the operating system.",
+    "System.Platform.isWindows": "Whether this is Windows.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 @TABLE.primitive("getenv")
 def getenv(world: World, this: Any, name: str) -> Any:

@@ -20,6 +20,18 @@ ROOT = Table("Exception")
 TABLES = [ROOT]
 PROTOS: dict[str, tuple[str, ...]] = {"Exception": ("Object", "Traceable")}
 
+NOTES = {
+    "Exception": "What is thrown when something fails; its kinds are its slots.",
+    "Traceable": "Things that know through which calls they came about.",
+    "Traceable.hideSystemFiles": "Whether backtraces leave out the functions of the library; true at first.",
+    "Exception.backtrace": "The StackFrames at the moment when it was thrown.",
+    "Exception.location": "The Location from which it was thrown.",
+    "Exception.message": "What happened, in words.",
+    "Exception.routine": "The name of the function that failed, void if none is known.",
+    "Traceable.backtrace": "The StackFrames that led here.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 def _kind(name: str, parent: str = "") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """The constructor of a kind of Exception, which derives from Exception or from another kind."""

@@ -16,6 +16,13 @@ PRIMITIVE = Table("Primitive")
 TABLES = (EXECUTABLE, CODE, PRIMITIVE)
 PROTOS = {"Code": ("Comparable", "Executable")}
 
+NOTES = {
+    "Executable": "What can be called.",
+    "Code": "Functions and closures written in urbiscript.",
+    "Primitive": "Functions that are built in.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 @EXECUTABLE.primitive("asExecutable")
 def as_executable(world: World, this: Any) -> Any:

@@ -28,6 +28,12 @@ TABLES = [FILE, DIRECTORY]
 PERIOD = 0.1
 """Seconds between two looks at a watched directory."""
 
+NOTES = {
+    "File": "A file of the operating system.",
+    "Directory": "A directory of the operating system, and events of what appears in it and what is gone.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 class NamedObject(Obj):
     """A File or a Directory; ``path`` has one character per byte."""

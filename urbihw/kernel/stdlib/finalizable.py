@@ -19,6 +19,13 @@ POINTER = Table("WeakPointer")
 DICTIONARY = Table("WeakDictionary")
 TABLES = [FINALIZABLE, POINTER, DICTIONARY]
 
+NOTES = {
+    "Finalizable": "An object whose finalize is called when nobody refers to it any more.",
+    "WeakPointer": "A reference that keeps nothing alive.",
+    "WeakDictionary": "A Dictionary whose values may vanish when nobody else refers to them.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 class FinalizableObject(Obj):
     """An urbiscript Finalizable: its ``finalize`` runs in a job of its own when the last reference goes."""

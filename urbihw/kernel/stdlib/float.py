@@ -18,6 +18,11 @@ PROTOS = {"Float": ("Comparable", "Orderable", "RangeIterable")}
 SINGLE_MAX = 3.4028234663852886e38
 """Printing knows single precision only: beyond this a number shows as ``inf``."""
 
+NOTES = {
+    "Float": "Numbers: all are 64-bit floating point, integers too.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 def float_text(value: float) -> str:
     """How a number is shown: in full if it is integral and fits 64 bits, else with six significant digits."""

@@ -16,6 +16,13 @@ from urbihw.kernel.stdlib.support import native
 
 TABLE = Table("Float")
 
+NOTES = {
+    "Float.fresh": "A number that was not given before.",
+    "Float.random": "A random integer from 0 up to, not including, this one; raises BadInteger.",
+    "Float.srandom": "Let the random numbers begin anew from this seed.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 @TABLE.primitive("seq", "asList")
 def seq(world: World, this: float) -> list[Any]:

@@ -29,6 +29,12 @@ PATTERN = re.compile(rf"%(?:\|{OPTIONS}(?P<spec>[sdDxXoeEf]?)\||{BARE_OPTIONS}(?
 EXACT = 2.0**63
 """Integral numbers below it print all their digits."""
 
+NOTES = {
+    "FormatInfo": "How to show one value, as told by a conversion of C's printf: %5.2f.",
+    "Formatter": "A format string: text and FormatInfos.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 @dataclass(frozen=True)
 class Format:

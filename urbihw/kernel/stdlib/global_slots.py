@@ -18,6 +18,16 @@ PROTOS = {
     "external": ("Object",),
 }
 
+NOTES = {
+    "Global.evaluate": "Assigned a String, runs it as a program; read, gives the value of its last statement.",
+    "UValue": "Named by the manual without any slot: values go to devices and come from them as they are.",
+    "external": (
+        "Named by the manual: what declares devices of other processes.  The statement external is what speaks to "
+        "it."
+    ),
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 @TABLE.primitive("methodToFunction")
 def method_to_function(world: World, this: Any, name: str) -> Any:

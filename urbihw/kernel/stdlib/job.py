@@ -22,6 +22,16 @@ CONTROL = Table("Control")
 TABLES = (TABLE, CONTROL)
 PROTOS = {"Job": ("Object", "Traceable"), "Control": ("Object",)}
 
+NOTES = {
+    "Job": "A flow of execution as a value.",
+    "Control": "Functions that start jobs or look after what they do.",
+    "System.spawn": (
+        "Run a function in a job of its own, under no tags if the second argument is true, else under those of who "
+        "calls; gives the Job."
+    ),
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 class JobObject(Obj):
     """An urbiscript Job; ``job`` is None for the prototype, ``origin`` are the calls that led to the job."""

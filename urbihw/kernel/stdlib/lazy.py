@@ -14,6 +14,11 @@ from urbihw.kernel.stdlib.executable import body_text
 TABLE = Table("Lazy")
 PROTOS = {"Lazy": ("Comparable",), "PseudoLazy": ("Object",)}
 
+NOTES = {
+    "Lazy": "A value that is computed when it is first asked for.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 @TABLE.primitive("new")
 def new(world: World, this: Any, function: Any) -> Any:

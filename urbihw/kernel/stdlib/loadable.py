@@ -10,6 +10,11 @@ from urbihw.kernel.stdlib import prototype
 
 TABLE = Table("Loadable")
 
+NOTES = {
+    "Loadable.load": "Whether it is switched on.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 def _set(world: World, this: Any, on: bool) -> Any:
     world.update_slot(this, "load", world.boolean(on))

@@ -16,6 +16,14 @@ LOCATION = Table("Location")
 FRAME = Table("StackFrame")
 TABLES = (LOCATION, FRAME)
 
+NOTES = {
+    "Location": "A piece of a source text, from one Position to another.",
+    "StackFrame": "One call of those that led to an error.",
+    "Location.begin": "The Position where it begins; can be assigned.",
+    "Location.end": "The Position of the character behind its last; can be assigned.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 class LocationObject(Obj):
     """An urbiscript Location: the first position, and the one past the last."""

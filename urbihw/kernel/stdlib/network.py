@@ -28,6 +28,20 @@ TABLES = [SOCKET, SERVER, SERVICE]
 
 Action = Callable[[], None]
 
+NOTES = {
+    "Socket": "A connection by TCP or a serial port, whose events tell what happens.",
+    "Server": "What accepts TCP connections.",
+    "IoService": (
+        "What handles the events of Sockets and Servers; a program polls its own, the default one needs no "
+        "polling."
+    ),
+    "Socket.pollInterval": (
+        "0 if events of the default IoService shall wait until somebody polls; with any other number of seconds "
+        "they are handled as they come."
+    ),
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 class ServiceObject(Obj):
     """An urbiscript IoService: what happened and was not handled yet."""

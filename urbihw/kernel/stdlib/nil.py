@@ -8,6 +8,12 @@ from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib import prototype
 from urbihw.kernel.stdlib.support import native
 
+NOTES = {
+    "nil.isNil": "True.",
+    "nil.asString": "nil.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 def install(world: World, programs: Any) -> None:
     """Make nil a Singleton that calls itself nil."""

@@ -14,6 +14,11 @@ from urbihw.kernel.stdlib.support import Field, native
 TABLE = Table("Object")
 PROTOS = {"Object": ("Orderable", "Global")}
 
+NOTES = {
+    "Object": "What all objects come from: slots, prototypes, identity, conversions.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 # ---------------------------------------------------------------- making objects
 

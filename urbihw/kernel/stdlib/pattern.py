@@ -13,6 +13,11 @@ PATTERN = Table("Pattern")
 BINDING = Table("Pattern.Binding")
 TABLES = (PATTERN, BINDING)
 
+NOTES = {
+    "Pattern.Binding": "What matches anything, and remembers it under a name.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 @PATTERN.primitive("init")
 def init(world: World, this: Obj, pattern: Any) -> None:

@@ -16,6 +16,13 @@ from urbihw.kernel.stdlib.support import field
 TABLE = Table("Position")
 PROTOS = {"Position": ("Orderable", "Comparable")}
 
+NOTES = {
+    "Position.line": "The line, from 1; can be assigned.",
+    "Position.column": "The column, from 1; can be assigned.",
+    "Position.file": "The name of the file as a Path, nil for what was typed; can be assigned.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 class PositionObject(Obj):
     """An urbiscript Position: line and column from 1, and the name of the text or None."""

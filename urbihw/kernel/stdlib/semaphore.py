@@ -20,6 +20,14 @@ PUBSUB = Table("PubSub")
 SUBSCRIBER = Table("PubSub.Subscriber")
 TABLES = [SEMAPHORE, BARRIER, PUBSUB, SUBSCRIBER]
 
+NOTES = {
+    "Semaphore": "A number of permits: jobs wait while there are none.",
+    "Barrier": "Where jobs wait until somebody lets one or all of them go on.",
+    "PubSub": "A publisher of values, each of which every subscriber gets.",
+    "PubSub.Subscriber": "The values published since somebody subscribed, in order, waited for when there are none.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 class Ticket:
     """One job waiting for something that is handed to it."""

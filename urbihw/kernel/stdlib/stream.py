@@ -25,6 +25,12 @@ INPUT = Table("InputStream")
 OUTPUT = Table("OutputStream")
 TABLES = [INPUT, OUTPUT]
 
+NOTES = {
+    "InputStream": "What is read byte by byte or line by line: a file, the output of a Process.",
+    "OutputStream": "What is written to: a file, the input of a Process.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 class Source(Protocol):
     """Where bytes come from; may park the running job until there are some."""

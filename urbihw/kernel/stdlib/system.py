@@ -25,6 +25,34 @@ PROTOS = {"System": ("Object",)}
 VERSION = "2.3"
 """The version of the language served."""
 
+NOTES = {
+    "System": "The server: time, evaluation of programs, files, the environment, the process.",
+    "System.arguments": "The arguments of the command line that are meant for the program, as a List of Strings.",
+    "System.eval": (
+        "Run a program text in this object and give the value of its last statement; raises Syntax if it is none, "
+        "and then nothing runs."
+    ),
+    "System.load": (
+        "Find a file of urbiscript on the search path, run it, and give the value of its last statement; raises "
+        "FileNotFound."
+    ),
+    "System.loadFile": "Run a file of urbiscript and give the value of its last statement; raises FileNotFound.",
+    "System.maybeLoad": "load if there is such a file, and tell the channel of it; void if there is none.",
+    "System.lobbies": "Lobby.instances.",
+    "System.lobby": "The lobby of the connection whose code is running.",
+    "System.ndebug": "Whether assertions are left out; false at first, can be assigned.",
+    "System.period": (
+        "The time in seconds between two steps of a trajectory, and between two looks at what cannot say that it "
+        "changed; 20ms at first, can be assigned, raises NonPositiveNumber."
+    ),
+    "System.programName": "The path under which the server was called.",
+    "System.redefinitionMode": (
+        "Let var overwrite slots that exist until the running function, or the statement at top level, is over."
+    ),
+    "System.shutdown": "End the server: close all connections, stop all devices.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 # ---------------------------------------------------------------- time
 

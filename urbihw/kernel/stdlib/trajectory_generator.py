@@ -32,6 +32,16 @@ PROTOS = {
     for name, (parent, _) in KINDS.items()
 }
 
+NOTES = {
+    "TrajectoryGenerator.Accel": "A movement of constant acceleration.",
+    "TrajectoryGenerator.Sin": "A sine wave, without end.",
+    "TrajectoryGenerator.Smooth": "A movement that begins and ends softly.",
+    "TrajectoryGenerator.SpeedAdaptive": "A movement of constant speed from wherever the value is.",
+    "TrajectoryGenerator.Time": "A movement of constant speed that takes a given time.",
+    "TrajectoryGenerator.TimeAdaptive": "A movement that takes a given time from wherever the value is.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 class GeneratorObject(Obj):
     """An urbiscript TrajectoryGenerator."""

@@ -19,6 +19,13 @@ PAIR = Table("Pair")
 TRIPLET = Table("Triplet")
 TABLES = [TUPLE, PAIR, TRIPLET]
 
+NOTES = {
+    "Tuple": "A fixed number of members, which may be of any kind.",
+    "Pair": "A Tuple of two.",
+    "Triplet": "A Tuple of three.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 class Named(Tuple):
     """A tuple whose members are slots, so that a clone shares those of its prototype until it is written to."""

@@ -8,6 +8,16 @@ from urbihw.kernel.runtime.object import Plain
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.support import native
 
+NOTES = {
+    "void.isVoid": "True.",
+    "void.acceptVoid": "A stand-in for void that may be used as a value.",
+    "void.unacceptVoid": "void.",
+    "void.asString": "void.",
+    "void.asPrintable": "void.",
+    "void.asToplevelPrintable": "Nothing is shown of void.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 def install(world: World, programs: Any) -> None:
     """Give void and its stand-in the slots they answer to."""
