@@ -39,7 +39,7 @@ def test_the_session_of_the_manual_with_the_built_in_fake(serve: Callable[..., D
     assert client.ask("P3dx.model;") == '"p3dx-sh"'
     assert "the motors are off" in client.ask("P3dx.body.x.speed = 0.1;")
     motors_on(client)
-    client.say("P3dx.go(0.3) | P3dx.turn(-45deg) | echo(\"there\");")
+    client.say("P3dx.go(0.3) | P3dx.turn(45deg) | echo(\"there\");")
     client.wait("there")
     assert float(client.ask("P3dx.body.odometry.yaw;")) == pytest.approx(-0.785, abs=0.06)
     client.say('P3dx.body.laser.load = 1; waituntil(P3dx.body.laser.load == 1); echo("laser on");')

@@ -42,7 +42,7 @@ def test_go_and_turn_cover_what_they_say_and_wait() -> None:
     lab = driving()
     assert lab.say("var t = time| P3dx.go(0.8)| echo(time - t > 2);", 6) == "*** true"
     assert lab.where()[0] == pytest.approx(0.8, abs=0.01)
-    assert lab.say('P3dx.turn(90deg); echo("there");', 6) == "*** there"
+    assert lab.say('P3dx.turn(-90deg); echo("there");', 6) == "*** there"
     assert math.degrees(lab.where()[2]) == pytest.approx(90, abs=1)
     lab.say("P3dx.go(-0.5);", 6)
     assert lab.where()[1] == pytest.approx(-0.5, abs=0.02)
@@ -117,7 +117,7 @@ def test_safety_distances_slow_down_and_stop() -> None:
 def test_odometry() -> None:
     lab = driving()
     assert lab.look("P3dx.body.odometry.position") == "[0, 0, 0, 0]"
-    lab.say("P3dx.turn(90deg); P3dx.go(1); P3dx.go(-0.5);", 24)
+    lab.say("P3dx.turn(-90deg); P3dx.go(1); P3dx.go(-0.5);", 24)
     assert lab.number("P3dx.body.odometry.x") == pytest.approx(0, abs=0.05)
     assert lab.number("P3dx.body.odometry.y") == pytest.approx(0.5, abs=0.08)
     assert lab.number("P3dx.body.odometry.z") == 0

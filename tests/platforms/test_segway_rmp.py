@@ -463,7 +463,7 @@ def test_go_and_turn_arrive() -> None:
     lab = Lab.ready()
     lab.say("robot.go(1.5) | echo(1);", 15.0)
     assert lab.base.body.forward == pytest.approx(1.5, abs=0.1)
-    lab.say("robot.turn(90deg) | echo(2);", 10.0)
+    lab.say("robot.turn(-90deg) | echo(2);", 10.0)
     assert lab.base.body.yaw == pytest.approx(math.pi / 2, abs=0.1)
     lab.say("robot.go(-1);", 15.0)
     assert lab.base.body.forward == pytest.approx(0.5, abs=0.2)
