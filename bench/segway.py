@@ -144,13 +144,13 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=20.0, help="of each measurement (%(default)s)")
     seconds = parser.parse_args().seconds
     print(f"commands to an RMP: ms after their deadline; goal: 99 % within {1e3 * GOAL:g} ms on an idle machine,")
-    print(f"no two closer than {1e3 * SHORTEST:g} ms")
+    print(f"no two closer than {1e3 * SHORTEST:g} ms; load of this machine before: {os.getloadavg()[0]:.1f}")
     print(
         f"  {'':22} {'link':6}{'rate':>7} {'sent':>6} {'median':>8} {'99 %':>7} {'most':>7} {'in 5 ms':>10} "
         f"{'least gap':>9} {'most':>7} {'missing':>8} {'core':>9}"
     )
     for link, rate in (("usb", 50.0), ("slcan", 50.0), ("usb", 20.0)):
-        report("idle", link, rate, seconds)
+        report("no load of ours", link, rate, seconds)
     with load(os.cpu_count() or 1):
         report("every core busy", "usb", 50.0, seconds)
 
