@@ -24,12 +24,17 @@ def drive() -> Drive:
 
 
 @pytest.fixture
-def daemon(tmp_path: Path, drive: Drive) -> Iterator[Daemon]:
-    with SlcanPty(CanDevice(drive, Slcan())) as end:
-        end.start()
-        made = Daemon(tmp_path, "--platform", "cia402", "--quiet", "--url", end.url)
+def end(drive: Drive) -> Iterator[SlcanPty]:
+    with SlcanPty(CanDevice(drive, Slcan())) as made:
+        made.start()
         yield made
-        made.close()
+
+
+@pytest.fixture
+def daemon(tmp_path: Path, end: SlcanPty) -> Iterator[Daemon]:
+    made = Daemon(tmp_path, "--platform", "cia402", "--quiet", "--url", end.url)
+    yield made
+    made.close()
 
 
 def worker_of(daemon: Daemon) -> int:
@@ -52,3 +57,17 @@ def test_a_drive_turns_and_brakes_by_itself_when_the_worker_is_killed(daemon: Da
     until(lambda: drive.machine.speed == 0.0, 3)
     assert drive.machine.state != "operation enabled"
     assert client.ask("cia402.link;") == "false"
+
+
+def test_a_drive_without_power_is_two_lines_in_the_log(daemon: Daemon, drive: Drive, end: SlcanPty) -> None:
+    daemon.client()
+    before = len(daemon.log().splitlines())
+    end.call(lambda: drive.power_off(end.clock()))
+    until(lambda: "is lost" in daemon.log())
+    end.call(lambda: drive.power_on(end.clock()))
+    until(lambda: "is back" in daemon.log())
+    news = daemon.log().splitlines()[before:]
+    assert [line.partition("urbihw: ")[2] for line in news] == [
+        "drive 5 is lost: it says nothing",
+        "drive 5 is back, and off",
+    ]

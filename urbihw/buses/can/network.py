@@ -12,7 +12,7 @@ from typing import Any
 import canopen
 
 from urbihw.buses.can.frame import Frame
-from urbihw.buses.can.port import CanPort
+from urbihw.buses.can.port import CanPort, keep_quiet
 
 _MOST_FRAMES = 1000
 
@@ -26,6 +26,7 @@ class PortNetwork(canopen.Network):
 
     def __init__(self, port: CanPort) -> None:
         super().__init__()
+        keep_quiet("canopen")
         self.damaged = 0
         self._port = port
 

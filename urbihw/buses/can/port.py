@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import logging
 import os
 import select
 from typing import Any, Final
@@ -146,6 +147,7 @@ class CanPort(Port):
             raise self._gone(error) from error
 
     def _open(self) -> None:
+        keep_quiet("can")
         try:
             self._claim()
             self._bus = self._make_bus()
@@ -215,6 +217,13 @@ class CanPort(Port):
 
     def _full(self) -> str:
         return f"{self.url.text}: takes no more frames; is anything else on the bus, is it terminated?"
+
+
+def keep_quiet(library: str) -> None:
+    """What a library logs is said better by what it raises; without a handler Python would print it to our log."""
+    logger = logging.getLogger(library)
+    if not logger.handlers:
+        logger.addHandler(logging.NullHandler())
 
 
 def can_port(port: Port) -> CanPort:
