@@ -226,6 +226,19 @@ def test_a_stop_is_clean_and_quick(serve: Callable[..., Daemon], robot: PtyEndpo
     assert robot.call(lambda: kit.servo(6).registers.get("torque_enable")) == 1
 
 
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_job_that_never_gives_way_does_not_keep_it_from_ending(
+    serve: Callable[..., Daemon], robot: PtyEndpoint, number: signal.Signals
+) -> None:
+    daemon = serve("--url", robot.url, "--quiet")
+    client = daemon.client()
+    assert client.ask("1;") == "1"
+    client.say("loop| {};")
+    time.sleep(0.3)
+    daemon.process.send_signal(number)
+    assert daemon.process.wait(PATIENCE) == 0
+
+
 def test_a_killed_daemon_leaves_a_stopped_robot(serve: Callable[..., Daemon], robot: PtyEndpoint) -> None:
     daemon = serve("--url", robot.url, "--quiet")
     client = daemon.client()

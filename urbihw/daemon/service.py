@@ -28,6 +28,7 @@ from urbihw.daemon.fake import Fake
 from urbihw.daemon.holders import holder_of_file, holder_of_port
 from urbihw.daemon.notify import Notifier
 from urbihw.kernel import Kernel
+from urbihw.kernel.server.interrupt import Interrupter
 from urbihw.kernel.server.loop import Driver
 from urbihw.kernel.server.tcp import Server
 from urbihw.kernel.uobject import BadConfig, DeviceError, Robot, RobotSettings
@@ -38,6 +39,8 @@ log = logging.getLogger("urbihw.daemon")
 OPEN_PATIENCE = 15.0
 """Seconds that a robot may take to be found; a scan of two protocols with a slow adapter takes a few."""
 STATUS_PERIOD = 1.0
+ENDING = (signal.SIGTERM, signal.SIGINT)
+"""The signals that end the service."""
 
 
 class StartError(Exception):
@@ -66,7 +69,8 @@ class Service:
     async def run(self) -> int:
         """Serve.  Raises StartError when it cannot begin."""
         loop = asyncio.get_running_loop()
-        for number in (signal.SIGTERM, signal.SIGINT):
+        former = {number: signal.getsignal(number) for number in ENDING}
+        for number in ENDING:
             loop.add_signal_handler(number, self.stop)
         loop.add_signal_handler(signal.SIGHUP, self.reload)
         try:
@@ -81,7 +85,16 @@ class Service:
         finally:
             self._notifier.stopping()
             await self._close()
+            for number, handler in former.items():
+                signal.signal(number, handler)
         return 0
+
+    def _end_whatever_runs(self) -> None:
+        """From now on a signal ends the service even while a job never gives way, which the loop would not notice."""
+        interrupter = Interrupter(self._kernel.scheduler, self.stop)
+        for number in ENDING:
+            asyncio.get_running_loop().remove_signal_handler(number)
+            signal.signal(number, interrupter)
 
     def stop(self) -> None:
         """End the service, in order."""
@@ -114,6 +127,7 @@ class Service:
             self._fake = Fake(manifest.fake)
         self._kernel = Kernel()
         self._driver = Driver(self._kernel.scheduler)
+        self._end_whatever_runs()
         self._kernel.programs.shutdown = self.stop
         self._kernel.programs.quiet = config.quiet
         for known in (kind, *kind.classes):
