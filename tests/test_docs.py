@@ -1,6 +1,6 @@
 """The documents against what they speak of: dependencies, adapters, links, paths, and the dialogues that they show.
 
-Dialogues with a Bioloid are played in ``tests/platforms/test_bioloid_docs.py``.
+Dialogues with a Bioloid are played in ``tests/platforms/test_pages.py``.
 """
 
 from __future__ import annotations
@@ -112,7 +112,8 @@ def test_there_are_dialogues_to_play() -> None:
 
 
 @pytest.mark.parametrize("page", pages_with(""), ids=lambda page: str(page.relative_to(ROOT)))
-def test_answers_of_urbiscript_are_those_given(page: Path) -> None:
+def test_answers_of_urbiscript_are_those_given(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # some pages write files
     assert differences(page, "", Windows().play, no_robot, stamps=True) == ""
 
 

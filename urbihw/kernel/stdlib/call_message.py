@@ -13,6 +13,15 @@ from urbihw.kernel.stdlib.object import send_lazies
 
 TABLE = Table("CallMessage")
 
+NOTES = {
+    "CallMessage.args": "The arguments, as a List of Lazies.",
+    "CallMessage.code": "The function that was called.",
+    "CallMessage.message": "The name by which it was called.",
+    "CallMessage.sender": "Who called: this where the call is written.",
+    "CallMessage.target": "On what it was called.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 def _args(world: World, this: Any) -> list[Any]:
     args = world.get_slot(this, "args")

@@ -31,6 +31,7 @@ class Docstrings:
     def __init__(self, world: World) -> None:
         self._world = world
         self._slots: dict[tuple[int, str], str] = {}
+        self._functions: dict[int, str] = {}
         self._prototypes: dict[int, str] = {}
         for name in MODULES:
             self._read_module(import_module(f"urbihw.kernel.stdlib.{name}"))
@@ -46,11 +47,15 @@ class Docstrings:
                 self._prototypes.setdefault(id(self._prototype(word)), text.partition("\n\n")[0])
         for path, said in getattr(module, "NOTES", {}).items():
             holder, _, slot = path.rpartition(".")
-            place = self._prototype(holder or "Global")
-            self._slots[id(place), slot] = said
-            value = place.slots.get(slot)
-            if isinstance(value, Obj) and not isinstance(value, Executable):
-                self._prototypes[id(value)] = said
+            self._note(self._prototype(holder or "Global"), slot, said)
+
+    def _note(self, holder: Obj, slot: str, said: str) -> None:
+        self._slots[id(holder), slot] = said
+        value = holder.slots.get(slot)
+        if isinstance(value, Executable):
+            self._functions[id(value)] = said
+        elif isinstance(value, Obj) and (slot[0].isupper() or holder is self._world.global_):
+            self._prototypes[id(value)] = said
 
     def _prototype(self, path: str) -> Obj:
         """The object that holds the slots of what is called so."""
@@ -59,7 +64,7 @@ class Docstrings:
     def _read_urbiscript(self, text: str) -> None:
         for comment, holder, slot in _COMMENTED.findall(text):
             said = " ".join(line.removeprefix("//").strip() for line in comment.splitlines())
-            self._slots[id(self._prototype(holder)), slot] = said
+            self._note(self._prototype(holder), slot, said)
 
     def about(self, this: Any) -> str:
         """What is said of a class or of the class of a value; "" if nothing is."""
@@ -71,14 +76,28 @@ class Docstrings:
         if holder is None:
             return ""
         value = holder.slots[name]
-        text = _of_device_function(holder, name) or self._slots.get((id(holder), name), "")
+        text = _of_device_function(holder, name) or self._noted(holder, name)
+        if not text and isinstance(value, Executable):
+            text = self._functions.get(id(value), "")
         if not text and isinstance(value, Primitive):
             text = value.source.__doc__ or ""
-        if not text and isinstance(value, Executable):
-            text = next((said for (_, slot), said in self._slots.items() if slot == name), "")
         if not text and not isinstance(value, Executable):
             text = self._of_value(value)
         return inspect.cleandoc(text).replace("``", "")
+
+    def noted(self, prototype: Any) -> set[str]:
+        """The slots of which more is said than a docstring has, some of them of objects and not of the class."""
+        holder = id(self._world.peek_obj(prototype))
+        return {slot for place, slot in self._slots if place == holder}
+
+    def of_objects(self, prototype: Any, name: str) -> str:
+        """What is said of a slot that only objects of the class have."""
+        return self._slots[id(self._world.peek_obj(prototype)), name]
+
+    def _noted(self, holder: Obj, name: str) -> str:
+        """What is noted of a slot, or of that of this name in a prototype that does not have it itself."""
+        places = (holder, *holder.protos)
+        return next((self._slots[id(one), name] for one in places if (id(one), name) in self._slots), "")
 
     def _of_value(self, value: Any) -> str:
         """What is said of the class of a value."""

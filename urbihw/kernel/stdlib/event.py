@@ -16,6 +16,11 @@ EVENT = Table("Event")
 HANDLER = Table("Event.Handler")
 TABLES = [EVENT, HANDLER]
 
+NOTES = {
+    "Event.onSubscribe": "Not there at first: an event put here is emitted whenever somebody begins to watch this one.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 class EmissionObject(Obj):
     """What ``trigger`` gives: stops the emission."""

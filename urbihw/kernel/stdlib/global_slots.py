@@ -25,6 +25,9 @@ NOTES = {
         "Named by the manual: what declares devices of other processes.  The statement external is what speaks to "
         "it."
     ),
+    "UObject": "A device: an object whose slots are variables and functions of Python or of another process.",
+    "UVar": "A variable of a device; a slot that holds one reads and writes its value.",
+    "UObject.__uobjectName": "The name under which the device is a slot of uobjects.",
 }
 """What no docstring can say: of classes, and of slots that are values or fields."""
 

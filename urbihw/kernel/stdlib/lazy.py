@@ -15,6 +15,7 @@ TABLE = Table("Lazy")
 PROTOS = {"Lazy": ("Comparable",), "PseudoLazy": ("Object",)}
 
 NOTES = {
+    "PseudoLazy": "Named by the manual without any slot; Lazy is what programs meet.",
     "Lazy": "A value that is computed when it is first asked for.",
 }
 """What no docstring can say: of classes, and of slots that are values or fields."""

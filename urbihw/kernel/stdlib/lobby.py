@@ -20,6 +20,13 @@ TABLE = Table("Lobby")
 GLOBAL = Table("Global")
 TABLES = [TABLE, GLOBAL]
 
+NOTES = {
+    "Lobby.connectionTag": "The tag of all that the connection runs; stopping it leaves the connection usable.",
+    "Lobby.remoteIP": "The address of the client; only of a connection by TCP.",
+    "Lobby.onDisconnect": "The event emitted with the lobby of a connection that is gone.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 class Output(Protocol):
     """What is needed of a lobby's output."""

@@ -21,6 +21,8 @@ NOTES = {
     "StackFrame": "One call of those that led to an error.",
     "Location.begin": "The Position where it begins; can be assigned.",
     "Location.end": "The Position of the character behind its last; can be assigned.",
+    "StackFrame.name": "The name of what was called.",
+    "StackFrame.location": "The Location of the call.",
 }
 """What no docstring can say: of classes, and of slots that are values or fields."""
 

@@ -39,6 +39,11 @@ NOTES = {
         "0 if events of the default IoService shall wait until somebody polls; with any other number of seconds "
         "they are handled as they come."
     ),
+    "Socket.connected": "The event emitted when the connection is there.",
+    "Socket.disconnected": "The event emitted when the connection is gone.",
+    "Socket.error": "The event emitted with a message when something fails; disconnected is emitted too.",
+    "Socket.received": "The event emitted with a String when bytes came.",
+    "Server.connection": "The event emitted with the Socket of each new connection.",
 }
 """What no docstring can say: of classes, and of slots that are values or fields."""
 

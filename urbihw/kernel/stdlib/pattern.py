@@ -15,6 +15,8 @@ TABLES = (PATTERN, BINDING)
 
 NOTES = {
     "Pattern.Binding": "What matches anything, and remembers it under a name.",
+    "Pattern.pattern": "What values are compared with.",
+    "Pattern.bindings": "What stood where the Bindings are, by their names: a Dictionary, filled by a match.",
 }
 """What no docstring can say: of classes, and of slots that are values or fields."""
 

@@ -25,6 +25,7 @@ NOTES = {
     "Barrier": "Where jobs wait until somebody lets one or all of them go on.",
     "PubSub": "A publisher of values, each of which every subscriber gets.",
     "PubSub.Subscriber": "The values published since somebody subscribed, in order, waited for when there are none.",
+    "PubSub.subscribers": "The List of those who subscribed.",
 }
 """What no docstring can say: of classes, and of slots that are values or fields."""
 
