@@ -7,6 +7,8 @@ from typing import Any
 from lab import RobotLab
 
 from fakes.bioloid import Bioloid as Kit
+from fakes.bioloid_console import commands
+from fakes.console import Console
 from urbihw.buses.link import Context
 from urbihw.buses.pipe import PipeEnd
 
@@ -30,6 +32,10 @@ class Lab(RobotLab):
     def context(self) -> Context:
         """See ``RobotLab``."""
         return Context(self.bus_clock, {"robot": self.end})
+
+    def console(self) -> Console:
+        """See ``RobotLab``."""
+        return self.console_of(self.kit, self.end, commands(self.kit, self.bus_clock.now))
 
     def register(self, unit: int, name: str) -> int:
         """A register of the fake, by the fake's own name."""

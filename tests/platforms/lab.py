@@ -7,15 +7,19 @@ platform has its own `<name>_lab.py` with a subclass of ``RobotLab`` called ``La
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from multiprocessing import Pipe
+from types import SimpleNamespace
 from typing import Any, ClassVar, Self
 
+from fakes.console import Command, Console
+from fakes.device import Answer, Device
 from urbihw.buses import messages as m
 from urbihw.buses.clock import SimClock as BusClock
 from urbihw.buses.engine import Engine, driver_of
 from urbihw.buses.link import Context
 from urbihw.buses.mailbox import Mailbox
+from urbihw.buses.pipe import PipeEnd
 from urbihw.kernel import Kernel
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.uobject import DeviceError, RobotSettings
@@ -89,6 +93,14 @@ class RobotLab:
         """The clock and the pipes of the worker."""
         raise NotImplementedError
 
+    def console(self) -> Console:
+        """The console of the fake, as `python -m fakes` has it."""
+        raise NotImplementedError
+
+    def thought(self) -> bool:
+        """Wait for threads of the platform, which know nothing of simulated time; true."""
+        return True
+
     @classmethod
     def ready(cls, *arguments: Any, **options: Any) -> Self:
         """A lab whose robot is open."""
@@ -139,6 +151,12 @@ class RobotLab:
             assert self.clock.now() < end, "it did not happen in time"
             self.step()
 
+    def console_of(self, device: Device, end: PipeEnd, words: Mapping[str, Command]) -> Console:
+        """A console over a device at the end of a pipe, with words of its own."""
+        clock = self.bus_clock.now
+        cable: Any = SimpleNamespace(device=device, clock=clock, unplug=end.unplug, plug=end.replug)
+        return Console(cable, words)
+
     def sent(self, kind: type[m.ToWorker]) -> list[Any]:
         """The messages of one kind that the platform has sent to the worker since the last call."""
         assert self.worker is not None
@@ -157,6 +175,32 @@ class RobotLab:
 
         self.worker = HandWorker(engine, post)
         return self.worker
+
+
+class SpeakingLab(RobotLab):
+    """A lab whose robot is one device on one pipe that speaks also unasked; a subclass makes ``device`` first."""
+
+    device: Device
+
+    def __init__(self, **options: Any) -> None:
+        """``options`` are those of the platform."""
+        self.end = PipeEnd(lambda data, at: self._answer(self.device.feed(data, at)))
+        super().__init__(**options)
+
+    def context(self) -> Context:
+        """See ``RobotLab``."""
+        return Context(self.bus_clock, {"robot": self.end})
+
+    def step(self) -> None:
+        """See ``RobotLab``."""
+        answers = self.device.tick(self.bus_clock.now())
+        if self.end.plugged:
+            self._answer(answers)
+        super().step()
+
+    def _answer(self, answers: Iterable[Answer]) -> None:
+        for answer in answers:
+            self.end.send(answer.data, answer.at)
 
 
 def _unstamped(data: bytes) -> str:

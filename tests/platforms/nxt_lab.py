@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 from lab import RobotLab
 
+from fakes.console import Console
+from fakes.nxt.console import commands
 from fakes.nxt.stream import NxtDevice
 from fakes.nxt.tribot import TriBot
 from urbihw.buses.link import Context
@@ -32,6 +35,12 @@ class Lab(RobotLab):
         """See ``RobotLab``; the robot lives also while nobody asks it."""
         super().step()
         self.device.tick(self.bus_clock.now())
+
+    def console(self) -> Console:
+        """See ``RobotLab``."""
+        clock, plug = self.bus_clock.now, self.end.replug
+        cable: Any = SimpleNamespace(device=self.device, clock=clock, unplug=self.unplug, plug=plug)
+        return Console(cable, commands(self.device, clock))
 
     def unplug(self) -> None:
         """The link is gone."""

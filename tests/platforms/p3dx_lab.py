@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from lab import HandWorker, RobotLab
 
+from fakes.console import Console
 from fakes.device import Device
+from fakes.p3dx.console import commands
 from fakes.p3dx.kit import P3dx as Kit
 from fakes.p3dx.world import World
 from urbihw.buses import messages as m
@@ -105,6 +109,19 @@ class Lab(RobotLab):
         while self.bus_clock.now() < now + self.tick - 1e-9:
             self.bus_clock.sleep_until(now + self.tick)
         self.kernel.scheduler.run_simulated(self.clock.now())
+
+    def console(self) -> Console:
+        """See ``RobotLab``."""
+        laser = SimpleNamespace(unplug=self.laser_line.end.unplug, plug=self.laser_line.end.replug)
+        words = commands(self.kit, self.bus_clock.now, laser)
+        return self.console_of(self.kit.robot, self.robot_line.end, words)
+
+    def thought(self) -> bool:
+        """See ``RobotLab``."""
+        for thread in threading.enumerate():
+            if thread.name == "planner":
+                thread.join(20)
+        return True
 
     def where(self) -> tuple[float, float, float]:
         """Where the robot truly is."""

@@ -1,22 +1,16 @@
-"""Drives after CiA 402 as urbiscript sees them, against one in software in simulated time; what the README shows."""
+"""Drives after CiA 402 as urbiscript sees them, against one in software in simulated time."""
 
 from __future__ import annotations
 
 import logging
 import math
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
 from cia402_lab import Lab
-from doc_sessions import blocks, differences
 
 from fakes.cia402.dictionary import INCREMENTS
 from fakes.cia402.node import Drive
-from fakes.cia402.start import words_of
-from fakes.console import Console
-from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.uobject import BadConfig, NotReady
 
 README = Path(__file__).resolve().parents[2] / "urbihw" / "platforms" / "cia402" / "README.md"
@@ -176,40 +170,3 @@ def test_nobody_there_is_not_ready() -> None:
 def test_options_without_sense_are_bad_config() -> None:
     with pytest.raises(BadConfig, match="nodes must be a list"):
         Lab(nodes=5)
-
-
-# ---------------------------------------------------------------- the README
-
-
-class Windows:
-    """Some connections to one lab, and the console of its fake."""
-
-    def __init__(self) -> None:
-        self.lab = Lab.ready()
-        self._lobbies: dict[str, Lobby] = {}
-        end, clock = self.lab.end, self.lab.bus_clock.now
-        cable: Any = SimpleNamespace(device=self.lab.device, clock=clock, unplug=end.unplug, plug=end.replug)
-        self._console = Console(cable, words_of(self.lab.drive))
-
-    def play(self, window: str, text: str) -> bytes:
-        """Type a text into a window and wait until its last statement is over; what the window then shows."""
-        if window not in self._lobbies:
-            self._lobbies[window] = self.lab.kernel.open_lobby()
-        lobby = self._lobbies[window]
-        idle: list[bool] = []
-        self.lab.kernel.feed(lobby, text.encode("latin-1"))
-        lobby.shell.when_idle(lambda: idle.append(True))
-        self.lab.run(0)
-        self.lab.until(lambda: bool(idle), patience=60)
-        return lobby.output.take()
-
-    def happen(self, words: str) -> None:
-        """Do something to the drive."""
-        assert self._console.line(words) == "ok"
-        self.lab.run(2.0)
-
-
-def test_answers_of_the_readme_are_those_given() -> None:
-    assert any(block.world == "cia402" for block in blocks(README))
-    windows = Windows()
-    assert differences(README, "cia402", windows.play, windows.happen, stamps=False) == ""

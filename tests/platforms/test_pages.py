@@ -1,0 +1,58 @@
+"""What README and docs show of the robots, played against the robots in software in simulated time."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+import pytest
+from doc_sessions import PLATFORMS, WORLDS, blocks, differences
+from lab import RobotLab
+
+from urbihw.kernel.lobby.lobby import Lobby
+
+ROOT = Path(__file__).resolve().parents[2]
+ROBOTS = [world for world in WORLDS if (PLATFORMS / world / "platform.toml").is_file() and world]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")), *sorted((ROOT / "urbihw").rglob("*.md"))]
+PLAYED = [(robot, page) for page in PAGES for robot in ROBOTS if any(block.world == robot for block in blocks(page))]
+
+HANDS = 2.0
+"""Seconds until the person types on."""
+
+
+class Windows:
+    """Some connections to one lab, and the console of its fake."""
+
+    def __init__(self, robot: str) -> None:
+        self.lab: RobotLab = importlib.import_module(f"{robot}_lab").Lab.ready()
+        self._console = self.lab.console()
+        self._lobbies: dict[str, Lobby] = {}
+
+    def play(self, window: str, text: str) -> bytes:
+        """Type a text into a window and wait until its last statement is over; what the window then shows."""
+        if window not in self._lobbies:
+            self._lobbies[window] = self.lab.kernel.open_lobby()
+        lobby = self._lobbies[window]
+        idle: list[bool] = []
+        self.lab.kernel.feed(lobby, text.encode("latin-1"))
+        lobby.shell.when_idle(lambda: idle.append(True))
+        self.lab.run(0)
+        self.lab.until(lambda: self.lab.thought() and bool(idle), patience=120)
+        return lobby.output.take()
+
+    def happen(self, words: str) -> None:
+        """Do something to the robot; a person takes some time from one window to the other."""
+        assert self._console.line(words) == "ok"
+        self.lab.run(HANDS)
+
+
+def test_the_main_page_and_each_robots_own_are_among_them() -> None:
+    assert ROOT / "README.md" in [page for _, page in PLAYED]
+    assert {(robot, PLATFORMS / robot / "README.md") for robot in ROBOTS} <= set(PLAYED)
+
+
+@pytest.mark.parametrize(("robot", "page"), PLAYED, ids=[f"{robot}: {page.parent.name}" for robot, page in PLAYED])
+def test_answers_are_those_given(robot: str, page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    windows = Windows(robot)
+    assert differences(page, robot, windows.play, windows.happen, stamps=False) == ""
