@@ -11,7 +11,6 @@ from urbihw.kernel.uobject.registry import registry_of
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
-    from urbihw.kernel.uobject.uvar import UVar
 
 Handler = Callable[..., Any]
 
@@ -27,14 +26,14 @@ class Callback:
         self.name = getattr(handler, "__qualname__", type(handler).__name__)
         self._stats = registry_of(world).stats
         self._plain = self._adapted(world, handler)
-        self.run = self._plain
+        self.run: Callable[[Any], Any] = self._plain
         self._stats.watch(self)
 
     def measured(self, on: bool) -> None:
         """Whether to measure each call."""
         self.run = (lambda var: self._stats.timed(self.name, lambda: self._plain(var))) if on else self._plain
 
-    def _adapted(self, world: World, handler: Handler) -> Callable[[UVar], Any]:
+    def _adapted(self, world: World, handler: Handler) -> Callable[[Any], Any]:
         try:
             parameters = list(inspect.signature(handler).parameters.values())
         except (TypeError, ValueError):
