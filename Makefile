@@ -1,6 +1,6 @@
 # Everything is set up in .venv from python3 and its venv module; nothing outside this folder is touched.
 #
-#   make run     serve a Bioloid in software on port 54000 (ARGS="--port 54001" to change that)
+#   make run     serve a Bioloid in software on port 54000 (PLATFORM=nxt for another robot, ARGS="--port 54001")
 #   make test    lint, strict types and all tests
 #   make bench   measure, beside plain Python and the other drivers
 #   make clean   forget the environment and all caches
@@ -11,6 +11,7 @@
 PYTHON ?= python3
 VENV_FLAGS ?=
 ARGS ?=
+PLATFORM ?= bioloid
 BIN = .venv/bin
 PIP = $(BIN)/python -m pip --disable-pip-version-check install --quiet
 
@@ -18,7 +19,7 @@ PIP = $(BIN)/python -m pip --disable-pip-version-check install --quiet
 .PHONY: run test lint types check bench clean
 
 run: .venv/installed
-	$(BIN)/urbihw serve --platform bioloid --fake $(ARGS)
+	$(BIN)/urbihw serve --platform $(PLATFORM) --fake $(ARGS)
 
 test: lint types check
 
