@@ -1,6 +1,6 @@
 """Regexp: Perl's regular expressions.
 
-Source: manual, specs/regexp.  Python's ``re`` reads the same language but for a few constructs; ``$`` means the end.
+Source: manual, specs/regexp.  Python's ``re`` does the work; ``perl`` tells it what it would read otherwise.
 """
 
 from __future__ import annotations
@@ -12,25 +12,28 @@ from urbihw.kernel import errors
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.stdlib.perl import NotPerl, to_python
 from urbihw.kernel.stdlib.string import escaped
 
 TABLE = Table("Regexp")
 PROTOS = {"Regexp": ("Container", "Object")}
+EMPTY = re.compile("")
 
 
 class RegexpObject(Obj):
-    """An urbiscript Regexp; ``found`` are the groups of the latest match."""
+    """An urbiscript Regexp; ``text`` as it was written, ``found`` are the groups of the latest match."""
 
-    __slots__ = ("compiled", "found")
+    __slots__ = ("compiled", "found", "text")
 
-    def __init__(self, world: World, protos: list[Obj], compiled: re.Pattern[str] | None = None) -> None:
+    def __init__(self, world: World, protos: list[Obj], text: str = "", compiled: re.Pattern[str] = EMPTY) -> None:
         super().__init__(world, protos)
-        self.compiled = compiled if compiled is not None else re.compile("")
+        self.text = text
+        self.compiled = compiled
         self.found: list[str] = []
 
     def clone(self) -> RegexpObject:
         """The same expression, not matched yet."""
-        return RegexpObject(self.world, [self], self.compiled)
+        return RegexpObject(self.world, [self], self.text, self.compiled)
 
     def search(self, text: str) -> bool:
         """Look for the expression anywhere in a text."""
@@ -48,21 +51,23 @@ def init(world: World, this: RegexpObject, expression: str) -> None:
     if not expression:
         raise errors.primitive("invalid regular expression `': Empty expression")
     try:
-        this.compiled = re.compile(expression, re.ASCII)
-    except re.error as error:
-        raise errors.primitive(f"invalid regular expression `{expression}': {error.msg}") from error
+        this.compiled = re.compile(to_python(expression), re.ASCII)
+    except (re.error, NotPerl, RecursionError, OverflowError) as error:
+        reason = "too complex" if isinstance(error, (RecursionError, OverflowError)) else getattr(error, "msg", error)
+        raise errors.primitive(f"invalid regular expression `{expression}': {reason}") from error
+    this.text = expression
 
 
 @TABLE.primitive("asString")
 def as_string(world: World, this: RegexpObject) -> str:
     """The expression."""
-    return this.compiled.pattern
+    return this.text
 
 
 @TABLE.primitive("asPrintable")
 def as_printable(world: World, this: RegexpObject) -> str:
     """``Regexp`` and the expression as a literal."""
-    return f"Regexp({escaped(this.compiled.pattern)})"
+    return f"Regexp({escaped(this.text)})"
 
 
 @TABLE.primitive("match", "has")
