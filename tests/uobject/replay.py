@@ -91,9 +91,11 @@ def completed(text: str, whole: str) -> str:
     hook = re.search(r"hookPoint_vm_\d+", text)
     assert hook is not None
     known = next(step.text for step in relayed("remote-machine-text.txt") if "hookPoint = " in step.text)
-    known = re.sub(r"hookPoint_vm_\d+", hook[0], known.partition("class UMachine")[0])
-    classes = dict.fromkeys(re.findall(r'\[4, "object_\d+", "(\w+)"\]', whole)) or {"UMachine": None}
-    return known + "".join(declared(name, whole) for name in classes) + ";;\n"
+    known = re.sub(r"hookPoint_vm_\d+", hook[0], known)
+    classes = dict.fromkeys(re.findall(r'\[4, "object_\d+", "(\w+)"\]', whole))
+    if not classes:  # the same program
+        return known
+    return known.partition("class UMachine")[0] + "".join(declared(name, whole) for name in classes) + ";;\n"
 
 
 def declared(name: str, whole: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 
 import pytest
-from replay import Replay, relayed, typed
+from replay import Replay, Step, relayed, typed
 
 NOT_OURS = {
     "remote-all-text.txt": (
@@ -32,6 +32,31 @@ def test_whole_programs(name: str) -> None:
     wanted, got = Replay().play(relayed(name))
     assert difference(name, wanted, got) == ""
     assert len(wanted) > 5
+
+
+def test_a_program_that_is_killed_during_a_call() -> None:
+    name = "remote-killed-during-call.txt"
+    replay = Replay()
+    steps = relayed(name)
+    steps.insert(len(steps) - 1, Step("U", 'm.assemble(["slow"]);'))  # what the recording does not show
+    wanted, got = replay.play(steps)
+    assert difference(name, wanted, got) == ""
+    replay.remote.close()
+    replay.kernel.scheduler.run_simulated(replay.kernel.clock.now() + 1)
+    assert b"assemble: Remote disconnected" in replay.user.output.take()
+
+
+def test_a_second_program_with_the_same_class() -> None:
+    name = "remote-second-of-same-class.txt"
+    replay = Replay()
+    first = replay.kernel.open_lobby("127.0.0.1")
+    for step in relayed("remote-machine-text.txt")[:8]:
+        if step.kind == "R":
+            first.feed(step.text.encode("latin-1"))
+    replay.kernel.scheduler.run_simulated(0.1)
+    wanted, got = replay.play(relayed(name))
+    assert difference(name, wanted, got) == ""
+    assert "slot redefinition: update" in got[-1]
 
 
 @pytest.mark.parametrize("name", ["remote-all-text.txt"])

@@ -13,6 +13,7 @@ arguments.
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -26,6 +27,8 @@ from urbihw.kernel.uobject.uobject import UObject
 from urbihw.kernel.uobject.wire import from_wire, to_wire
 
 log = logging.getLogger("urbihw.remote")
+
+_CALL = re.compile(r'\[0, "[^"]*", "(\w+)"')
 
 HELLO, BINARY = "urbihw_hello", "urbihw_binary"
 
@@ -158,7 +161,10 @@ class Bridge(DeviceMirror):
     def _obey(self, line: Line) -> None:
         message = line.value
         if not isinstance(message, list) or not message or not isinstance(message[0], float):
-            log.warning("message of the server left out: %s", line.text or message)
+            log.warning("message of the server left out: %.200s", line.text or message)
+            call = _CALL.match(line.text)
+            if call is not None:  # somebody waits for an answer
+                self._fail(call[1], "the call was not understood")
             return
         try:
             self._do(message[0], message[1:], line.stamp)
@@ -198,7 +204,11 @@ class Bridge(DeviceMirror):
                 self._out.answer(ticket, answer)
         except Exception as error:
             if ticket:
-                self._out.say(f"Global.UObject.funCall({quoted(ticket)}, Exception.new({quoted(self._words(error))}))")
+                self._fail(ticket, self._words(error))
+
+    def _fail(self, ticket: str, words: str) -> None:
+        """Answer a call by an exception."""
+        self._out.say(f"Global.UObject.funCall({quoted(ticket)}, Exception.new({quoted(words)}))")
 
     def _words(self, error: Exception) -> str:
         """What went wrong, without the place."""
