@@ -20,7 +20,7 @@ from urbihw.kernel.runtime.code import Primitive
 LEFT_OUT = {
     ("System", "_exit"): "ends the process",
     ("Profiling", "new"): "does what it is given as often as it is told; see tests/lang/std/nan.chk",
-    ("System", "system"): "runs what it is given in a shell; see test_processes.py",
+    ("System", "system"): "runs what it is given in a shell; see tests/e2e/test_outside.py",
 }
 """Slots that cannot be called here, and why."""
 
