@@ -64,11 +64,15 @@ class Settings:
     arguments: tuple[str, ...] = ()
 
 
-async def serve(settings: Settings) -> int:
-    """Serve until ``shutdown``, the end of an interactive session or a signal; the exit code.  Raises Refused."""
+async def serve(settings: Settings) -> int | None:
+    """Serve until ``shutdown``, the end of an interactive session or a signal; the exit code.  Raises Refused.
+
+    None after ``reboot``: who called is to start the program anew.
+    """
     process = Process(settings)
     try:
-        return await process.run()
+        code = await process.run()
+        return None if process.again else code
     finally:
         await process.close()
 
@@ -84,6 +88,8 @@ class Process:
         self._stopped: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         programs = self.kernel.programs
         programs.shutdown = self.stop
+        programs.reboot = self.reboot
+        self.again = False
         programs.name = settings.program
         programs.arguments = list(settings.arguments)
         programs.quiet = settings.quiet
@@ -96,6 +102,11 @@ class Process:
         """End the process, in order."""
         if not self._stopped.done():
             self._stopped.set_result(None)
+
+    def reboot(self) -> None:
+        """End the process, in order, to be started anew."""
+        self.again = True
+        self.stop()
 
     async def run(self) -> int:
         """Serve."""

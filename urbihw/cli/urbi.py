@@ -13,7 +13,7 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, NoReturn
 
 from urbihw.cli import logs
 from urbihw.cli.options import Parser, Refused, add_sources, complain, source_bytes, split
@@ -91,9 +91,17 @@ def run(argv: Sequence[str], program: str, modules: Sequence[str]) -> int:
             modules=(*modules, *options.modules),
             arguments=(*options.arguments, *behind),
         )
-        return asyncio.run(serve(settings))
+        code = asyncio.run(serve(settings))
     except Refused as error:
         return complain(program, error)
+    return _start_anew() if code is None else code
+
+
+def _start_anew() -> NoReturn:
+    """``reboot``: the same program with the same arguments, in this process."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
 
 
 def _text(kind: str, value: str) -> bytes:

@@ -1,0 +1,22 @@
+"""``reboot``: the same server with the same arguments, anew."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+PROGRAM = """
+if (Path.new("lived").exists)
+  { cout << System.arguments | shutdown }
+else
+  { File.save("lived", "") | cout << "first" | var Global.seen = 1 | reboot };
+"""
+
+
+def test_a_server_starts_itself_anew_with_the_same_arguments(tmp_path: Path) -> None:
+    (tmp_path / "program.u").write_text(PROGRAM)
+    command = [sys.executable, "-m", "urbihw.cli.urbi", "-q", "-P", "0", "program.u", "a", "b"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=30, check=False)
+    said = [line.partition("] ")[2] for line in done.stdout.splitlines()]
+    assert (said, done.stderr, done.returncode) == (['"first"', '["a", "b"]'], "", 0)
