@@ -25,7 +25,7 @@ class UFactory(UObject):
         self.duration.value = duration
 
     @threaded(LOCK_INSTANCE)
-    def assemble(self, pieces: list[str]) -> str:
+    def assemble(self, pieces: list[float | str]) -> str:
         """All pieces in one; the caller waits, others go on."""
         time.sleep(self.duration.value * len(pieces))
-        return "".join(pieces)
+        return "".join(piece if isinstance(piece, str) else f"{piece:g}" for piece in pieces)

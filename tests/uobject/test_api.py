@@ -603,3 +603,41 @@ def test_the_factory_of_the_quick_start(monkeypatch: pytest.MonkeyPatch) -> None
     console.lobby.feed(b'echo(slow.assemble(["1", "2", "3"])), echo(fast.assemble(["4"])),')
     assert console.wait(2) == ["*** 4", "*** 123"]
     assert console.say("UFactory.new(-1);")[0].endswith("new: a machine cannot be that fast")
+    refusal = "assemble: unexpected nil for argument 1, expected a String"
+    assert console.say("fast.assemble([nil]);")[0].endswith(refusal)
+
+
+TWO_MACHINES = """
+class TwoMachineFactory
+{
+  var UFactory = uobjects.UFactory;
+  function init(fast = 1ms, slow = 30ms)
+  {
+    if (slow < fast)
+      [fast, slow] = [slow, fast];
+    var this.fastMachine = UFactory.new(fast);
+    var this.slowMachine = UFactory.new(slow);
+  };
+  function assemble(input)
+  {
+    var res;
+    if (5 < input.size)
+      { res = slowMachine.assemble(input); echo("Used the slow machine") }
+    else
+      { res = fastMachine.assemble(input); echo("Used the fast machine") } |
+    res
+  };
+}|;
+var f = TwoMachineFactory.new|;
+"""
+
+
+def test_the_two_machines_of_the_quick_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("URBI_UOBJECT_PATH", str(Path(__file__).parents[2] / "docs" / "examples"))
+    console = Console()
+    console.host.load_module("factory")
+    assert console.say(TWO_MACHINES) == []
+    console.lobby.feed(b"f.assemble([1, 2, 3, 4, 5, 6]); f.assemble([1]);")
+    assert console.wait(4) == ["*** Used the slow machine", '"123456"', "*** Used the fast machine", '"1"']
+    console.lobby.feed(b"f.assemble([1, 2, 3, 4, 5, 6]), f.assemble([1]),")
+    assert console.wait(2) == ["*** Used the fast machine", "*** Used the slow machine"]
