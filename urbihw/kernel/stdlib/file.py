@@ -26,7 +26,11 @@ DIRECTORY = Table("Directory")
 TABLES = [FILE, DIRECTORY]
 
 PERIOD = 0.1
-"""Seconds between two looks at a watched directory."""
+"""Seconds between two looks at a watched directory.
+
+Looking works in simulated time and on file systems of other machines, where the notices of the operating system
+(inotify) do not; it costs some microseconds, and only while somebody watches.
+"""
 
 NOTES = {
     "File": "A file of the operating system.",
