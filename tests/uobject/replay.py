@@ -65,6 +65,8 @@ def typed(name: str) -> list[Step]:
             continue
         kind = match[1] or ("S" if match[3] or "user" not in match[2] else "A")
         text = (match[3] or "") + match[4]
+        if kind == "U":
+            text = re.sub(r"\.&(\w+)", r'.getSlot("\1")', text)
         if kind == "U" and "  => " in text:
             text, _, answer = text.partition("  => ")
             answer = answer.partition("\\n  |")[0].partition("  |")[0]
@@ -146,8 +148,9 @@ class Replay:
         self.said = ""
 
     def play(self, steps: list[Step]) -> tuple[list[str], list[str]]:
-        """What the remote was sent in the recording, and what it was sent here."""
+        """What the remote was sent in the recording, and what it was sent here; ``said`` is what the user was sent."""
         wanted = got = ""
+        self.said = ""
         for index, step in enumerate(steps):
             self._prepare(steps[index:])
             if step.kind == "S":

@@ -17,9 +17,14 @@ TABLE = Table("Object")
 def get_property(world: World, this: Any, slot: str, name: str) -> Any:
     """A property of a slot, void if it has none of this name; raises ``lookup failed`` for the slot.
 
-    ``constant`` tells whether the slot can be assigned, ``changed`` is the event emitted on every write.
+    ``constant`` tells whether the slot can be assigned, ``changed`` is the event emitted on every write, ``timestamp``
+    of a device's variable is when its value was taken.
     """
     holder = slot_holder(world, this, slot)
+    if name == "timestamp":
+        stamp = getattr(meta_of(holder, slot).accessor, "stamp", None)
+        if stamp is not None:
+            return stamp
     if name == "changed":
         meta = meta_of(holder, slot)
         if meta.changed is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from typing import Any
 
 from urbihw.kernel import errors
@@ -47,15 +48,31 @@ def copy(world: World, this: UVar, holder: Any, name: str) -> Any:
 @UVAR.primitive("notifyChange")
 def notify_change(world: World, this: UVar, handle: Any, code: Any = None) -> None:
     """Call a function each time the variable is written to."""
-    function = handle if code is None else code
-    this.notify_change(lambda: world.invoke(function, this, (), "notifyChange"))
+    this.notify_change(_in_context(world, this, handle if code is None else code, "notifyChange"))
 
 
 @UVAR.primitive("notifyAccess")
 def notify_access(world: World, this: UVar, handle: Any, code: Any = None) -> None:
     """Call a function each time the variable is read."""
-    function = handle if code is None else code
-    this.notify_access(lambda: world.invoke(function, this, (), "notifyAccess"))
+    this.notify_access(_in_context(world, this, handle if code is None else code, "notifyAccess"))
+
+
+def _in_context(world: World, var: UVar, function: Any, name: str) -> Callable[[], None]:
+    """A callback that speaks to the connection of who set it, whoever writes the variable."""
+    context = world.scheduler.running().context
+
+    def run() -> None:
+        job = world.scheduler.current
+        if job is None:
+            world.invoke(function, var, (), name)
+            return
+        before, job.context = job.context, context
+        try:
+            world.invoke(function, var, (), name)
+        finally:
+            job.context = before
+
+    return run
 
 
 @UVAR.primitive("unnotify")
