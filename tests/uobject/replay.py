@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from urbihw.kernel import Kernel
+from urbihw.kernel.runtime.world import UID_BASE, UID_STEP
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.uobject.registry import registry_of
 
@@ -37,6 +38,7 @@ def relayed(name: str) -> list[Step]:
     """A recording made through a relay: ``1.23 R: ...``, ``1.23 S: ...``, ``#### other client: ...``."""
     steps = []
     whole = (CAPTURES / name).read_text("latin-1")
+    known: set[str] = set()
     for line in whole.splitlines():
         if line.startswith("#### other client: "):
             text = line.removeprefix("#### other client: ")
@@ -44,7 +46,7 @@ def relayed(name: str) -> list[Step]:
             continue
         match = re.match(r"[\d.]+ ([RS]): (.*)$", line)
         if match is not None and match[2] != "<closed>":
-            steps.append(Step(match[1], completed(raw(match[2]), raw(whole))))
+            steps.append(Step(match[1], completed(raw(match[2]), raw(whole), known)))
     return steps
 
 
@@ -79,13 +81,16 @@ def typed(name: str) -> list[Step]:
 _CUT = re.compile(r"characters left out|<\d+ (?:lines|pairs) \"")
 
 
-def completed(text: str, whole: str) -> str:
+def completed(text: str, whole: str, seen: set[str]) -> str:
     """The recordings were shortened; what was cut is put back: the handshake is the same for all programs, and what an
-    object has is what is used of it later."""
+    object has is what is used of it later.  ``seen`` are the objects put back so far, for those that come in pieces."""
     if _CUT.search(text) is None:
         return text
-    if text.startswith("//#push 1003"):
-        return next(step.text for step in relayed("remote-machine-text.txt") if step.text.startswith("//#push 1003"))
+    if text[0] in "\x01\x0b\n":
+        return _completed_frames(text, whole, seen)
+    for head in ("//#push 1003", "//#push 31"):
+        if text.startswith(head):
+            return next(step.text for step in relayed("remote-machine-text.txt") if step.text.startswith(head))
     objects = list(dict.fromkeys(re.findall(r"external object (\w+)\|", text)))
     if "hasSlot(\"syncGet\")" not in text:
         answers = re.findall(r"Global\.UObject\.funCall\(.*?\),", text)
@@ -97,13 +102,28 @@ def completed(text: str, whole: str) -> str:
     classes = dict.fromkeys(re.findall(r'\[4, "object_\d+", "(\w+)"\]', whole))
     if not classes:  # the same program
         return known
-    return known.partition("class UMachine")[0] + "".join(declared(name, whole) for name in classes) + ";;\n"
+    mode = 'binaryMode(1, "remotecontext_setmode");' if "binaryMode(1" in text else ""
+    return known.partition("class UMachine")[0] + "".join(declared(name, whole) for name in classes) + f";;\n{mode}"
+
+
+def _completed_frames(text: str, whole: str, seen: set[str]) -> str:
+    """The same for what was sent in binary mode."""
+    found = re.search(r"(object_\d+|uob_vm1)\.", text)
+    if found is None or found[1] in seen:
+        return ""
+    seen.add(found[1])
+    chain = declared(found[1], whole)
+    if f"class {found[1]}" not in text:  # its beginning was not cut
+        chain = chain.partition(f"external object {found[1]}|\n")[2]
+    frame = f"\x0b{chr(len(chain) >> 8)}{chr(len(chain) & 255)}{chain}"
+    return frame + ("\n\x00\x03_92\x06\x00\x07uob_vm1" if found[1] == "uob_vm1" else "")
 
 
 def declared(name: str, whole: str) -> str:
     """The declarations of an object, as far as the rest of the recording needs them."""
     functions = dict(re.findall(r'\[0, "object_\d+\.(\w+)__(\d+)"', whole))
     variables = dict.fromkeys(re.findall(r'(?:object_\d+\.getSlot\("|\[1, "object_\d+\.)(\w+)"', whole))
+    variables |= dict.fromkeys(re.findall(r"\x01\x00.object_\d+\.(\w+)[\x00-\x07]", whole, re.DOTALL))
     events = dict(re.findall(r'\[2, "object_\d+\.(\w+)__(\d+)"', whole))
     lines = [f"class {name}{{}}|", f"external object {name}|"]
     lines += [f"if (!isdef({name}.{s})) var {name}.{s}|external var {name}.{s} from {name}|" for s in variables]
@@ -141,6 +161,7 @@ class Replay:
 
     def __init__(self) -> None:
         self.kernel = Kernel(SimClock())
+        self.kernel.world._numbered = (0x100000000000 - UID_BASE) // UID_STEP  # addresses as long as the recorded ones
         self.registry = registry_of(self.kernel.world)
         self.remote = self.kernel.open_lobby("127.0.0.1")
         self.user = self.kernel.open_lobby("127.0.0.1")

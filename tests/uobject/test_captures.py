@@ -13,6 +13,7 @@ NOT_OURS = {
         "[T:error] !!! P: syntax error: unexpected ;",  # a Binary in an event in the old form: we read it
         "[T:error] !!! P: syntax error: unexpected )",
     ),
+    "remote-all-binary.txt": ("[T:error] !!! lookup failed: sharedRTP",),
     "handmade-remote-binary.txt": (
         '[T] [1, "r"]',  # the recording does not show what the user was answered there
         # the same in other words
@@ -61,7 +62,7 @@ def test_a_second_program_with_the_same_class() -> None:
     assert "slot redefinition: update" in got[-1]
 
 
-@pytest.mark.parametrize("name", ["remote-all-text.txt"])
+@pytest.mark.parametrize("name", ["remote-all-text.txt", "remote-all-binary.txt"])
 def test_all_kinds_of_values(name: str) -> None:
     wanted, got = Replay().play(relayed(name))
     assert difference(name, wanted, got) == ""

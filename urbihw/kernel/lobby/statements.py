@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel.runtime.backtrace import current_stack
 from urbihw.kernel.syntax.reader import Statement, SyntaxProblem, parse_program
@@ -20,8 +21,7 @@ def execute(lobby: Lobby, text: str) -> None:
         if isinstance(item, SyntaxProblem):
             kind, channel = ("", "warning") if item.warning else ("syntax error: ", "error")
             lobby.output.line(f"!!! {item.location}: {kind}{item.message}", channel)
-            stack = current_stack()
-            lobby.output.line(f"!!!    called from: {stack.location}: {stack.routine}", channel)
+            lobby.output.line(_caller(), channel)
             if item.warning:
                 continue
             return
@@ -31,5 +31,20 @@ def execute(lobby: Lobby, text: str) -> None:
             lobby.shell.show(function())
             return
         scheduler = lobby.world.scheduler
-        scheduler.start_now(scheduler.spawn(function, lobby.shell.next_name(), parent=scheduler.running()))
+        body = partial(_background, lobby, function, _caller())
+        scheduler.start_now(scheduler.spawn(body, lobby.shell.next_name(), parent=scheduler.running()))
         return
+
+
+def _background(lobby: Lobby, function: Callable[[], Any], caller: str) -> None:
+    try:
+        function()
+    except Exception as error:
+        lobby.report(error)
+        lobby.output.line(caller, "error")
+
+
+def _caller() -> str:
+    """The line of an error message that tells who handed the statement over."""
+    stack = current_stack()
+    return f"!!!    called from: {stack.location}: {stack.routine}"
