@@ -6,7 +6,7 @@ from __future__ import annotations
 import itertools
 import logging
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +34,11 @@ VALUES = (
 FEW = ("1", '"x"', "[]", "function () { 1 }")
 """What is given where there are many arguments."""
 
+OTHERS = (
+    "nil", "1", "true", '"x"', "[]", "function () { 1 }", "Object.new", '["k" => 1]', "(1, 2)", "Event.new", "Float",
+)  # fmt: skip
+"""What functions of other classes are called on."""
+
 PYTHON = re.compile(r"internal error|Traceback|NoneType|object has no attribute|<class |<built-in|0x[0-9a-f]{9,}>")
 
 
@@ -45,7 +50,7 @@ class Bench:
         self.world = self.kernel.world
         self.lobby: Lobby = self.kernel.open_lobby("127.0.0.1")
         self.other = self.kernel.open_lobby("127.0.0.1")
-        self._make = {text: self._maker(text) for text in {SAMPLES[name], *VALUES, *FEW}}
+        self._make = {text: self._maker(text) for text in {SAMPLES[name], *VALUES, *FEW, *OTHERS}}
         self.name = name
 
     def _maker(self, text: str) -> Any:
@@ -67,17 +72,16 @@ class Bench:
         found = {name: value for name, value in slots.items() if isinstance(value, Primitive)}
         return {name: value for name, value in found.items() if (self.name, name) not in LEFT_OUT}
 
-    def call(self, function: Primitive, given: tuple[str, ...]) -> str:
-        """Call a function on a fresh object of the class; the error in words, or nothing."""
+    def call(self, function: Primitive, this: str, given: tuple[str, ...]) -> str:
+        """Call a function on a fresh object; the error in words, or nothing, and what was said."""
         words = [""]
         made: list[Any] = []
 
         def run() -> None:
             try:
-                this = self.make(SAMPLES[self.name])
+                made.append(self.make(this))
                 args = tuple(self.make(text) for text in given)
-                made.append(this)
-                self.world.text(self.world.invoke(function, this, args, "called"))
+                self.world.text(self.world.invoke(function, made[0], args, "called"))
             except Exception as error:
                 words[0] = "\n".join(self.world.describe(error))
 
@@ -87,8 +91,8 @@ class Bench:
         if not job.done:  # it waits for what will not come
             scheduler.kill(job)
             scheduler.run_simulated(self.kernel.clock.now() + 1)
-        assert made, f"{SAMPLES[self.name]} failed: {words[0]}"
-        if isinstance(made[0], Lobby):
+        assert made, f"{this} failed: {words[0]}"
+        if isinstance(made[0], Lobby) and made[0] is not self.lobby:
             made[0].close()
         return words[0] + self.lobby.output.take().decode("latin-1")
 
@@ -107,26 +111,44 @@ def arguments(function: Primitive) -> Iterator[tuple[str, ...]]:
                 yield (*(usual,) * place, value, *(usual,) * (size - place - 1))
 
 
-@pytest.mark.parametrize("name", SAMPLES)
-def test_no_argument_brings_out_a_failure_of_ours(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
+    """A folder to write to, variables of the environment to change, and a look at the log."""
     monkeypatch.chdir(tmp_path)
     for variable in ("x", "k"):
         monkeypatch.setenv(variable, "set back when the test is over")
     caplog.set_level(logging.WARNING)
-    bench = Bench(name)
+
+
+def failures(bench: Bench, calls: Iterable[tuple[str, Primitive, str, tuple[str, ...]]],
+             caplog: pytest.LogCaptureFixture) -> list[str]:
+    """What a client was told of our own doing, or the log, for each of these calls."""
     wrong = []
-    for slot, function in bench.functions().items():
-        for given in arguments(function):
-            said = bench.call(function, given)
-            logged = [record.getMessage() for record in caplog.records if record.name.startswith("urbihw")]
-            caplog.clear()
-            if logged or PYTHON.search(said):
-                wrong.append(f"{name}.{slot}({', '.join(given)}): {said} {logged}")
-    assert wrong == []
+    for slot, function, this, given in calls:
+        said = bench.call(function, this, given)
+        logged = [record.getMessage() for record in caplog.records if record.name.startswith("urbihw")]
+        caplog.clear()
+        if logged or PYTHON.search(said):
+            wrong.append(f"({this}).{slot}({', '.join(given)}): {said} {logged}")
     assert bench.kernel.run_text(bench.lobby, "40 + 2;").endswith("] 42\n")
     assert bench.kernel.run_text(bench.other, "40 + 2;").endswith("] 42\n")
+    return wrong
+
+
+def hostile_calls(bench: Bench) -> Iterator[tuple[str, Primitive, str, tuple[str, ...]]]:
+    """Every function with wrong arguments, and on what it is not for."""
+    for slot, function in bench.functions().items():
+        for given in arguments(function):
+            yield slot, function, SAMPLES[bench.name], given
+        for this, usual in itertools.product(OTHERS, FEW[: 1 + function.least]):
+            yield slot, function, this, (usual,) * function.least
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("name", SAMPLES)
+def test_no_call_brings_out_a_failure_of_ours(name: str, caplog: pytest.LogCaptureFixture) -> None:
+    bench = Bench(name)
+    assert failures(bench, hostile_calls(bench), caplog) == []
 
 
 def test_what_is_left_out_is_there() -> None:

@@ -33,10 +33,19 @@ def test_the_page_has_an_example(name: str) -> None:
     assert "```urbiscript\n" in examples(FOLDER / name).removeprefix(EXAMPLES)
 
 
+@pytest.fixture(scope="module")
+def kernel() -> Kernel:
+    return Kernel(fast=True)
+
+
+@pytest.fixture(scope="module")
+def docs(kernel: Kernel) -> Docstrings:
+    return Docstrings(kernel.world)
+
+
 @pytest.mark.parametrize("name", CLASSES)
-def test_every_slot_is_described(name: str) -> None:
-    world = Kernel(fast=True).world
-    docs = Docstrings(world)
+def test_every_slot_is_described(kernel: Kernel, docs: Docstrings, name: str) -> None:
+    world = kernel.world
     holder: Any = world.global_
     for part in name.split("."):
         holder = holder.slots[part]
@@ -44,23 +53,19 @@ def test_every_slot_is_described(name: str) -> None:
     assert [slot for slot in world.peek_obj(holder).slots if not docs.of(holder, slot)] == []
 
 
-def test_what_is_said_of_a_function_is_not_said_of_another_of_that_name() -> None:
-    kernel = Kernel(fast=True)
+def test_what_is_said_of_a_function_is_not_said_of_another_of_that_name(kernel: Kernel) -> None:
     lobby = kernel.open_lobby()
     typed = 'function eval () { 1 }|; System.documentation(this, "eval"); System.documentation(System, "eval").empty;'
     assert kernel.run_text(lobby, typed) == '[00000000] ""\n[00000000] false\n'
 
 
-def test_a_copied_function_is_described_as_the_original_is() -> None:
-    kernel = Kernel(fast=True)
-    docs = Docstrings(kernel.world)
+def test_a_copied_function_is_described_as_the_original_is(kernel: Kernel, docs: Docstrings) -> None:
     control = kernel.world.global_.slots["Control"]
     assert isinstance(control, Obj)
     assert docs.of(kernel.world.global_, "persist") == docs.of(control, "persist") != ""
 
 
-def test_slots_of_objects_only_are_described_too() -> None:
-    kernel = Kernel(fast=True)
+def test_slots_of_objects_only_are_described_too(kernel: Kernel) -> None:
     lobby = kernel.open_lobby("127.0.0.1")
     typed = 'System.documentation(Socket.new, "received"); System.documentation(lobby, "remoteIP");'
     assert kernel.run_text(lobby, typed).count("[00000000] \"The ") == 2

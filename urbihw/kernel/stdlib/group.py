@@ -104,6 +104,8 @@ def fallback(world: World, message: Any) -> Any:
     """Send a message that a group does not understand to all members; the Group of the results, void if they are all
     void."""
     this, name = message.target, message.message
+    if not isinstance(this, GroupObject):
+        raise world.type_error(None, this, "Group")
     args = [argument.force() for argument in message.args]
     return this.bounce(lambda member: world.send(member, name, *args))
 

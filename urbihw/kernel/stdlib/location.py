@@ -134,7 +134,10 @@ def install(world: World, programs: Any) -> None:
 
         return run
 
+    def read(name: str) -> Any:
+        return lambda this: _copy(world, getattr(this, name))
+
     for name in ("begin", "end"):
-        field(world, proto, name, lambda this, name=name: _copy(world, getattr(this, name)), write(name))  # type: ignore[misc]
+        field(world, proto, name, read(name), write(name), LocationObject)
     world.location_value = lambda location: make_location(world, location)  # type: ignore[method-assign]
     world.backtrace_value = lambda stack: make_frames(world, stack)  # type: ignore[method-assign]

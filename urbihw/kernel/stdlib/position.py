@@ -131,6 +131,6 @@ def install(world: World, programs: Any) -> None:
     def write_file(this: Any, value: Any) -> None:
         this.file = None if value is world.nil else value.s if isinstance(value, String) else world.text(value)
 
-    field(world, proto, "line", lambda this: float(this.line), write_line)
-    field(world, proto, "column", lambda this: float(this.column), write_column)
-    field(world, proto, "file", read_file, write_file)
+    field(world, proto, "line", lambda this: float(this.line), write_line, PositionObject)
+    field(world, proto, "column", lambda this: float(this.column), write_column, PositionObject)
+    field(world, proto, "file", read_file, write_file, PositionObject)

@@ -42,13 +42,30 @@ class Field:
         return value
 
 
-def field(world: World, proto: Obj, name: str, read: Getter, write: Setter) -> None:
+def field(world: World, proto: Obj, name: str, read: Getter, write: Setter, kind: type[Obj] | None = None) -> None:
     """Make a slot of ``proto`` that reads and writes a native field of whatever derives from it.
 
-    ``read(target)`` and ``write(target, value)`` handle urbiscript values.
+    ``read(target)`` and ``write(target, value)`` handle urbiscript values; if the field belongs to a ``kind`` of
+    objects, nothing else is handed to them.
     """
-    proto.slots[name] = make_primitive(world, name, read, 0, 0)
-    meta_of(proto, name).accessor = Field(read, write)
+    if kind is None:
+        reader, writer = read, write
+    else:
+        wanted = kind
+
+        def check(target: Any) -> Any:
+            if not isinstance(target, wanted):
+                raise world.type_error(None, target, world.type_name(proto), name)
+            return target
+
+        def reader(target: Any) -> Any:
+            return read(check(target))
+
+        def writer(target: Any, value: Any) -> Any:
+            return write(check(target), value)
+
+    proto.slots[name] = make_primitive(world, name, reader, 0, 0)
+    meta_of(proto, name).accessor = Field(reader, writer)
 
 
 def constant(proto: Obj, name: str, value: Any) -> None:

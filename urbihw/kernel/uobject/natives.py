@@ -123,7 +123,7 @@ def make(world: World) -> Any:
 
     def run(this: Any, *args: Any) -> Any:
         made = world.send(this, "clone")
-        if made is this:
+        if made is this or made.__class__ is float:
             return made
         if "__uobjectName" not in made.slots:
             registry_of(world).add(f"obj_{world.uid(made)}", made)
