@@ -3,23 +3,12 @@
 from __future__ import annotations
 
 import logging
-import threading
-import time
-from pathlib import Path
 from typing import Any
 
 import pytest
+from uobject_console import Console
 
-from urbihw.kernel import Kernel
-from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.uobject import (
-    LOCK_CLASS,
-    LOCK_FUNCTION,
-    LOCK_INSTANCE,
-    LOCK_MODULE,
-    LOCK_NONE,
-    BadConfig,
-    Lock,
     UBinary,
     UImage,
     UObject,
@@ -29,34 +18,8 @@ from urbihw.kernel.uobject import (
     event,
     function,
     owned,
-    threaded,
     variable,
 )
-
-
-class Console:
-    def __init__(self, *kinds: type[UObject]) -> None:
-        self.kernel = Kernel(SimClock())
-        self.host = self.kernel.host
-        for kind in kinds:
-            self.host.register(kind)
-        self.lobby = self.kernel.open_lobby()
-
-    def say(self, text: str, until: float | None = None) -> list[str]:
-        answer = self.kernel.run_text(self.lobby, text, until)
-        return [line.partition("] ")[2] for line in answer.splitlines()]
-
-    def wait(self, lines: int) -> list[str]:
-        """What is said until so many lines have come, on the real clock: threads do not know ours."""
-        said = b""
-        for _ in range(500):
-            self.kernel.run()
-            said += self.lobby.output.take()
-            if said.count(b"\n") >= lines:
-                break
-            time.sleep(0.01)
-        return [line.partition("] ")[2] for line in said.decode("latin-1").splitlines()]
-
 
 # ---------------------------------------------------------------- variables
 
@@ -253,169 +216,6 @@ def test_binaries_go_both_ways() -> None:
     assert eye.val.value == USound(b"xy", "wav 1 8000 8 2")
 
 
-# ---------------------------------------------------------------- functions
-
-
-class Tool(UObject):
-    @function
-    def add(self, a: int, b: float = 1.0, *more: float) -> float:
-        return a + b + sum(more)
-
-    @function
-    def words(self, each: list[str], table: dict[str, float] | None = None) -> str:
-        return " ".join(each) + str(table or "")
-
-    @function
-    def itself(self, other: Tool) -> bool:
-        return other is self
-
-    @function
-    def truth(self, value: bool) -> bool:
-        return value
-
-    @function
-    def broken(self) -> None:
-        raise KeyError("oops")
-
-    @function
-    def whatever(self, value: Any) -> Any:
-        self.got = value
-        return value
-
-
-@pytest.mark.parametrize(("text", "answer"), [
-    ("tool.add(1);", "2"),
-    ("tool.add(1, 2, 3, 4);", "10"),
-    ("tool.add();", "!!! add: expected at least 1 argument, given 0"),
-    ("tool.add(1.5);", "!!! add: expected integer, got 1.5"),
-    ('tool.add(1, "2");', '!!! add: unexpected "2" for argument 2, expected a Float'),
-    ('tool.add(1, 2, "3");', '!!! add: unexpected "3" for argument 3, expected a Float'),
-    ('tool.words(["a", "b"]);', '"a b"'),
-    ('tool.words(["a", 1]);', '!!! words: unexpected 1 for argument 1, expected a String'),
-    ('tool.words("a");', '!!! words: unexpected "a" for argument 1, expected a List'),
-    ('tool.words(["a"], ["k" => 1]);', '''"a{'k': 1.0}"'''),
-    ('tool.words(["a"], nil);', '"a"'),
-    ("tool.itself(tool);", "true"),
-    ("tool.itself(tool.__uobjectName);", "true"),
-    ("tool.itself(1);", "!!! itself: unexpected 1 for argument 1, expected a Tool"),
-    ("tool.truth(0); ", "false"),
-    ("tool.broken;", "!!! broken: KeyError: 'oops'"),
-    ('tool.whatever([1, "a", ["k" => nil]]);', '[1, "a", ["k" => void]]'),
-    ("Tool.add(1);", "!!! add: this is a class: make an instance with new"),
-])
-def test_arguments_are_checked_and_converted(text: str, answer: str) -> None:
-    console = Console(Tool)
-    console.host.create(Tool, "tool")
-    (said,) = console.say(text)
-    head, colon, rest = said.partition(": ")
-    assert (f"!!! {rest}" if head.startswith("!!! ") and colon else said) == answer
-
-
-def test_functions_bound_late() -> None:
-    console = Console()
-    tool = console.host.create(Tool, "tool")
-    tool.bind_function(lambda: 42, "answer")
-    tool.bind_function(tool.add, "plus")
-    assert console.say("tool.answer; tool.plus(1, 1);") == ["42", "2"]
-
-
-# ---------------------------------------------------------------- threads
-
-
-class Worker(UObject):
-    """Tells which of its functions run at the same time."""
-
-    running: list[str] = []
-    most: dict[str, int] = {}
-    doors: dict[str, threading.Event] = {}
-
-    def work(self, name: str) -> str:
-        self.running.append(name)
-        for kind in ("a", "b"):
-            self.most[kind] = max(self.most.get(kind, 0), sum(1 for one in self.running if one[0] == kind))
-        self.most["all"] = max(self.most.get("all", 0), len(self.running))
-        time.sleep(0.03)
-        self.running.remove(name)
-        return name
-
-
-def worker(lock: Lock) -> type[UObject]:
-    class Locked(Worker):
-        uname = "Locked"
-
-        @threaded(lock)
-        def a(self) -> str:
-            return self.work("a")
-
-        @threaded(lock)
-        def b(self) -> str:
-            return self.work("b")
-
-    Locked.running, Locked.most = [], {}
-    return Locked
-
-
-@pytest.mark.parametrize(("lock", "most"), [
-    (LOCK_NONE, {"a": 4, "all": 8}),
-    (LOCK_FUNCTION, {"a": 2, "all": 4}),
-    (LOCK_INSTANCE, {"all": 2}),
-    (LOCK_CLASS, {"all": 1}),
-    (LOCK_MODULE, {"all": 1}),
-])
-def test_lock_modes(lock: Lock, most: dict[str, int]) -> None:
-    kind = worker(lock)
-    console = Console(kind)
-    console.say("var x = Locked.new|; var y = Locked.new|;")
-    console.lobby.feed(b"x.a & x.a & x.b & x.b & y.a & y.a & y.b & y.b | 1;")
-    assert console.wait(1) == ["1"]
-    assert {key: kind.most[key] for key in most} == most  # type: ignore[attr-defined]
-
-
-def test_a_limit_of_threads() -> None:
-    kind = worker(LOCK_NONE)
-    console = Console(kind)
-    locked = console.host.create(kind, "x")
-    locked.set_thread_limit(3)
-    console.lobby.feed(b"x.a & x.a & x.a & x.b & x.b & x.b | 1;")
-    assert console.wait(1) == ["1"]
-    assert kind.most["all"] == 3  # type: ignore[attr-defined]
-    with pytest.raises(ValueError, match="cannot be limited to 0"):
-        locked.set_thread_limit(0)
-
-
-class Slow(UObject):
-    val = variable(0.0)
-    done = event()
-
-    @threaded()
-    def think(self, door: float) -> float:
-        self.val.value = self.val.value + door
-        self.done.emit(self.val.value)
-        self.notify_change(self.val, lambda: None)
-        if door < 0:
-            raise ValueError("no such door")
-        return float(self.val.value)
-
-
-def test_others_go_on_while_a_thread_works_and_it_may_use_everything() -> None:
-    console = Console(Slow)
-    console.say('var s = Slow.new|; at (s.done?(var x)) echo("done %s" % x);')
-    console.lobby.feed(b's.think(2), echo("first");')
-    assert set(console.wait(2)) == {"*** first", "*** done 2"}
-    console.lobby.feed(b"s.think(3);")
-    assert set(console.wait(2)) == {"*** done 5", "5"}
-    console.lobby.feed(b"s.think(-1);")
-    assert console.wait(2)[-1].endswith("think: no such door")
-
-
-def test_a_job_that_waits_for_a_thread_can_be_stopped() -> None:
-    kind = worker(LOCK_CLASS)
-    console = Console(kind)
-    console.say("var x = Locked.new|; var t = Tag.new|;")
-    console.lobby.feed(b't: x.a, t: x.a, t.stop | echo("stopped"); x.b;')
-    assert console.wait(2) == ["*** stopped", '"b"']
-
-
 # ---------------------------------------------------------------- timers and hubs
 
 
@@ -471,6 +271,12 @@ def test_a_timer_that_fails_is_reported_and_goes_on(caplog: pytest.LogCaptureFix
 
 
 # ---------------------------------------------------------------- life
+
+
+class Tool(UObject):
+    @function
+    def add(self, a: int) -> float:
+        return a + 1.0
 
 
 class Failing(UObject):
@@ -544,100 +350,3 @@ def test_statistics() -> None:
     typed.destroy()
 
 
-# ---------------------------------------------------------------- modules
-
-
-GOOD = '''
-from urbihw.kernel.uobject import UObject, function
-from neighbour import WORD
-
-class Greeter(UObject):
-    @function
-    def greet(self) -> str:
-        return WORD
-
-class _Hidden(UObject): pass
-'''
-
-
-def test_loading_a_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "neighbour.py").write_text("WORD = 'hello'")
-    (tmp_path / "greeter.py").write_text(GOOD)
-    monkeypatch.setenv("URBI_UOBJECT_PATH", f"/nowhere:{tmp_path}:")
-    console = Console()
-    assert console.say('loadModule("greeter"); Greeter.new.greet; uobjects.hasSlot("_Hidden");') == ['"hello"', "false"]
-    assert console.say('loadModule("greeter"); Greeter.new.greet;') == ['"hello"']
-
-
-@pytest.mark.parametrize(("text", "message"), [
-    ("x = (", r"bad.py does not import: line 1: SyntaxError: '\(' was never closed"),
-    ("import sys\n\n1 / 0", r"bad.py does not import: line 3: ZeroDivisionError: division by zero"),
-    ("import nothing_like_this", r"line 1: ModuleNotFoundError: No module named 'nothing_like_this'"),
-    ("raise SystemExit(3)", r"line 1: SystemExit: 3"),
-    ("x = 1", r"bad.py defines no class derived from UObject"),
-    ("__uobjects__ = (int,)", r"<class 'int'> in __uobjects__ is no class derived from UObject"),
-])
-def test_a_module_that_does_not_import_says_why(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, message: str
-) -> None:
-    (tmp_path / "bad.py").write_text(text)
-    monkeypatch.setenv("URBI_UOBJECT_PATH", str(tmp_path))
-    console = Console()
-    with pytest.raises(BadConfig, match=message) as caught:
-        console.host.load_module("bad")
-    assert "\n" not in str(caught.value)
-    assert "loadModule: module " in console.say('loadModule("bad");')[0]
-    assert console.say("1;") == ["1"]
-
-
-def test_a_module_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("URBI_UOBJECT_PATH", "/a:/b")
-    with pytest.raises(BadConfig, match="module nix not found in /a, /b: set URBI_UOBJECT_PATH"):
-        Console().host.load_module("nix")
-
-
-def test_the_factory_of_the_quick_start(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("URBI_UOBJECT_PATH", str(Path(__file__).parents[2] / "docs" / "examples"))
-    console = Console()
-    console.say('loadModule("factory"); var slow = UFactory.new(20ms)|; var fast = UFactory.new(1ms)|;')
-    console.lobby.feed(b'echo(slow.assemble(["1", "2", "3"])), echo(fast.assemble(["4"])),')
-    assert console.wait(2) == ["*** 4", "*** 123"]
-    assert console.say("UFactory.new(-1);")[0].endswith("new: a machine cannot be that fast")
-    refusal = "assemble: unexpected nil for argument 1, expected a String"
-    assert console.say("fast.assemble([nil]);")[0].endswith(refusal)
-
-
-TWO_MACHINES = """
-class TwoMachineFactory
-{
-  var UFactory = uobjects.UFactory;
-  function init(fast = 1ms, slow = 30ms)
-  {
-    if (slow < fast)
-      [fast, slow] = [slow, fast];
-    var this.fastMachine = UFactory.new(fast);
-    var this.slowMachine = UFactory.new(slow);
-  };
-  function assemble(input)
-  {
-    var res;
-    if (5 < input.size)
-      { res = slowMachine.assemble(input); echo("Used the slow machine") }
-    else
-      { res = fastMachine.assemble(input); echo("Used the fast machine") } |
-    res
-  };
-}|;
-var f = TwoMachineFactory.new|;
-"""
-
-
-def test_the_two_machines_of_the_quick_start(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("URBI_UOBJECT_PATH", str(Path(__file__).parents[2] / "docs" / "examples"))
-    console = Console()
-    console.host.load_module("factory")
-    assert console.say(TWO_MACHINES) == []
-    console.lobby.feed(b"f.assemble([1, 2, 3, 4, 5, 6]); f.assemble([1]);")
-    assert console.wait(4) == ["*** Used the slow machine", '"123456"', "*** Used the fast machine", '"1"']
-    console.lobby.feed(b"f.assemble([1, 2, 3, 4, 5, 6]), f.assemble([1]),")
-    assert console.wait(2) == ["*** Used the fast machine", "*** Used the slow machine"]
