@@ -18,14 +18,14 @@ from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib import MODULES, prototype
 
-_COMMENTED = re.compile(r"((?:^//.*\n)+)^function (\w+(?:\.\w+)*)\.(\w+)", re.MULTILINE)
+_COMMENTED = re.compile(r"((?:^//.*\n)+)^(?:function (\w+(?:\.\w+)*)\.|class )(\w+)", re.MULTILINE)
 
 
 class Docstrings:
     """The docstrings of one world's library, by the objects they are about.
 
-    A built-in function has that of its Python function, an urbiscript one the comment above it, a class what its module
-    says in its first line, and what is left, or needs more words, an entry in ``NOTES`` of its module.
+    A built-in function has that of its Python function, what is written in urbiscript the comment above it, a class
+    what its module says in its first line, and what is left, or needs more words, an entry in ``NOTES`` of its module.
     """
 
     def __init__(self, world: World) -> None:
@@ -64,7 +64,7 @@ class Docstrings:
     def _read_urbiscript(self, text: str) -> None:
         for comment, holder, slot in _COMMENTED.findall(text):
             said = " ".join(line.removeprefix("//").strip() for line in comment.splitlines())
-            self._note(self._prototype(holder), slot, said)
+            self._note(self._prototype(holder or "Global"), slot, said)
 
     def about(self, this: Any) -> str:
         """What is said of a class or of the class of a value; "" if nothing is."""
@@ -104,7 +104,8 @@ class Docstrings:
         device = getattr(value, "kind", None)
         if isinstance(device, type):
             return device.__doc__ or ""
-        for one in (value, *self._world.protos_of(value)):
+        protos = [proto for proto in self._world.protos_of(value) if proto is not self._world.object]
+        for one in (value, *protos):
             if id(one) in self._prototypes:
                 return self._prototypes[id(one)]
             init = one.slots.get("init") if isinstance(one, Obj) else None

@@ -18,6 +18,7 @@ TABLES = [EVENT, HANDLER]
 
 NOTES = {
     "Event.onSubscribe": "Not there at first: an event put here is emitted whenever somebody begins to watch this one.",
+    "Event.Handler": "What trigger gives: an emission that lasts until it is stopped.",
 }
 """What no docstring can say: of classes, and of slots that are values or fields."""
 

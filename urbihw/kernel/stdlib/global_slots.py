@@ -28,6 +28,9 @@ NOTES = {
     "UObject": "A device: an object whose slots are variables and functions of Python or of another process.",
     "UVar": "A variable of a device; a slot that holds one reads and writes its value.",
     "UObject.__uobjectName": "The name under which the device is a slot of uobjects.",
+    "Localization": "Where a part of a robot is, told apart from its like: front, left, x.",
+    "Global.uobjects": "All devices, as slots by their unique names.",
+    "Global.uobjects_handle": "What callbacks of UVars may be bound to, as long as the server runs.",
 }
 """What no docstring can say: of classes, and of slots that are values or fields."""
 

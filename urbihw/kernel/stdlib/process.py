@@ -24,6 +24,11 @@ PROCESS = Table("Process")
 STATUS = Table("Process.Status")
 TABLES = [PROCESS, STATUS]
 
+NOTES = {
+    "Process.Status": "What has become of a program: exitStatus or signal once it is over.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 class ProcessObject(Obj):
     """An urbiscript Process."""

@@ -50,6 +50,7 @@ NOTES = {
         "Let var overwrite slots that exist until the running function, or the statement at top level, is over."
     ),
     "System.shutdown": "End the server: close all connections, stop all devices.",
+    "System.timeReference": "Midnight of the day on which the server began: remotes count their stamps from there.",
 }
 """What no docstring can say: of classes, and of slots that are values or fields."""
 

@@ -18,6 +18,11 @@ from urbihw.kernel.stdlib.support import say
 
 TABLE = Table("Tag")
 
+NOTES = {
+    "Tag.tags": "The tags that were used without being declared, as slots.",
+}
+"""What no docstring can say: of classes, and of slots that are values or fields."""
+
 
 class MarkedTag(TagObject):
     """A child tag that says when code under it begins, ends, or both."""
