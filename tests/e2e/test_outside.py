@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from urbihw.kernel import Kernel
+from urbihw.kernel.stdlib.wire import LIMIT
 
 LONGEST = 10.0
 """Seconds until an answer that does not come is given up."""
@@ -142,3 +143,33 @@ def test_without_an_interval_sockets_wait_to_be_polled(talk: Talk) -> None:
         "[] *** somebody came"
     ]
     assert talk.say("c.disconnect; sleep(50ms); s.sockets.size;") == ["[] 1"]
+
+
+def test_a_flood_that_nobody_handles_waits_on_the_other_side(talk: Talk) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as flood:
+        made = f'var io = IoService.new|; var s = io.makeSocket|; s.connect("127.0.0.1", {flood.getsockname()[1]});'
+        assert talk.say(made + "var n = 0|; at (s.received?(var d)) n += d.size;") == []
+        other, _ = flood.accept()
+        with other:
+            other.setblocking(False)
+            sent = 0
+            end = time.monotonic() + 1.0
+            while time.monotonic() < end:
+                try:
+                    sent += other.send(b"x" * 65536)
+                    end = time.monotonic() + 0.3
+                except BlockingIOError:
+                    talk.say("")
+            assert LIMIT <= sent < 4 * LIMIT
+            read = "waituntil(n >= 10000000); n > 0;"
+            assert talk.say(f"detach({{ every (10ms) io.poll }})|; {read}") == ["[] true"]
+
+
+def test_what_nobody_reads_cannot_be_written_for_ever(talk: Talk) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        made = f'var s = Socket.new|; s.connect("127.0.0.1", {silent.getsockname()[1]}); var x = "x" * 10000000|;'
+        assert talk.say(made) == []
+        other, _ = silent.accept()
+        with other:
+            wrong, *_ = talk.say("for (8) s.write(x);")
+    assert "write: the other side does not read: " in wrong

@@ -146,12 +146,16 @@ class SocketObject(Obj):
         service = self.io()
 
         def received(data: bytes) -> None:
-            service.happened(lambda: self.tell("received", self.world.from_python(data)))
+            service.happened(lambda: self._received(wire, data))
 
         def closed(message: str) -> None:
             service.happened(lambda: self._closed(wire, message))
 
         wire = self.wire = Wire(stream, received, closed)
+
+    def _received(self, wire: Wire, data: bytes) -> None:
+        wire.taken(len(data))
+        self.tell("received", self.world.from_python(data))
 
     def _closed(self, wire: Wire, message: str) -> None:
         if self.wire is wire:
@@ -277,7 +281,14 @@ def disconnect(world: World, this: SocketObject) -> None:
 @SOCKET.primitive("write")
 def write(world: World, this: SocketObject, data: str) -> None:
     """Send bytes; does not wait until they are gone."""
-    this.connection().send(data.encode("latin-1", "replace"))
+    _send(this.connection(), data)
+
+
+def _send(wire: Wire, data: str, sent: Action | None = None) -> None:
+    try:
+        wire.send(data.encode("latin-1", "replace"), sent)
+    except OSError as error:
+        raise errors.primitive(str(error)) from error
 
 
 @SOCKET.primitive("syncWrite")
@@ -285,7 +296,7 @@ def sync_write(world: World, this: SocketObject, data: str) -> None:
     """Send bytes and wait until they are gone."""
     wire = this.connection()
     gone = threading.Event()
-    wire.send(data.encode("latin-1", "replace"), gone.set)
+    _send(wire, data, gone.set)
     _blocking(world, gone.wait)
 
 

@@ -96,11 +96,16 @@ class SerialStream:
             os.close(self._file)
 
 
+LIMIT = 16 * 1024 * 1024
+"""How many bytes of one connection may wait, in each direction: for being handled, or for being sent."""
+
+
 class Wire:
     """A stream with a thread for each direction.
 
     ``received(data)`` and ``closed(message)`` are called from the reading thread; the message is empty when the end
-    was orderly.  ``closed`` is called once.
+    was orderly.  ``closed`` is called once.  Who has handled what was received says so by ``taken``: as long as too
+    much is not, nothing more is read, and the other side has to wait.
     """
 
     def __init__(
@@ -110,6 +115,9 @@ class Wire:
         self._received = received
         self._closed = closed
         self._ending = False
+        self._room = threading.Condition()
+        self._untaken = 0
+        self.unsent = 0
         self._pieces: queue.SimpleQueue[tuple[bytes, Callable[[], None] | None]] = queue.SimpleQueue()
 
     def start(self) -> None:
@@ -118,12 +126,28 @@ class Wire:
             threading.Thread(target=target, name="wire", daemon=True).start()
 
     def send(self, data: bytes, sent: Callable[[], None] | None = None) -> None:
-        """Write bytes when their turn comes; ``sent()`` is called from the writing thread, whatever became of them."""
+        """Write bytes when their turn comes; ``sent()`` is called from the writing thread, whatever became of them.
+
+        Raises OSError when too much waits already.
+        """
+        with self._room:
+            if self.unsent > LIMIT:
+                raise OSError(f"the other side does not read: {self.unsent} bytes wait for it")
+            self.unsent += len(data)
         self._pieces.put((data, sent))
+
+    def taken(self, size: int) -> None:
+        """So many of the bytes received were handled."""
+        with self._room:
+            self._untaken -= size
+            self._room.notify()
 
     def close(self) -> None:
         """Close when all is written."""
         self._pieces.put((b"", None))
+        with self._room:
+            self._untaken = -LIMIT  # nobody waits any more for what is left to be handled
+            self._room.notify()
 
     def _read(self) -> None:
         message = ""
@@ -131,11 +155,18 @@ class Wire:
             data = self.stream.read()
             while data:
                 self._received(data)
+                self._wait_for_room(len(data))
                 data = self.stream.read()
         except (OSError, ValueError) as error:  # ValueError: closed by this side while the reader waits
             message = "" if self._ending else getattr(error, "strerror", None) or str(error)
         self._pieces.put((b"", None))
         self._closed(message)
+
+    def _wait_for_room(self, size: int) -> None:
+        with self._room:
+            self._untaken += size
+            while self._untaken > LIMIT:
+                self._room.wait()
 
     def _write(self) -> None:
         working = True
@@ -150,6 +181,8 @@ class Wire:
                     self.stream.write(data)
                 except OSError:
                     working = False  # the reading thread tells
+            with self._room:
+                self.unsent -= len(data)
             if sent is not None:
                 sent()
 
