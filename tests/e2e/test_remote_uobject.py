@@ -31,10 +31,10 @@ class Counter(UObject):
         time.sleep(seconds)
         return "done"
 
-    def connected(self) -> None:
+    def on_connected(self) -> None:
         print("connected", flush=True)
 
-    def disconnected(self) -> None:
+    def on_disconnected(self) -> None:
         print("disconnected", flush=True)
 '''
 

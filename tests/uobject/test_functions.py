@@ -182,3 +182,45 @@ def test_a_job_that_waits_for_a_thread_can_be_stopped() -> None:
     console.say("var x = Locked.new|; var t = Tag.new|;")
     console.lobby.feed(b't: x.a, t: x.a, t.stop | echo("stopped"); x.b;')
     assert console.wait(2) == ["*** stopped", '"b"']
+
+
+class Busy(UObject):
+    number = variable(0.0)
+    words = variable([])
+    ping = event()
+
+    def init(self) -> None:
+        self.ticks = 0
+
+    def tick(self) -> None:
+        self.ticks += 1
+
+
+def test_everything_may_be_used_from_any_thread() -> None:
+    console = Console()
+    busy = console.host.create(Busy, "busy")
+    console.say("var Global.heard = 0|; at (busy.ping?(var n)) heard++; var Global.sent = 0|;")
+    wrong: list[Exception] = []
+
+    def work() -> None:
+        try:
+            for turn in range(40):
+                busy.number.value = float(turn)
+                busy.words.value = [turn, "words"]
+                assert busy.words.value[1] == "words"
+                assert busy.var("busy.number").get() >= 0
+                busy.remove_timer(busy.set_timer(1.0, busy.tick))
+                busy.ping.emit(turn)
+                busy.send("sent++;")
+        except Exception as error:
+            wrong.append(error)
+
+    threads = [threading.Thread(target=work) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    while any(thread.is_alive() for thread in threads):
+        console.kernel.run()
+        time.sleep(0.0005)
+    assert wrong == []
+    assert console.say("heard; sent; busy.number;") == ["160", "160", "39"]
+    assert busy.ticks == 0

@@ -65,10 +65,10 @@ class Lamp(UObject):
         self.put_slot("label", "a lamp")
         self.val.set_property("rangemax", 0.5)
 
-    def connected(self) -> None:
+    def on_connected(self) -> None:
         self.said.append("connected")
 
-    def disconnected(self) -> None:
+    def on_disconnected(self) -> None:
         self.said.append("disconnected")
 
 

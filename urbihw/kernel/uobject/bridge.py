@@ -101,7 +101,7 @@ class Bridge(DeviceMirror):
                 emission.stop()
         self._emissions.clear()
         if was:
-            self._tell(lambda device: device.disconnected())
+            self._tell(lambda device: device.on_disconnected())
 
     def _tell(self, action: Callable[[UObject], None]) -> None:
         for device in list(self._devices.values()):
@@ -153,7 +153,7 @@ class Bridge(DeviceMirror):
             self._announce_ear(heard)
         if self._host.rtp and self._extended:
             self._open_rtp()
-        self._tell(lambda device: device.connected())
+        self._tell(lambda device: device.on_connected())
         self._out.flush()
 
     # ---------------------------------------------------------------- what the server wants

@@ -295,6 +295,6 @@ class Host:
 
     def destroyed(self, device: UObject) -> None:
         """An instance ended."""
-        name = device.name
+        name = device.unique_name
         self.registry.remove(name, device.face)
         self.observer.destroyed(device)

@@ -69,7 +69,7 @@ class DeviceMirror(Observer):
 
     def made(self, device: UObject) -> None:
         """There is one more instance."""
-        name = device.name
+        name = device.unique_name
         self._devices[name] = device
         for var in device.variables.values():
             var.mirror = self
@@ -96,7 +96,7 @@ class DeviceMirror(Observer):
 
     def bound_var(self, device: UObject, var: UVar) -> None:
         """A variable is bound."""
-        name = device.name
+        name = device.unique_name
         if self._devices.get(name) is not device:
             return
         var.mirror = self
@@ -107,7 +107,7 @@ class DeviceMirror(Observer):
 
     def bound_event(self, device: UObject, name: str, event: UEvent) -> None:
         """An event is bound."""
-        path = device.name
+        path = device.unique_name
         if self._devices.get(path) is not device:
             return
         event.mirror = lambda payload: self._out.emit(f"{path}.{name}", [to_wire(value) for value in payload])
@@ -116,8 +116,8 @@ class DeviceMirror(Observer):
 
     def bound_function(self, device: UObject, name: str, method: Callable[..., Any]) -> None:
         """A function is bound late."""
-        if self.ready and device.name in self._devices:
-            self._out.chain(announce.function_lines(device.name, name, method, self._extended))
+        if self.ready and device.unique_name in self._devices:
+            self._out.chain(announce.function_lines(device.unique_name, name, method, self._extended))
 
     def notified(self, device: UObject, var: UVar) -> None:
         """A device wants to hear of a variable: all that are announced are told of already."""
@@ -130,7 +130,7 @@ class DeviceMirror(Observer):
 
     def listened(self, device: UObject, event: UEvent, handler: Callable[..., Any] | None) -> None:
         """A device wants to hear of an event."""
-        path = next((f"{device.name}.{slot}" for slot, one in device.events.items() if one is event), event.path)
+        path = next((f"{device.unique_name}.{slot}" for slot, one in device.events.items() if one is event), event.path)
         if not path or handler is None:
             return
         for number in announce.arities(handler):
@@ -146,7 +146,7 @@ class DeviceMirror(Observer):
 
     def destroyed(self, device: UObject) -> None:
         """An instance ended."""
-        name = device.name
+        name = device.unique_name
         if self._devices.pop(name, None) is not None and self.ready and name not in self._doomed:
             self._out.say(f"{name}.destroy")
         for heard in [one for one in self._heard if one.startswith(f"{name}.")]:
@@ -154,7 +154,7 @@ class DeviceMirror(Observer):
 
     def put(self, holder: UObject | None, name: str, value: Any) -> None:
         """A plain slot was set."""
-        path = "Global" if holder is None else holder.name
+        path = "Global" if holder is None else holder.unique_name
         if self.ready and (holder is None or path in self._devices):
             text = literal(to_wire(value)).decode("latin-1")
             self._out.say(f"if (!isdef({path}.{name})) var {path}.{name}|{path}.{name} = {text}")

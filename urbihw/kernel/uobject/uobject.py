@@ -48,7 +48,11 @@ class UObjectFace(Obj):
         """A new instance under a unique name."""
         made = UObjectFace(self.world, [self], self.host, self.kind)
         self.host.registry.add(name, made)
-        made.python = self.kind(self.host, made)
+        try:
+            made.python = self.kind(self.host, made)
+        except Exception:
+            self.host.registry.remove(name, made)
+            raise
         self.host.made(made.python)
         return made
 
@@ -75,7 +79,7 @@ class UObject(Device):
                 self.bind_event(declared.slot)
 
     @property
-    def name(self) -> str:
+    def unique_name(self) -> str:
         """The unique name of this instance, its slot in ``uobjects``."""
         return self.host.world.text(self.face.slots["__uobjectName"])
 
@@ -211,10 +215,10 @@ class UObject(Device):
 
     # ---------------------------------------------------------------- life
 
-    def connected(self) -> None:
+    def on_connected(self) -> None:
         """The server is there (again); called only in a process of one's own.  Override."""
 
-    def disconnected(self) -> None:
+    def on_disconnected(self) -> None:
         """The server is gone; called only in a process of one's own.  Override."""
 
     def destroy(self) -> None:
