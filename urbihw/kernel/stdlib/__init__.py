@@ -73,6 +73,7 @@ MODULES = (
     "file",
     "stream",
     "process",
+    "io_service",
     "network",
     "kernel1",
     "documentation",

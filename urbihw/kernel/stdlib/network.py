@@ -1,4 +1,4 @@
-"""Socket, Server and IoService.
+"""Socket and Server: connections.
 
 Source: manual, specs/socket, specs/server, specs/ioservice.  Threads (``wire``) tell what happens by
 ``scheduler.post``; an IoService keeps it until it is polled, except the default one, which handles it at once.
@@ -7,7 +7,6 @@ Source: manual, specs/socket, specs/server, specs/ioservice.  Threads (``wire``)
 from __future__ import annotations
 
 import threading
-from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -17,24 +16,19 @@ from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import String
 from urbihw.kernel.runtime.world import World
-from urbihw.kernel.sched.job import Job
+from urbihw.kernel.stdlib.io_service import Action, ServiceObject
 from urbihw.kernel.stdlib.support import field, in_thread
 from urbihw.kernel.stdlib.wire import Listener, SerialStream, TcpStream, Wire, dial
 
 SOCKET = Table("Socket")
 SERVER = Table("Server")
 SERVICE = Table("IoService")
+"""What an IoService makes; the rest of it is in ``io_service``."""
 TABLES = [SOCKET, SERVER, SERVICE]
-
-Action = Callable[[], None]
 
 NOTES = {
     "Socket": "A connection by TCP or a serial port, whose events tell what happens.",
     "Server": "What accepts TCP connections.",
-    "IoService": (
-        "What handles the events of Sockets and Servers; a program polls its own, the default one needs no "
-        "polling."
-    ),
     "Socket.pollInterval": (
         "0 if events of the default IoService shall wait until somebody polls; with any other number of seconds "
         "they are handled as they come."
@@ -46,74 +40,6 @@ NOTES = {
     "Server.connection": "The event emitted with the Socket of each new connection.",
 }
 """What no docstring can say: of classes, and of slots that are values or fields."""
-
-
-class ServiceObject(Obj):
-    """An urbiscript IoService: what happened and was not handled yet."""
-
-    __slots__ = ("automatic", "busy", "pending", "sleepers")
-
-    def __init__(self, world: World, protos: list[Obj], automatic: bool = False) -> None:
-        super().__init__(world, protos)
-        self.automatic = automatic
-        self.busy = False
-        self.pending: deque[Action] = deque()
-        self.sleepers: dict[Job, None] = {}
-
-    def clone(self) -> ServiceObject:
-        """A service of its own, which has to be polled."""
-        return ServiceObject(self.world, [self])
-
-    def happened(self, action: Action) -> None:
-        """From any thread: something to be handled in a job."""
-        self.world.scheduler.post(lambda: self._arrived(action))
-
-    def look_after_itself(self, automatic: bool) -> None:
-        """Whether what happens is handled at once, or waits until somebody polls."""
-        self.automatic = automatic
-        self._begin()
-
-    def _arrived(self, action: Action) -> None:
-        self.pending.append(action)
-        for job in list(self.sleepers):
-            self.world.scheduler.wake(job)
-        self._begin()
-
-    def _begin(self) -> None:
-        if self.automatic and self.pending and not self.busy:
-            self.busy = True
-            self.world.scheduler.spawn(self._serve, "network")
-
-    def _serve(self) -> None:
-        """The job that handles what happens to the default service; one that fails leaves the rest to another."""
-        try:
-            self.poll()
-        finally:
-            self.busy = False
-            self._begin()
-
-    def poll(self) -> None:
-        """Handle all that happened, in the running job; the next thing after the handlers of the last began."""
-        while self.pending:
-            self.pending.popleft()()
-            self.world.scheduler.yield_()
-
-    def poll_one(self) -> None:
-        """Handle the first thing that happened."""
-        self.pending.popleft()()
-
-    def wait(self, deadline: float) -> None:
-        """Park the running job until something happens, or until a time."""
-        scheduler = self.world.scheduler
-        job = scheduler.running()
-        timer = scheduler.call_at(deadline, lambda: scheduler.wake(job))
-        self.sleepers[job] = None
-        try:
-            while not self.pending and scheduler.clock.now() < deadline:
-                scheduler.suspend(None)
-        finally:
-            timer.cancel()
-            self.sleepers.pop(job, None)
 
 
 class SocketObject(Obj):
@@ -217,7 +143,7 @@ class ServerObject(Obj):
         return self.listener
 
 
-CLASSES = {"IoService": ServiceObject, "Socket": SocketObject, "Server": ServerObject}
+CLASSES = {"Socket": SocketObject, "Server": ServerObject}
 
 
 def _port(world: World, value: Any, index: int) -> int | str:
@@ -404,31 +330,6 @@ def make_server(world: World, this: ServiceObject) -> Any:
     made = ServerObject(world, [world.global_.slots["Server"]], this)
     init_server(world, made)
     return made
-
-
-@SERVICE.primitive("poll")
-def poll(world: World, this: ServiceObject) -> None:
-    """Handle all that happened so far."""
-    if not this.automatic:
-        this.poll()
-
-
-@SERVICE.primitive("pollFor")
-def poll_for(world: World, this: ServiceObject, duration: float) -> None:
-    """Handle all that happens during so many seconds."""
-    deadline = world.scheduler.clock.now() + duration
-    while world.scheduler.clock.now() < deadline:
-        this.wait(deadline)
-        if not this.automatic:
-            this.poll()
-
-
-@SERVICE.primitive("pollOneFor")
-def poll_one_for(world: World, this: ServiceObject, duration: float) -> None:
-    """Handle the first thing that happens during so many seconds."""
-    this.wait(world.scheduler.clock.now() + duration)
-    if this.pending and not this.automatic:
-        this.poll_one()
 
 
 def install(world: World, programs: Any) -> None:
