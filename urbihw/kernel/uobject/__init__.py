@@ -14,9 +14,11 @@
 
 ``host.register(Servo)`` makes the urbiscript class ``Servo``; ``Servo.new(3)`` makes an instance of both worlds and
 calls ``init(3)``.  The same class also runs in a process of its own (``urbihw.remote``).  Reading order: ``uvar`` (a
-variable with an owner), ``declarations`` and ``uobject`` (the base class), ``host`` (what a platform holds of the
-kernel), ``robot`` (what the daemon holds of a platform), ``natives`` (how urbiscript sees it), ``external`` (devices of
-other processes, as the server sees them), ``remote`` and ``frames`` (the bytes between them).
+variable with an owner, on ``hooked``, a slot with a device behind it), ``declarations`` and ``uobject`` (the base
+class), ``functions`` and ``threads`` (its methods), ``host`` (what a platform holds of the kernel), ``robot`` (what the
+daemon holds of a platform), ``natives`` (how urbiscript sees it).  For devices of other processes: ``external`` and
+``connection`` (as the server sees them), ``mirror`` and ``bridge`` (as they see the server), ``remote``, ``frames`` and
+``rtp`` (the bytes between them).
 May import ``runtime`` and ``sched``.
 """
 
