@@ -90,6 +90,12 @@ def test_a_program_that_talks_for_ever_waits_for_its_reader(talk: Talk) -> None:
     assert talk.say(typed) == ['[] "y"', "[] killed by signal 9"]
 
 
+def test_a_program_that_does_not_read_is_not_written_to_for_ever(talk: Talk) -> None:
+    typed = 'var p = Process.new("sleep", ["9"])|; p.run; var x = "x" * 10000000|; for (8) p.stdin << x;'
+    wrong, *_ = talk.say(f"{typed} p.kill; p.join;")
+    assert "<<: the other side does not read: " in wrong
+
+
 def test_a_shell_command_holds_up_nobody(talk: Talk) -> None:
     assert talk.say('detach({ sleep(50ms); echo("meanwhile") })|; System.system("sleep 0.4; exit 3") >> 8;') == [
         "[] *** meanwhile", "[] 3",

@@ -74,10 +74,16 @@ class PipeSink:
 
     def __init__(self) -> None:
         self._pieces: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        self._lock = threading.Lock()
+        self._waiting = 0
 
     def write(self, data: bytes) -> None:
-        """Say something."""
+        """Say something.  Raises OSError when too much waits already."""
         if data:
+            with self._lock:
+                if self._waiting > LIMIT:
+                    raise OSError(f"the other side does not read: {self._waiting} bytes wait for it")
+                self._waiting += len(data)
             self._pieces.put(data)
 
     def flush(self) -> None:
@@ -94,6 +100,8 @@ class PipeSink:
                 for piece in iter(self._pieces.get, b""):
                     pipe.write(piece)
                     pipe.flush()
+                    with self._lock:
+                        self._waiting -= len(piece)
         except OSError:
             return  # the program does not listen any more
 
