@@ -78,6 +78,12 @@ CALLBACKS = {
 }  # fmt: skip
 
 
+def collect() -> None:
+    """Take back all garbage: that of former kernels ends their jobs, which is garbage only then."""
+    for _ in range(3):
+        gc.collect()
+
+
 class Talk:
     """A connection and its neighbour."""
 
@@ -94,7 +100,7 @@ class Talk:
 
     def census(self) -> Counter[str]:
         """What a callback might leave behind."""
-        gc.collect()
+        collect()
         kinds = ("Job", "Carrier", "Watch", "Subscription", "AtExpression", "Edge", "TagEntry", "Waiter", "Emission")
         found = Counter(type(thing).__name__ for thing in gc.get_objects() if type(thing).__name__ in kinds)
         found.update(jobs=len(self.kernel.scheduler.jobs), timers=len(self.kernel.scheduler.timers))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import weakref
 from collections.abc import Callable
 
 from urbihw.kernel.boot import build
@@ -33,6 +34,7 @@ class Kernel:
         self.programs = build(self.scheduler)
         self.world = self.programs.world
         self.host = Host(self.world, self.programs)
+        weakref.finalize(self, self.scheduler.abandon).atexit = False
 
     def open_lobby(
         self, remote: str | None = None, wanted: Callable[[Lobby], None] = lambda lobby: None, limit: int = 8 << 20

@@ -6,10 +6,11 @@ short.  So jobs are run by *carriers*, greenlets that take one job after the oth
 
 from __future__ import annotations
 
+import contextlib
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from greenlet import GreenletExit, getcurrent, greenlet
+from greenlet import GreenletExit, error, getcurrent, greenlet
 
 if TYPE_CHECKING:
     from urbihw.kernel.sched.job import Job
@@ -31,6 +32,12 @@ class Carrier:
     def frame(self) -> FrameType | None:
         """Where the job stands, while it is suspended."""
         return self.coro.gr_frame
+
+    def end(self) -> None:
+        """Take the greenlet away, in the thread that made it; its job leaves by GreenletExit."""
+        with contextlib.suppress(error, ValueError):  # another thread
+            self.coro.parent = getcurrent()  # to come back here, which may be a job of another kernel
+            self.coro.throw(GreenletExit)
 
     def _run(self) -> None:
         while True:
@@ -63,6 +70,11 @@ class Pool:
         carrier = self._resting.pop() if self._resting else Carrier(self)
         carrier.job = job
         return carrier
+
+    def end(self) -> None:
+        """Let go of the carriers that rest."""
+        while self._resting:
+            self._resting.pop().end()
 
     def rest(self, carrier: Carrier) -> bool:
         """A carrier's job is over; whether it may rest here."""
