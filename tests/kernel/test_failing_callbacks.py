@@ -100,7 +100,7 @@ class Talk:
 
     def census(self) -> Counter[str]:
         """What a callback might leave behind."""
-        collect()
+        gc.collect()
         kinds = ("Job", "Carrier", "Watch", "Subscription", "AtExpression", "Edge", "TagEntry", "Waiter", "Emission")
         found = Counter(type(thing).__name__ for thing in gc.get_objects() if type(thing).__name__ in kinds)
         found.update(jobs=len(self.kernel.scheduler.jobs), timers=len(self.kernel.scheduler.timers))
@@ -109,6 +109,7 @@ class Talk:
 
 @pytest.fixture(scope="module")
 def talk() -> Talk:
+    collect()
     return Talk()
 
 
