@@ -163,7 +163,7 @@ def test_a_flood_that_nobody_handles_waits_on_the_other_side(talk: Talk) -> None
             while time.monotonic() < end:
                 try:
                     sent += other.send(b"x" * 65536)
-                    end = time.monotonic() + 0.3
+                    end = time.monotonic() + 1.5
                 except BlockingIOError:
                     talk.say("")
             assert LIMIT <= sent < 4 * LIMIT

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import importlib
 import re
-from functools import cache
 from typing import NamedTuple
 
 import pytest
@@ -67,9 +66,8 @@ def _nodes(dump: str) -> list[Node]:
     return found
 
 
-@cache
 def tree_of(platform: str) -> Tree:
-    """The tree of a platform's robot, opened once for all tests of this module."""
+    """The tree of a platform's robot."""
     module = importlib.import_module(f"{platform}_lab")
     return Tree(module.lab() if hasattr(module, "lab") else module.Lab.ready())
 
@@ -79,7 +77,7 @@ def _platforms() -> list[object]:
     return [pytest.param(name, marks=marks.get(name, [])) for name in (folder.name for folder in folders())]
 
 
-@pytest.fixture(params=_platforms())
+@pytest.fixture(params=_platforms(), scope="module")
 def tree(request: pytest.FixtureRequest) -> Tree:
     """The tree of each platform in turn."""
     return tree_of(request.param)

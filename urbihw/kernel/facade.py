@@ -34,7 +34,8 @@ class Kernel:
         self.programs = build(self.scheduler)
         self.world = self.programs.world
         self.host = Host(self.world, self.programs)
-        weakref.finalize(self, self.scheduler.abandon).atexit = False
+        self._end = weakref.finalize(self, self.scheduler.abandon)
+        self._end.atexit = False
 
     def open_lobby(
         self, remote: str | None = None, wanted: Callable[[Lobby], None] = lambda lobby: None, limit: int = 8 << 20
@@ -59,6 +60,13 @@ class Kernel:
     def post(self, action: Callable[[], None]) -> None:
         """From any thread: run ``action`` between two rounds."""
         self.scheduler.post(action)
+
+    def close(self) -> None:
+        """End all jobs wherever they are, so that memory can be taken back; twice is fine, and nothing runs any more.
+
+        A kernel that nobody holds is closed by itself, but one whose jobs hold it (by a device's callback, say) is not.
+        """
+        self._end()
 
     def run_text(self, lobby: Lobby, text: str, until: float | None = None) -> str:
         """Feed a program and run it in simulated time until nothing is left to do; what the lobby said."""
