@@ -140,7 +140,7 @@ def test_a_terminal_is_left_as_it_was(console: Callable[..., Terminal]) -> None:
 
 
 def test_no_server_to_begin_with() -> None:
-    talk = Terminal("main", "console", ":1")
+    talk = Terminal("main", "console", ":2")
     try:
         assert talk.ended() == 1
         assert re.fullmatch(r"urbihw console: cannot connect to 127\.0\.0\.1:1: Connection refused; .*\n", talk.heard)
@@ -155,4 +155,4 @@ def test_in_a_pipe(server: Server) -> None:
     assert (code, err) == (0, "")
     assert [line.partition("] ")[2] for line in out.splitlines()] == ["2", "42", "*** 2"]
     assert run("main", "console", f":{server.port}", stdin="foo;")[0] == 70
-    assert run("main", "console", ":1", stdin="1;")[0] == 1
+    assert run("main", "console", ":2", stdin="1;")[0] == 1

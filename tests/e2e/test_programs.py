@@ -194,9 +194,10 @@ def test_ctrl_c_kills_the_foreground_and_then_the_server(terminal: Callable[...,
 
 def test_ctrl_c_reaches_a_loop_that_never_gives_way(terminal: Callable[..., Terminal]) -> None:
     urbi = terminal("urbi", "-i", "-q")
-    urbi.type('echo("rea" + "dy"); loop| {};\n')
+    urbi.type('echo("rea" + "dy");\n')
     urbi.wait("ready")
-    urbi.listen(0.3)
+    urbi.type("loop| {};\n")
+    urbi.listen(0.5)
     urbi.interrupt()
     urbi.wait("killing foreground job")
     urbi.type("1 + 1;\n")
@@ -303,6 +304,6 @@ def test_launch_remote(server: Callable[..., Server], tmp_path: Path) -> None:
 @pytest.mark.parametrize(("name", "code", "words"), [("factory", 1, "cannot reach"), ("factories", 66, "factories")])
 def test_launch_remote_says_what_is_wrong(tmp_path: Path, name: str, code: int, words: str) -> None:
     (tmp_path / "factory.py").write_text(FACTORY)
-    got, _, err = run("launch", "--remote", "--port", "1", name, cwd=tmp_path)
+    got, _, err = run("launch", "--remote", "--port", "2", name, cwd=tmp_path)
     assert got == code
     assert words in err and len(err.splitlines()) == 1
