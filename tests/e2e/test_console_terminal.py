@@ -143,7 +143,7 @@ def test_no_server_to_begin_with() -> None:
     talk = Terminal("main", "console", ":2")
     try:
         assert talk.ended() == 1
-        assert re.fullmatch(r"urbihw console: cannot connect to 127\.0\.0\.1:1: Connection refused; .*\n", talk.heard)
+        assert re.fullmatch(r"urbihw console: cannot connect to 127\.0\.0\.1:2: Connection refused; .*\n", talk.heard)
     finally:
         talk.close()
 
