@@ -10,8 +10,9 @@ import argparse
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from importlib.metadata import version
 from typing import Final, NoReturn
+
+from urbihw.cli.options import Version
 
 EX_CONFIG: Final = 78
 
@@ -36,7 +37,7 @@ class Parser(argparse.ArgumentParser):
 def parser() -> Parser:
     """The options of all commands."""
     made = Parser(prog="urbihw", description="Robots as urbiscript objects on a TCP port.")
-    made.add_argument("--version", action="version", version=f"urbihw {version('urbihw')}")
+    made.add_argument("--version", action=Version, text="urbihw {}")
     commands = made.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
     for name, help_ in COMMANDS.items():
         module = import_module(f"urbihw.cli.{name}")

@@ -10,7 +10,6 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Final, NoReturn
 
@@ -34,6 +33,22 @@ class Refused(Exception):
         self.code = code
 
 
+class Version(argparse.Action):
+    """``--version``; looked up only when it is asked for, since every start would pay for it."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, *, text: str) -> None:
+        """``text`` has ``{}`` in the place of the version."""
+        super().__init__(option_strings, argparse.SUPPRESS, 0, help="show program's version number and exit")
+        self._text = text
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        """Say it and end."""
+        from importlib.metadata import version
+
+        print(self._text.format(version("urbihw")))
+        parser.exit()
+
+
 class Parser(argparse.ArgumentParser):
     """Options as ``getopt_long`` reads them: whatever follows an option that wants a value is its value."""
 
@@ -41,7 +56,7 @@ class Parser(argparse.ArgumentParser):
         """``script``: the first word that is no option is a program, and all that follows is its own."""
         super().__init__(prog=prog, description=description, usage=usage)
         self._script = script
-        self.add_argument("--version", action="version", version=f"{prog} (urbihw {version('urbihw')}), urbiscript 2.3")
+        self.add_argument("--version", action=Version, text=prog + " (urbihw {}), urbiscript 2.3")
 
     def parse(self, argv: Sequence[str] | None = None) -> argparse.Namespace:
         """The options of a command line; exits with 64 when they are wrong."""
