@@ -12,9 +12,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Final, NoReturn
 
-from urbihw.cli.options import Version
-
-EX_CONFIG: Final = 78
+from urbihw.cli.options import EX_CONFIG, Version
 
 COMMANDS: Final = {
     "serve": "serve a robot on a TCP port",
