@@ -15,7 +15,7 @@ PLATFORM ?= bioloid
 BIN = .venv/bin
 PIP = $(BIN)/python -m pip --disable-pip-version-check install --quiet
 
-# Pieces of `make test`, each to be run alone while working.
+# Pieces of `make test`, each to be run alone while working.  Tests in real time (e2e) do not share the processor.
 .PHONY: run test lint types check bench clean
 
 run: .venv/installed
@@ -30,7 +30,8 @@ types: .venv/installed-dev
 	$(BIN)/mypy
 
 check: .venv/installed-dev
-	$(BIN)/python -m pytest --numprocesses auto --dist loadfile $(ARGS)
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m 'not e2e' $(ARGS)
+	$(BIN)/python -m pytest -m e2e $(ARGS)
 
 bench: .venv/installed-dev
 	$(BIN)/python -m bench.kernel_bench
