@@ -15,7 +15,7 @@ PLATFORM ?= bioloid
 BIN = .venv/bin
 PIP = $(BIN)/python -m pip --disable-pip-version-check install --quiet
 
-# Pieces of `make test`, each to be run alone while working.  Tests in real time (e2e) do not share the processor.
+# Pieces of `make test`, each to be run alone while working.  Tests in real time (e2e) come last, apart from the hard work.
 .PHONY: run test lint types check bench clean
 
 run: .venv/installed
@@ -31,7 +31,7 @@ types: .venv/installed-dev
 
 check: .venv/installed-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m 'not e2e' $(ARGS)
-	$(BIN)/python -m pytest -m e2e $(ARGS)
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m e2e $(ARGS)
 
 bench: .venv/installed-dev
 	$(BIN)/python -m bench.kernel_bench
