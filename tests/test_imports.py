@@ -54,7 +54,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.platforms": ("urbihw.kernel.uobject",),
     # What the robots share: a robot on one wire.
     "urbihw.platforms.base": ("urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.wire"),
-    "urbihw.platforms.wire": ("urbihw.buses",),
+    "urbihw.platforms.wire": ("urbihw.kernel.uobject", "urbihw.buses"),
     ROBOT: ("urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.base", "urbihw.platforms.wire"),
     # The ways in.  "urbihw.kernel" alone is its door, Kernel; "urbihw.platforms" alone is the loader.
     "urbihw.daemon": (

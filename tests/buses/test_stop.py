@@ -6,7 +6,7 @@ import pytest
 
 from urbihw.buses.dynamixel.cycle import Cycle
 from urbihw.buses.dynamixel.scan import scan
-from urbihw.buses.dynamixel.stop import safe_stop
+from urbihw.buses.dynamixel.stop import safe_stop, stop_what_moves
 
 from .conftest import Rig
 
@@ -25,9 +25,10 @@ def test_only_joints_that_we_moved_hold_where_they_are(rig: Rig) -> None:
     rig.clock.sleep_until(rig.clock.now() + 0.2)
     rig.sent()
     safe_stop(cycle)
-    read, *writes = rig.sent()
+    torque, read, *writes = rig.sent()
     place = rig.kit.servo(6).registers.get("present_position")
     assert 512 < place < 900
+    assert torque == "FF FF 06 04 02 18 01 DA"
     assert read == "FF FF 06 04 02 24 02 CD"
     assert len(writes) == 2
     assert writes[0] == writes[1]
@@ -60,7 +61,7 @@ def test_wheels_get_speed_0_first(rig: Rig) -> None:
     cycle.tick(rig.clock.now())
     rig.sent()
     safe_stop(cycle)
-    assert rig.sent()[:3] == ["FF FF FE 07 83 20 02 03 00 00 52"] * 2 + ["FF FF 06 04 02 24 02 CD"]
+    assert rig.sent()[:3] == ["FF FF FE 07 83 20 02 03 00 00 52"] * 2 + ["FF FF 06 04 02 18 01 DA"]
 
 
 def test_the_speed_of_a_joint_is_no_motion(rig: Rig) -> None:
@@ -106,3 +107,60 @@ def test_turning_x_servos_get_0(x_rig: Rig, mode: int, item: str, zero: str) -> 
     first, second = x_rig.sent()
     assert first == second
     assert zero in first
+
+
+def test_joints_whose_position_was_read_a_moment_ago_are_held_without_a_question(rig: Rig) -> None:
+    cycle = start(rig)
+    cycle.watch(6, ("present_position",), 0.0, rig.clock.now())
+    cycle.aim(6, "goal_position", 900)
+    for _ in range(20):
+        cycle.tick(rig.clock.now())
+        rig.clock.sleep_until(rig.clock.now() + 0.01)
+    place = cycle.members[6].place
+    assert place is not None and 512 < place < 900
+    rig.sent()
+    safe_stop(cycle)
+    first, second = rig.sent()
+    assert first == second
+    assert first.startswith(f"FF FF FE 07 83 1E 02 06 {place & 255:02X} {place >> 8:02X}")
+
+
+def test_a_limp_joint_stays_limp(rig: Rig) -> None:
+    cycle = start(rig)
+    cycle.aim(6, "goal_position", 900)
+    cycle.tick(rig.clock.now())
+    rig.kit.servo(6).registers.put("torque_enable", 0)
+    safe_stop(cycle)
+    assert rig.kit.servo(6).registers.get("torque_enable") == 0
+
+
+def test_only_some_are_stopped(rig: Rig) -> None:
+    cycle = start(rig)
+    for number in (5, 6):
+        cycle.aim(number, "goal_position", 900)
+    cycle.tick(rig.clock.now())
+    safe_stop(cycle, devices=(6,))
+    for _ in range(300):
+        rig.clock.sleep_until(rig.clock.now() + 0.01)
+        rig.kit.tick(rig.clock.now())
+    assert rig.kit.servo(5).registers.get("goal_position") == 900
+    assert rig.kit.servo(5).registers.get("present_position") == pytest.approx(900, abs=4)
+    assert rig.kit.servo(6).registers.get("present_position") < 600
+
+
+def test_what_somebody_else_has_set_in_motion_is_stopped(rig: Rig) -> None:
+    for item in ("cw_limit", "ccw_limit"):
+        rig.kit.servo(3).registers.put(item, 0)
+    rig.kit.servo(3).registers.put("moving_speed", 500)
+    rig.kit.servo(6).registers.put("torque_enable", 1)
+    rig.kit.servo(6).registers.put("goal_position", 900)
+    rig.clock.sleep_until(rig.clock.now() + 0.2)
+    rig.kit.tick(rig.clock.now())
+    cycle = start(rig)
+    assert stop_what_moves(cycle) == (3, 6)
+    place = rig.kit.servo(6).registers.get("present_position")
+    rig.clock.sleep_until(rig.clock.now() + 1.0)
+    rig.kit.tick(rig.clock.now())
+    assert rig.kit.servo(3).registers.get("moving_speed") == 0
+    assert rig.kit.servo(6).registers.get("present_position") == pytest.approx(place, abs=3)
+    assert stop_what_moves(cycle) == ()

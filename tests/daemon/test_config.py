@@ -44,6 +44,9 @@ def test_a_file_fills_every_setting(file: Path) -> None:
         rate = 50
         dead_man = 0.25
         torque_off_on_stop = true
+        on_disconnect = "keep"
+        on_lost = "end"
+        control = "/run/x.sock"
         log_level = "debug"
         [options]
         protocol = 1
@@ -51,7 +54,8 @@ def test_a_file_fills_every_setting(file: Path) -> None:
     made = configure(file)
     assert made == Config(
         "bioloid", "serial:///dev/ttyUSB0?baud=1000000", False, "0.0.0.0", 54001, "/run/urbihw.port", True,
-        ("a.u", "b.u"), 65536, 50.0, 0.25, True, "debug", {"protocol": 1},
+        ("a.u", "b.u"), 65536, 50.0, 0.25, True, "keep", "end", "/run/x.sock", "debug",
+        {"protocol": 1},
     )  # fmt: skip
     assert type(made.rate) is float
     default, names = Config(), [each.name for each in dataclasses.fields(Config)]

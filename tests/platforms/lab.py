@@ -168,10 +168,10 @@ class RobotLab:
         assert problem == ""
 
     def _start(
-        self, url: str, *, post: Callable[[m.FromWorker], None], settings: m.Configure, family: str
+        self, url: str, *, post: Callable[[m.FromWorker], None], settings: m.Configure, family: str, control: str = ""
     ) -> HandWorker:
         def engine(mailbox: Mailbox) -> Engine:
-            return Engine(url, driver_of(family), mailbox, settings, self.context())
+            return Engine(url, driver_of(family), mailbox, m.Begin(settings), self.context())
 
         self.worker = HandWorker(engine, post)
         return self.worker

@@ -134,10 +134,10 @@ class Lab(RobotLab):
         return str(path)
 
     def _start(
-        self, url: str, *, post: Callable[[m.FromWorker], None], settings: m.Configure, family: str
+        self, url: str, *, post: Callable[[m.FromWorker], None], settings: m.Configure, family: str, control: str = ""
     ) -> HandWorker:
         def engine(mailbox: Any) -> Engine:
-            return Engine(url, driver_of(family), mailbox, settings, self.context())
+            return Engine(url, driver_of(family), mailbox, m.Begin(settings), self.context())
 
         worker = PatientWorker(engine, post)
         self.workers.append(worker)

@@ -75,7 +75,7 @@ def test_limits_clamp_val_visibly(lab: Lab) -> None:
     ("text", "answer"),
     [
         ('motor6.val = "far";', "val: this slot takes a number"),
-        ("motor6.val = nan;", "val: nan is no value to write"),
+        ("motor6.val = nan;", "val: takes a finite number, not nan"),
         ("motor6.temperature = 3;", "temperature: this slot can only be read"),
         ("motors[77];", "no motor 77; there are: 5, 6, 7"),
     ],

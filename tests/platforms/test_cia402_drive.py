@@ -75,9 +75,9 @@ def test_a_gear_is_a_coefficient(lab: Lab) -> None:
         assert "!!!" in lab.say(f"drive5.velocityCoeff = {value};")
 
 
-@pytest.mark.parametrize("value", ["nan", '"far"'])
-def test_values_without_sense_are_refused(lab: Lab, value: str) -> None:
-    assert "this slot takes a number" in lab.say(f"drive5.val = {value};")
+@pytest.mark.parametrize(("value", "words"), [("nan", "takes a finite number"), ('"far"', "this slot takes a number")])
+def test_values_without_sense_are_refused(lab: Lab, value: str, words: str) -> None:
+    assert words in lab.say(f"drive5.val = {value};")
 
 
 def test_off_means_off(lab: Lab) -> None:

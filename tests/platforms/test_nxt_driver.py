@@ -260,6 +260,7 @@ def test_what_we_had_moved_is_stopped_when_the_link_is_back(rig: Rig) -> None:
     assert aim(rig, B_power=30) == []
     rig.take_sent()
     rig.attach()
+    rig.driver.rest()
     assert rig.take_sent()[-2:] == [STOPS[0][1], "80 0c"]
     rig.run(3)
     assert [motor.power for motor in rig.brick.motors] == [0, 0, 0]

@@ -1,6 +1,6 @@
 """A worker as a process of its own: `python -m urbihw.buses.child FD FAMILY URL`, started by `Worker.start`.
 
-FD is the worker's end of the pipe; the first message through it is `Configure`. Ctrl-C is for the parent to decide;
+FD is the worker's end of the pipe; the first message through it is `Begin`. Ctrl-C is for the parent to decide;
 SIGTERM stops the robot and ends, and so does the end of the parent, which shows as the end of the pipe or, should
 somebody have inherited that, as another parent id.
 """
@@ -18,7 +18,7 @@ from types import FrameType
 from urbihw.buses.engine import Engine, driver_of
 from urbihw.buses.link import Context
 from urbihw.buses.mailbox import Mailbox
-from urbihw.buses.messages import Configure
+from urbihw.buses.messages import Begin
 
 
 def main(arguments: list[str]) -> int:
@@ -35,14 +35,14 @@ def main(arguments: list[str]) -> int:
     signal.signal(signal.SIGTERM, terminate)
     pipe = Connection(int(pipe_fd))
     try:
-        settings = pipe.recv()
+        begin = pipe.recv()
     except (EOFError, OSError):
         return 0
-    if not isinstance(settings, Configure):
-        raise TypeError(f"our bug: the first message to a worker must be Configure, not {settings!r}")
+    if not isinstance(begin, Begin):
+        raise TypeError(f"our bug: the first message to a worker must be Begin, not {begin!r}")
     _sharpen_timer()
     mailbox = Mailbox(pipe)
-    Engine(url, driver_of(family), mailbox, settings, Context(), lambda: terminated or os.getppid() != parent).run()
+    Engine(url, driver_of(family), mailbox, begin, Context(), lambda: terminated or os.getppid() != parent).run()
     return 0
 
 

@@ -7,7 +7,9 @@ is exact.
 
 from __future__ import annotations
 
+import select
 import time
+from collections.abc import Sequence
 from typing import Protocol
 
 # A sleeping thread wakes 50 to 90 us late on Linux (timer slack); going to bed that much earlier meets the deadline.
@@ -25,6 +27,10 @@ class Clock(Protocol):
         """Return at time `when`, or at once if it has passed."""
         ...
 
+    def wait_readable(self, descriptors: Sequence[int], until: float) -> list[int]:
+        """Return the descriptors that can be read as soon as there are some, or [] at time `until`."""
+        ...
+
 
 class RealClock:
     """The monotonic clock of the machine. It is the same in all processes, so time stamps can cross a pipe."""
@@ -38,6 +44,11 @@ class RealClock:
         pause = when - time.monotonic() - _WAKE_UP_DELAY
         if pause > 0:
             time.sleep(pause)
+
+    def wait_readable(self, descriptors: Sequence[int], until: float) -> list[int]:
+        """Sleep in `select`, whose time-out is as fine as that of a sleep."""
+        pause = max(0.0, until - time.monotonic() - _WAKE_UP_DELAY)
+        return select.select(descriptors, (), (), pause)[0]
 
 
 class SimClock:
@@ -54,3 +65,10 @@ class SimClock:
         """Jump to `when` if it lies ahead."""
         if when > self._now:
             self._now = when
+
+    def wait_readable(self, descriptors: Sequence[int], until: float) -> list[int]:
+        """Look now, and jump to `until` if there is nothing."""
+        ready = select.select(descriptors, (), (), 0)[0]
+        if not ready:
+            self.sleep_until(until)
+        return ready

@@ -1,12 +1,15 @@
-"""The loop of a worker: one wire, its link, its ticks, its master. The same code in a thread and in a process.
+"""The loop of a worker: one wire, its link, its ticks, its master, and the authority over motion.
 
-One step of the loop:
-  1. take the messages of the parent;
+The same code in a thread and in a process.  One step of the loop:
+  1. take what the parent and the control socket want; stops are obeyed first;
   2. has the parent been silent for too long? then stop the robot, once;
   3. is the link down? then try to open it, not too often;
   4. one tick of the driver, then the one-off requests;
-  5. once a second, statistics;
-  6. sleep until the next tick. Ticks are absolute deadlines; those that could not be met are skipped and counted.
+  5. once a second, statistics; ten times a second, a sign of life;
+  6. wait until the next tick. Ticks are absolute deadlines; those that could not be met are skipped and counted.
+
+A stop does not wait for its turn: the wait of 6. ends when something comes, and a driver looks (`urgent`) between two
+transactions and gives its tick up.
 
 The loop ends when the pipe ends or when it is asked to from outside (SIGTERM, parent gone), always with a safe stop.
 """
@@ -14,19 +17,31 @@ The loop ends when the pipe ends or when it is asked to from outside (SIGTERM, p
 from __future__ import annotations
 
 import importlib
+from collections import deque
 from collections.abc import Callable
-from typing import Final, Protocol
+from pathlib import Path
+from typing import Any, Final
 
 from urbihw import buses
+from urbihw.buses.authority import STALE, Authority
+from urbihw.buses.control import ESTOP, RELEASE, STOP, SUBSCRIBE, ControlSocket, Order
 from urbihw.buses.errors import BadUrl, BadValue, LinkGone, Unavailable
 from urbihw.buses.link import Context, Port
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import (
     Alive,
+    Begin,
     Configure,
+    DeviceState,
+    EmergencyStop,
     Ended,
     FromWorker,
+    Latched,
+    Limits,
     LinkState,
+    Pulse,
+    Refused,
+    Release,
     Reply,
     Request,
     Statistics,
@@ -36,6 +51,7 @@ from urbihw.buses.messages import (
     ToWorker,
     Watch,
 )
+from urbihw.buses.setpoints import SetPoints
 from urbihw.buses.ticker import Ticker
 
 # Protocol family of a wire -> what drives it. A family of one robot lives with it, and is named "module:Class".
@@ -48,29 +64,99 @@ _STATISTICS_PERIOD = 1.0
 _TIME_TO_POST = 0.0005
 
 
-class Driver(Protocol):
-    """What the engine needs of a protocol family; each method returns the messages to post.
+PULSE_PERIOD: Final = 0.1
+PULSE_ALLOWANCE: Final = 0.4
+"""Seconds in which a worker that works is heard of again."""
+SLOW_ALLOWANCE: Final = 20.0
+"""The same while it opens its link, finds the devices, or does one of the slow requests of its driver."""
+_URGENT = (Stop, EmergencyStop)
+
+
+def never() -> bool:
+    """Nothing is urgent."""
+    return False
+
+
+class Driver:
+    """Base of what drives the wire of a protocol family.  Methods that return a list return the messages to post.
 
     `attach` is handed an open port and finds the devices, or raises Unavailable (nobody answers, wrong firmware), after
     which it is tried again later; `detach` is told that the port is gone. In between come `tick`, `targets`, `watch`,
     `request` and `safe_stop`; all but `detach` may raise LinkGone. `targets`, `watch` and `request` may also come
     while there is no port. `configure` comes first, and again for new settings; it raises BadValue. `errors` counts
     failures since `attach`. Watches must outlive the port, targets must not. `tick` should call `meanwhile` when the
-    wire is busy, and must not wait for longer than a tick lasts. `slow_verbs` are the requests for which the cycle
-    rests on purpose.
+    wire is busy, must not wait for longer than a tick lasts, and gives up between two transactions when `urgent()`.
+
+    Attributes:
+        slow_verbs: the requests for which the cycle rests on purpose.
+        halted: set by the driver in a tick when what it was told to do is over (the base was switched off by hand);
+            the engine then treats it as a stop, for this reason.
     """
 
-    slow_verbs: frozenset[str]
+    slow_verbs: frozenset[str] = frozenset()
+    halted: str = ""
 
-    def configure(self, settings: Configure) -> None: ...
-    def attach(self, port: Port) -> list[FromWorker]: ...
-    def detach(self) -> None: ...
-    def tick(self, now: float, meanwhile: Callable[[], None]) -> list[FromWorker]: ...
-    def targets(self, message: Targets) -> list[FromWorker]: ...
-    def watch(self, message: Watch, now: float) -> list[FromWorker]: ...
-    def request(self, message: Request) -> list[FromWorker]: ...
-    def safe_stop(self) -> None: ...
-    def errors(self) -> dict[str, int]: ...
+    def configure(self, settings: Configure) -> None:
+        """Take settings.  Raises BadValue."""
+        raise NotImplementedError
+
+    def expect(self, devices: tuple[Any, ...]) -> None:
+        """Called before the first `attach` with what an earlier worker found on this wire."""
+
+    def attach(self, port: Port) -> list[FromWorker]:
+        """Find the devices on an open port.  Raises Unavailable, LinkGone."""
+        raise NotImplementedError
+
+    def detach(self) -> None:
+        """The port is gone."""
+        raise NotImplementedError
+
+    def tick(self, now: float, meanwhile: Callable[[], None], urgent: Callable[[], bool] = never) -> list[FromWorker]:
+        """One tick.  Raises LinkGone."""
+        raise NotImplementedError
+
+    def targets(self, message: Targets) -> list[FromWorker]:
+        """Take targets for the next tick.  Raises LinkGone."""
+        raise NotImplementedError
+
+    def watch(self, message: Watch, now: float) -> list[FromWorker]:
+        """Begin, change or end a watch."""
+        raise NotImplementedError
+
+    def request(self, message: Request) -> list[FromWorker]:
+        """Do something once.  Raises LinkGone."""
+        raise NotImplementedError
+
+    def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
+        """Stop the robot, or these devices, and forget their targets.  Raises LinkGone."""
+        raise NotImplementedError
+
+    def rest(self) -> None:
+        """Called after each `attach` but the first: stop what we had set in motion.  Raises LinkGone."""
+        self.safe_stop()
+
+    def stop_what_moves(self) -> tuple[Any, ...]:
+        """Called after the first `attach`: stop what somebody else has set in motion, and tell which devices that were.
+
+        Raises LinkGone.
+        """
+        return ()
+
+    def moves(self, device: Any, item: str, value: Any) -> bool:
+        """Whether this target may set something in motion."""
+        raise NotImplementedError
+
+    def request_moves(self, request: Request) -> bool:
+        """Whether this request may set something in motion."""
+        raise NotImplementedError
+
+    def pose(self, device: Any, item: str) -> float | None:
+        """Where the device is, in the unit of the target `item`; None if that is no place, or not known."""
+        return None
+
+    def errors(self) -> dict[str, int]:
+        """Failures since `attach`, by kind."""
+        raise NotImplementedError
 
 
 def driver_of(family: str) -> Driver:
@@ -90,14 +176,14 @@ class Engine:
         url: str,
         driver: Driver,
         mailbox: Mailbox,
-        settings: Configure,
+        begin: Begin,
         context: Context,
         asked_to_end: Callable[[], bool] = lambda: False,
     ) -> None:
         self._url = url
         self._driver = driver
         self._mailbox = mailbox
-        self._settings = settings
+        self._settings = begin.settings
         self._context = context
         self._asked_to_end = asked_to_end
         self._clock = context.clock
@@ -109,11 +195,33 @@ class Engine:
         self._heard_at = now
         self._stopped_for_silence = False
         self._stop_owed = ""
+        self._first_link = True
+        self._inbox: deque[ToWorker] = deque()
+        self._urgent: deque[Stop | EmergencyStop | Order] = deque()
+        self._orders: deque[Order] = deque()
         self._requests: list[Request] = []
         self._unposted: list[FromWorker] = []
-        self._ticker = Ticker(1 / settings.rate, now)
+        self._ticker = Ticker(1 / begin.settings.rate, now)
         self._tally = _Tally(now)
-        driver.configure(settings)
+        self._pulse_at = now
+        control = Path(begin.control) if begin.control else None
+        self._authority = Authority(begin.epoch, control.with_suffix(".estop") if control is not None else None)
+        self._set_points = SetPoints(driver.pose)
+        driver.configure(begin.settings)
+        driver.expect(begin.devices)
+        self._control = None if control is None else self._listen_at(control)
+        if begin.instead:
+            self._post_all([Stopped(begin.instead, begin.epoch)])
+        if self._authority.latched:
+            self._post_all([Latched(self._authority.latched)])
+
+    def _listen_at(self, path: Path) -> ControlSocket | None:
+        """The control socket; a worker that cannot have it works all the same, and says so."""
+        try:
+            return ControlSocket(path)
+        except Unavailable as error:
+            self._mailbox.post(Refused("control socket", str(path), str(error)))
+            return None
 
     def run(self) -> None:
         """Work until the end; posts `Ended` as the last message. Does not raise: a bug becomes its reason."""
@@ -124,94 +232,247 @@ class Engine:
         except Exception as error:  # The robot must be stopped whatever happens, and the parent told.
             reason = f"our bug in the bus worker: {type(error).__name__}: {error}"
         self._post_unposted()
-        self._safe_stop("the worker ends")
+        self._stop("the worker ends")
         if self._link is not None:
             self._link.close()
+        if self._control is not None:
+            self._control.close()
         self._mailbox.post(Ended(reason))
         self._mailbox.close()
 
     def step(self) -> bool:
-        """Do one tick and sleep until the next; False when it is time to end."""
+        """Do one tick and wait until the next; False when it is time to end."""
         now = self._clock.now()
-        for message in self._mailbox.take():
-            self._obey(message, now)
+        self._listen(self._readable(now))
+        self._obey_urgent()
+        while self._inbox:
+            self._obey(self._inbox.popleft(), now)
         if self._mailbox.ended or self._asked_to_end():
             return False
         self._watch_master(now)
         if self._link is None:
             self._try_link(now)
         self._guarded(self._tick)
+        self._obey_urgent()
         self._serve_requests()
+        self._serve_orders()
         self._tally.ticks += 1
         now = self._clock.now()
         self._report(now)
         self._tally.late += self._ticker.advance(now)
         if self._ticker.due > now + _TIME_TO_POST:
             self._post_unposted()
-        self._clock.sleep_until(self._ticker.due)
+        self._wait()
         return True
 
     def _tick(self) -> None:
-        news = self._driver.tick(self._clock.now(), self._post_unposted)
+        now = self._clock.now()
+        given = self._set_points.step(now)
+        if given:
+            self._post_all(self._driver.targets(Targets(given)))
+        news = self._driver.tick(now, self._post_unposted, self._is_urgent)
         self._post_unposted()
         self._unposted = news
+        for message in news:
+            if isinstance(message, DeviceState) and message.new == "back":
+                self._device_back(message.device)
+        if self._driver.halted:
+            reason, self._driver.halted = self._driver.halted, ""
+            self._stop(reason)
+
+    def _device_back(self, device: Any) -> None:
+        """A device is back: it stays where it is, and its movement is taken up from there."""
+        self._guarded(lambda: self._driver.safe_stop((device,)))
+        self._take_up(device)
+
+    def _take_up(self, device: Any) -> None:
+        """The movements of a device, None for all, go on from where it is; or they are over."""
+        if self._settings.resume:
+            self._set_points.returned(device, self._clock.now())
+        else:
+            self._set_points.forget(None if device is None else (device,))
 
     def _post_unposted(self) -> None:
         """Post what the last tick brought: right after it, or, when the next one is due, while its wire is busy."""
         unposted, self._unposted = self._unposted, []
         for message in unposted:
-            self._mailbox.post(message)
+            self._post(message)
+
+    def _post(self, message: FromWorker) -> None:
+        self._mailbox.post(message)
+        if self._control is not None:
+            self._control.publish(message)
+
+    # Listening.
+
+    def _descriptors(self) -> list[int]:
+        mine = [] if self._mailbox.ended else [self._mailbox.fd]
+        return mine if self._control is None else mine + self._control.descriptors()
+
+    def _readable(self, until: float) -> list[int]:
+        return self._clock.wait_readable(self._descriptors(), until)
+
+    def _listen(self, ready: list[int]) -> None:
+        """Take in what has come: what is urgent goes before all that waits."""
+        if not ready:
+            return
+        if self._mailbox.fd in ready:
+            for message in self._mailbox.take():
+                self._heard_at = self._clock.now()
+                self._stopped_for_silence = False
+                if isinstance(message, _URGENT) and getattr(message, "devices", None) is None:
+                    self._urgent.append(message)
+                else:
+                    self._inbox.append(message)
+        if self._control is not None:
+            for order in self._control.poll(ready):
+                (self._urgent if order.verb in (STOP, ESTOP) else self._orders).append(order)
+
+    def _is_urgent(self) -> bool:
+        """Whether a stop has come; a driver asks between two transactions."""
+        self._listen(self._readable(0.0))
+        return bool(self._urgent)
+
+    def _wait(self) -> None:
+        """Wait for the next tick; a stop that comes meanwhile is obeyed at once."""
+        due = self._ticker.due
+        while ready := self._readable(due):
+            self._listen(ready)
+            self._obey_urgent()
+            self._serve_orders()
+            if self._mailbox.ended or self._clock.now() >= due:
+                return
 
     # The master.
 
+    def _obey_urgent(self) -> None:
+        while self._urgent:
+            message = self._urgent.popleft()
+            if isinstance(message, Stop):
+                self._stop(message.reason, message.epoch)
+            elif isinstance(message, EmergencyStop):
+                self._emergency_stop(message.who)
+            else:
+                if message.verb == ESTOP:
+                    self._emergency_stop(message.who)
+                else:
+                    self._stop(f"stop asked by {message.who}")
+                message.answer(self._state())
+
     def _obey(self, message: ToWorker, now: float) -> None:
-        self._heard_at = now
-        self._stopped_for_silence = False
         match message:
-            case Alive():
-                pass
             case Targets():
-                self._guarded(lambda: self._post_all(self._driver.targets(message)))
+                self._targets(message, now)
             case Watch():
                 self._post_all(self._driver.watch(message, now))
             case Request():
-                self._requests.append(message)
+                self._take_request(message)
             case Stop():
-                self._safe_stop("asked to stop")
+                self._stop_some(message)
+            case Release():
+                self._release(message.who)
+            case Limits():
+                self._set_points.limit(message.table)
             case Configure():
                 self._settings = message
                 self._driver.configure(message)
                 self._ticker = Ticker(1 / message.rate, now)
+            case Alive() | EmergencyStop():
+                pass
+
+    def _targets(self, message: Targets, now: float) -> None:
+        refusal = self._authority.refusal(message.epoch)
+        values = message.values
+        if refusal:
+            moves = self._driver.moves
+            values = {key: value for key, value in values.items() if not moves(*key, value)}
+            if refusal is not STALE:
+                self._post_all([Refused(*key, refusal) for key in message.values if key not in values])
+        given = self._set_points.take(values, now)
+        self._post_all([*self._set_points.news()])
+        if given:
+            self._guarded(lambda: self._post_all(self._driver.targets(Targets(given))))
+
+    def _take_request(self, message: Request) -> None:
+        refusal = self._authority.refusal(message.epoch)
+        if refusal and self._driver.request_moves(message):
+            self._post_all([Reply(message.reply_id, False, error=refusal)])
+        else:
+            self._requests.append(message)
 
     def _watch_master(self, now: float) -> None:
         patience = self._settings.dead_man
         if patience and not self._stopped_for_silence and now - self._heard_at > patience:
             self._stopped_for_silence = True
-            self._safe_stop(f"no sign of life from the master for {patience:g} s")
+            self._stop(f"no sign of life from the master for {patience:g} s")
 
-    def _safe_stop(self, reason: str) -> None:
-        """Stop the robot now, or as soon as the link is back."""
-        if self._link is None:
+    # Stopping.
+
+    def _stop(self, reason: str, epoch: int | None = None) -> None:
+        """Stop the robot now, or as soon as the link is back; what was asked for before counts no more."""
+        self._authority.advance(epoch)
+        self._set_points.forget()
+        self._requests, stale = [], self._requests
+        for request in stale:
+            self._take_request(request)
+        if self._link is None or not self._guarded(self._driver.safe_stop):
             self._stop_owed = reason
-        elif self._guarded(self._driver.safe_stop):
-            self._post_all([Stopped(reason)])
-        else:
-            self._stop_owed = reason
+        self._post_all([Stopped(reason, self._authority.epoch)])
+
+    def _stop_some(self, message: Stop) -> None:
+        """Stop some devices.  Those whose link is down are at rest when it is back: nothing of theirs is kept."""
+        self._set_points.forget(message.devices)
+        if self._link is not None:
+            self._guarded(lambda: self._driver.safe_stop(message.devices))
+        self._post_all([Stopped(message.reason, self._authority.epoch, message.devices)])
+
+    def _emergency_stop(self, who: str) -> None:
+        self._authority.latch(who)
+        self._stop(f"emergency stop by {who}")
+        self._post_all([Latched(self._authority.latched, who)])
+
+    def _release(self, who: str) -> None:
+        if self._authority.latched:
+            self._authority.release()
+            self._post_all([Latched("", who)])
+
+    def _serve_orders(self) -> None:
+        """What the control socket wants that can wait."""
+        while self._orders:
+            order = self._orders.popleft()
+            if order.verb == RELEASE:
+                self._release(order.who)
+            elif order.verb == SUBSCRIBE:
+                order.client.subscribed = True
+            order.answer(self._state())
+
+    def _state(self) -> dict[str, Any]:
+        return {
+            "epoch": self._authority.epoch,
+            "estop": self._authority.latched,
+            "link": self._link is not None,
+            "time": self._clock.now(),
+        }
 
     def _serve_requests(self) -> None:
-        requests, self._requests = self._requests, []
-        for request in requests:
+        while self._requests:
+            request = self._requests.pop(0)
+            if request.verb in self._driver.slow_verbs:
+                self._post_all([Pulse(SLOW_ALLOWANCE)])
             if not self._guarded(lambda request=request: self._post_all(self._driver.request(request))):  # type: ignore[misc]
                 self._post_all([Reply(request.reply_id, False, error="the link went down")])
             if request.verb in self._driver.slow_verbs:
                 # Those ticks were given away on purpose; they are not late.
                 self._ticker = Ticker(self._ticker.period, self._clock.now())
+            if self._is_urgent():
+                self._obey_urgent()
 
     # The link.
 
     def _try_link(self, now: float) -> None:
         if now < self._retry_at:
             return
+        self._post_all([Pulse(SLOW_ALLOWANCE)])
         try:
             link = buses.open(self._url, self._context)
         except (BadUrl, Unavailable) as error:
@@ -227,13 +488,27 @@ class Engine:
             return
         self._back_off = _FIRST_BACK_OFF
         self._announced = True
+        self._settle()
+        if self._link is None:
+            return
         self._post_all([LinkState(True), *messages])
-        if self._stop_owed:
-            reason, self._stop_owed = self._stop_owed, ""
-            self._safe_stop(reason)
+        self._take_up(None)
         now = self._clock.now()
         self._ticker = Ticker(self._ticker.period, now)
         self._tally.restart(now)
+
+    def _settle(self) -> None:
+        """The link is open: first of all the robot stops, for nobody knows what has become of what it was told."""
+        if not self._first_link or self._stop_owed:
+            if self._guarded(self._driver.safe_stop if self._stop_owed else self._driver.rest):
+                self._stop_owed = ""
+            return
+        self._first_link = False
+        moved: list[Any] = []
+        if self._guarded(lambda: moved.extend(self._driver.stop_what_moves())) and moved:
+            self._authority.advance()
+            which = ", ".join(map(str, moved))
+            self._post_all([Stopped(f"{which} moved when the link was opened", self._authority.epoch)])
 
     def _down(self, reason: str) -> None:
         link, self._link = self._link, None
@@ -261,12 +536,15 @@ class Engine:
         """Post messages, behind those of the last tick."""
         self._post_unposted()
         for message in messages:
-            self._mailbox.post(message)
+            self._post(message)
 
     def _report(self, now: float) -> None:
+        if now >= self._pulse_at:
+            self._pulse_at = now + PULSE_PERIOD
+            self._mailbox.post(Pulse(PULSE_ALLOWANCE))
         if now - self._tally.since >= _STATISTICS_PERIOD:
             statistics = self._tally.close(now, self._link, self._driver.errors(), self._mailbox.take_dropped())
-            self._mailbox.post(statistics)
+            self._post(statistics)
 
 
 class _Tally:

@@ -20,12 +20,14 @@ class Mailbox:
 
     Attributes:
         ended: the parent is gone, or will send no more.
+        fd: what to watch for messages.
     """
 
     def __init__(self, pipe: Connection) -> None:
         self.ended = False
+        self.fd = pipe.fileno()
         self._pipe = pipe
-        self._fd = pipe.fileno()
+        self._fd = self.fd
         self._waiting: deque[FromWorker] = deque(maxlen=_KEPT)
         self._samples: Samples | None = None
         self._deaf = False

@@ -1,7 +1,8 @@
 """What a bus worker and its parent tell each other. All of them are frozen and can cross a process border.
 
-To the worker: Targets, Watch, Request, Stop, Alive, Configure.
-From the worker: Found, Samples, Happened, DeviceState, LinkState, Reply, Refused, Stopped, Statistics, Ended.
+To the worker: Begin first; then Targets, Watch, Request, Stop, EmergencyStop, Release, Limits, Alive, Configure.
+From the worker: Found, Samples, Happened, DeviceState, LinkState, Reply, Refused, Limited, Stopped, Latched,
+Statistics, Pulse, Ended.  From who supervises it: WorkerState.
 
 They are the same for every family of wires; what a device is called (a number, a name, a port), which items it has,
 and which verbs it takes is for the family's driver to say. Values are raw counts, turned into SI and back by those who
@@ -11,6 +12,7 @@ All that is in a message can be pickled.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -23,9 +25,12 @@ class Targets:
     All targets that arrive before a tick go out together at that tick; of two for one item the later wins. A target
     that a device already has is not sent again. A target for a device that is lost, or sent while the link is down,
     is forgotten: a robot never moves by itself because a plug went back in.
+
+    `epoch` is that of the robot's motion when they were written: those of an older one that would move it are dropped.
     """
 
     values: Mapping[tuple[Any, str], Any]
+    epoch: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +50,8 @@ class Request:
     """Something to do once, behind the next tick; a `Reply` with the same `reply_id` answers it.
 
     Every family has the verbs "read", which gives the value of `item`, and "write", which writes `value` and waits for
-    the confirmation where there is one; its driver lists the others.
+    the confirmation where there is one; its driver lists the others. `epoch`: as `Targets.epoch`; a request that may
+    move the robot and is older, or comes while an emergency stop holds, is answered by an error.
     """
 
     reply_id: int
@@ -53,11 +59,56 @@ class Request:
     device: Any = 0
     item: str = ""
     value: Any = 0
+    epoch: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """Stop the robot now: wheels to speed 0, joints that we moved hold where they are. Later targets move it again."""
+    """Stop the robot now: wheels to speed 0, joints that we moved hold where they are. Later targets move it again.
+
+    Attributes:
+        epoch: of the robot's motion from now on.
+        reason: for the log and for those whose motion ends.
+        devices: stop only these, in the same epoch; None for all.
+    """
+
+    epoch: int = 0
+    reason: str = "asked to stop"
+    devices: tuple[Any, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class EmergencyStop:
+    """Stop the robot now, and let nothing move it until `Release`. `who` asked."""
+
+    who: str
+
+
+@dataclass(frozen=True, slots=True)
+class Release:
+    """End an emergency stop; nothing moves by that. `who` asked."""
+
+    who: str
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """What a target may be, in raw counts: from `low` to `high`, changing by `rate` a second at most.
+
+    `name` tells the user which setting that is.
+    """
+
+    low: float = -math.inf
+    high: float = math.inf
+    rate: float = math.inf
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """The limits of all targets that have any, by (device, item); replaces those before."""
+
+    table: Mapping[tuple[Any, str], Limit]
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,13 +124,34 @@ class Configure:
         rate: ticks a second.
         dead_man: seconds of silence of the parent after which the robot is stopped; 0 for never.
         torque_off_on_stop: every stop also switches the motors off: the robot falls.
+        resume: a movement that goes on while its device or the link is lost is taken up again on return.
         options: what else the family knows, by name.
     """
 
     rate: float = 100.0
     dead_man: float = 1.5
     torque_off_on_stop: bool = False
+    resume: bool = True
     options: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Begin:
+    """What a worker is born with: always the first message.
+
+    Attributes:
+        settings: as later `Configure` messages bring them.
+        epoch: of the robot's motion.
+        control: path of the control socket to listen at, "" for none.
+        instead: why it takes the place of another worker, "" if it does not.
+        devices: what the last worker found; they are looked for first.
+    """
+
+    settings: Configure
+    epoch: int = 0
+    control: str = ""
+    instead: str = ""
+    devices: tuple[Any, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,8 +227,46 @@ class Refused:
 
 
 @dataclass(frozen=True, slots=True)
+class Limited:
+    """A limit made something else of a target, or (`limit` is "") does so no more; values are raw counts."""
+
+    device: Any
+    item: str
+    requested: float
+    applied: float
+    limit: str
+
+
+@dataclass(frozen=True, slots=True)
 class Stopped:
-    """The robot was brought to its safe stop, and why; all targets are forgotten."""
+    """The robot was brought to its safe stop, and why; all targets are forgotten.
+
+    `epoch` is that of its motion from now on; `devices` are the only ones that were stopped, None for all.
+    """
+
+    reason: str
+    epoch: int = 0
+    devices: tuple[Any, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Latched:
+    """An emergency stop holds from now on, and why; `reason` "": it was released, by `who`."""
+
+    reason: str
+    who: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Pulse:
+    """The worker lives; it will be heard of again within `allowance` seconds."""
+
+    allowance: float
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerState:
+    """Who supervises the worker has seen that it is silent, was replaced, or (`reason` "") answers again."""
 
     reason: str
 
@@ -189,5 +299,20 @@ class Ended:
     reason: str = ""
 
 
-ToWorker = Targets | Watch | Request | Stop | Alive | Configure
-FromWorker = Found | Samples | Happened | DeviceState | LinkState | Reply | Refused | Stopped | Statistics | Ended
+ToWorker = Targets | Watch | Request | Stop | EmergencyStop | Release | Limits | Alive | Configure
+FromWorker = (
+    Found
+    | Samples
+    | Happened
+    | DeviceState
+    | LinkState
+    | Reply
+    | Refused
+    | Limited
+    | Stopped
+    | Latched
+    | Statistics
+    | Pulse
+    | WorkerState
+    | Ended
+)

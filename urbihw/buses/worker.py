@@ -27,10 +27,13 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
+import signal
 import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
@@ -40,19 +43,38 @@ from urbihw.buses.engine import Engine, driver_of
 from urbihw.buses.errors import BadValue, LinkGone
 from urbihw.buses.link import Context, Url
 from urbihw.buses.mailbox import Mailbox
-from urbihw.buses.messages import Configure, Ended, FromWorker, ToWorker
+from urbihw.buses.messages import Begin, Configure, Ended, FromWorker, Pulse, ToWorker, WorkerState
 
 Post = Callable[[FromWorker], None]
+
+LOOK = 0.1
+"""Seconds between two looks whether the worker is heard of."""
+HUNG = 2.0
+"""Seconds without a word after which a worker process is killed; `Pulse` asks for more where more is right."""
+_FULL = 0.05
+"""Seconds to wait for room in the pipe to a worker that does not read."""
+_STOLEN = 0.3
+"""Seconds that a look may come late; when it is later than that, it was this process that was held."""
 
 
 class Worker:
     """A running worker. Made by `Worker.start`; `with` stops it at the end."""
 
-    def __init__(self, url: str, pipe: Connection, post: Post, join: Callable[[float], str | None]) -> None:
+    def __init__(
+        self,
+        url: str,
+        pipe: Connection,
+        post: Post,
+        join: Callable[[float], str | None],
+        kill: Callable[[], None] = lambda: None,
+    ) -> None:
         self._url = url
         self._pipe = pipe
         self._post = post
         self._join = join
+        self._kill = kill
+        self._silent = False
+        self.killed = False
         self._lock = threading.Lock()
         self._closed = False
         self._reader = threading.Thread(target=self._listen, name=f"reader of {url}", daemon=True)
@@ -68,28 +90,31 @@ class Worker:
         settings: Configure | None = None,
         family: str = "dynamixel",
         context: Context | None = None,
+        begin: Begin | None = None,
     ) -> Worker:
         """Start a worker on the wire `url` and return at once; what it finds comes through `post`.
 
         `post` is called in a thread of this handle. `process`: give it a process of its own, as the daemon does;
         otherwise it runs in a thread, and only then may `context` bring a clock and pipes.
+        `begin` says more than `settings` alone, and is taken instead of them.
         A port that cannot be opened is no error here: LinkState says why, and the worker keeps trying.
         Raises BadUrl for a url without sense, BadValue for an unknown family, for settings that it does not understand,
         or a context with a process.
         """
         Url.parse(url)
-        settings = settings if settings is not None else Configure()
-        driver_of(family).configure(settings)
+        if begin is None:
+            begin = Begin(settings if settings is not None else Configure())
+        driver_of(family).configure(begin.settings)
         if not process:
-            return cls._start_thread(url, post, settings, family, context if context is not None else Context())
+            return cls._start_thread(url, post, begin, family, context if context is not None else Context())
         if context is not None:
             raise BadValue("a context cannot be given to a worker in a process of its own")
-        return cls._start_process(url, post, settings, family)
+        return cls._start_process(url, post, begin, family)
 
     @classmethod
-    def _start_thread(cls, url: str, post: Post, settings: Configure, family: str, context: Context) -> Worker:
+    def _start_thread(cls, url: str, post: Post, begin: Begin, family: str, context: Context) -> Worker:
         mine, theirs = Pipe()
-        engine = Engine(url, driver_of(family), Mailbox(theirs), settings, context)
+        engine = Engine(url, driver_of(family), Mailbox(theirs), begin, context)
         thread = threading.Thread(target=engine.run, name=f"bus worker of {url}", daemon=True)
         thread.start()
 
@@ -100,7 +125,7 @@ class Worker:
         return cls(url, mine, post, join)
 
     @classmethod
-    def _start_process(cls, url: str, post: Post, settings: Configure, family: str) -> Worker:
+    def _start_process(cls, url: str, post: Post, begin: Begin, family: str) -> Worker:
         mine, theirs = Pipe()
         fd = theirs.fileno()
         # The child must find the same urbihw as we did, wherever it was imported from.
@@ -113,7 +138,7 @@ class Worker:
             env={**os.environ, "PYTHONPATH": path},
         )
         theirs.close()
-        mine.send(settings)
+        mine.send(begin)
 
         def join(timeout: float) -> str | None:
             try:
@@ -121,21 +146,34 @@ class Worker:
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
-                return f"the bus worker of {url} hung and was killed; the robot may not have been stopped"
-            return "" if status == 0 else f"the bus worker of {url} ended with exit status {status}"
+                return f"the bus worker of {url} hung and was killed"
+            return "" if status == 0 else f"the bus worker of {url} {_ending(status)}"
 
-        return cls(url, mine, post, join)
+        return cls(url, mine, post, join, process.kill)
 
     @property
     def alive(self) -> bool:
         """False once `Ended` has been posted."""
         return self._reader.is_alive()
 
+    @property
+    def silent(self) -> bool:
+        """True while the worker has not been heard of for longer than it should."""
+        return self._silent
+
+    def kill(self) -> None:
+        """Kill the process, without a word."""
+        self._kill()
+        self._reader.join(HUNG)
+
     def send(self, message: ToWorker) -> None:
-        """Send a message; safe from any thread. Raises LinkGone when the worker has ended."""
+        """Send a message; safe from any thread. Raises LinkGone when the worker has ended, or does not read."""
         with self._lock:
             try:
                 if not self._closed:
+                    # A worker that hangs must not hold up who talks to it.
+                    if not select.select((), (self._pipe,), (), _FULL)[1]:
+                        raise LinkGone(f"the bus worker of {self._url} does not read what it is told")
                     self._pipe.send(message)
                     return
             except OSError as error:
@@ -169,15 +207,53 @@ class Worker:
         ended: Ended | None = None
         with contextlib.suppress(EOFError, OSError):
             while ended is None:
+                self._wait_for_word()
                 message = self._pipe.recv()
                 if isinstance(message, Ended):
                     ended = message
+                elif isinstance(message, Pulse):
+                    self._allowance = message.allowance
                 else:
                     self._post(message)
         with self._lock:
             self._closed = True
             self._pipe.close()
         reason = self._join(5.0)
+        if self.killed:
+            reason = f"the bus worker of {self._url} hung for {HUNG:g} s and was killed"
         if ended is None:
             ended = Ended(reason or f"the bus worker of {self._url} ended without a word")
         self._post(ended)
+
+    _allowance = HUNG
+    """Seconds in which the worker is to be heard of again; a process takes a while to start."""
+
+    def _wait_for_word(self) -> None:
+        """Return when there is something to read; a worker that is silent for too long is told of, then killed."""
+        heard_at = looked_at = time.monotonic()
+        while not self._pipe.poll(LOOK):
+            now = time.monotonic()
+            if now - looked_at > LOOK + _STOLEN:
+                # Both processes were held, or only this one: the worker must have its time to say so.
+                heard_at = now
+            looked_at = now
+            silence = now - heard_at
+            if silence >= self._allowance and not self._silent:
+                self._silent = True
+                self._post(WorkerState(f"the bus worker of {self._url} has not answered for {silence:.1f} s"))
+            if silence >= max(self._allowance, HUNG) and not self.killed:
+                self.killed = True
+                self._kill()
+        if self._silent and not self.killed:
+            self._silent = False
+            self._post(WorkerState(""))
+
+
+def _ending(status: int) -> str:
+    """How a process ended, in words."""
+    if status >= 0:
+        return f"ended with exit status {status}"
+    try:
+        return f"was ended by {signal.Signals(-status).name}"
+    except ValueError:
+        return f"was ended by signal {-status}"

@@ -91,6 +91,10 @@ class Config:
         rate: how often devices are read and written, in Hz.
         dead_man: seconds without a sign of life from the daemon after which the bus worker stops the robot; 0: never.
         torque_off_on_stop: stopping also switches the motors off; a robot that stands then falls.
+        on_disconnect: what becomes of motion whose client is gone: "stop" (speeds go to zero, joints hold) or "keep".
+        on_lost: what becomes of a movement whose device or link is lost: when that is back, the movement is taken up
+            again ("resume"), or it is over ("end").
+        control: path of the control socket of the bus worker; empty for ``control_path()``, "off" for none.
         log_level: the least important messages that are logged.
         options: what else the platform knows, by name.
     """
@@ -107,6 +111,9 @@ class Config:
     rate: float = _setting(100.0, _number(1, 1000, " Hz"))
     dead_man: float = _setting(1.5, _number(0, 60, " s"))
     torque_off_on_stop: bool = _setting(False, SWITCH)
+    on_disconnect: str = _setting("stop", _word("stop", "keep"))
+    on_lost: str = _setting("resume", _word("resume", "end"))
+    control: str = _setting("", TEXT)
     log_level: str = _setting("info", _word("debug", "info", "warning", "error"))
     options: dict[str, Any] = field(default_factory=dict, metadata={"rule": TABLE})
 

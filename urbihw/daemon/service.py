@@ -27,6 +27,7 @@ from urbihw.daemon.config import Config
 from urbihw.daemon.fake import Fake
 from urbihw.daemon.holders import holder_of_file, holder_of_port
 from urbihw.daemon.notify import Notifier
+from urbihw.daemon.runtime import control_path
 from urbihw.kernel import Kernel
 from urbihw.kernel.server.interrupt import Interrupter
 from urbihw.kernel.server.loop import Driver
@@ -196,7 +197,7 @@ class Service:
         self._robot_url = url
         opened: asyncio.Future[DeviceError | None] = asyncio.get_running_loop().create_future()
         self._robot = self._kernel.host.create(kind, manifest.slot)
-        self._robot.open(_robot_settings(self._config, url), opened.set_result)
+        self._robot.open(_robot_settings(self._config, url, self._control()), opened.set_result)
         self._drive()
         try:
             error = await asyncio.wait_for(opened, OPEN_PATIENCE)
@@ -204,6 +205,17 @@ class Service:
             raise StartError(f"no word from the robot on {url} in {OPEN_PATIENCE:g} s") from None
         if error is not None:
             raise error
+
+    def _control(self) -> str:
+        """The path of the control socket; "" for none.  Raises BadConfig when a live daemon listens there."""
+        config = self._config
+        if config.control == "off":
+            return ""
+        path = Path(config.control) if config.control else control_path(config.platform, config.port or os.getpid())
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe, contextlib.suppress(OSError):
+            probe.connect(str(path))
+            raise BadConfig(f"another urbihw serves its robot at {path}: stop that, or choose another control")
+        return str(path)
 
     def _explained(self, reason: str) -> str:
         """Add who holds the port, if that is what is wrong."""
@@ -274,5 +286,14 @@ def _show_to_load(folder: Path) -> None:
     os.environ["URBI_PATH"] = os.pathsep.join((os.environ.get("URBI_PATH", ""), str(folder)))
 
 
-def _robot_settings(config: Config, url: str) -> RobotSettings:
-    return RobotSettings(url, config.rate, config.dead_man, config.torque_off_on_stop, config.options)
+def _robot_settings(config: Config, url: str, control: str = "") -> RobotSettings:
+    return RobotSettings(
+        url,
+        config.rate,
+        config.dead_man,
+        config.torque_off_on_stop,
+        config.options,
+        keep_motion=config.on_disconnect == "keep",
+        resume=config.on_lost == "resume",
+        control=control,
+    )

@@ -4,28 +4,33 @@ A platform derives from ``WiredRobot``, names the family of its wire, and says w
 measured.  The worker's messages come in a thread of the handle and are posted into the kernel's thread; what devices
 want is gathered in ``Wire`` and leaves once per scheduler round.  The sign of life is sent by the kernel's own timer:
 it is the kernel whose death, or whose being stuck in a script, must stop the robot.
+
+``motion`` is who may move the robot: a stop, from wherever it comes, advances its epoch, and what is older is dropped
+by whoever holds it.  A platform says in ``on_halt`` what its own code still means to do.
 """
 
 from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from typing import ClassVar, Final, Protocol
 
 from urbihw.buses import messages as m
 from urbihw.buses.engine import driver_of
 from urbihw.buses.errors import BadUrl, BadValue, LinkGone
-from urbihw.buses.worker import Worker
+from urbihw.buses.supervisor import Supervisor
 from urbihw.kernel.uobject import (
     BadConfig,
     DeviceError,
+    Motion,
     NotReady,
     Opened,
     Robot,
     RobotSettings,
     event,
     function,
+    owned,
     reading,
 )
 from urbihw.platforms.wire import Wire
@@ -68,8 +73,12 @@ class WiredRobot(Robot):
     linkLost = event()  # noqa: N815
     linkBack = event()  # noqa: N815
     stopped = event()
+    released = event()
+    estop = owned(False)
+    epoch = reading(0.0)
+    stops = reading(0.0)
 
-    start_worker: Callable[..., Handle] = staticmethod(Worker.start)
+    start_worker: Callable[..., Handle] = staticmethod(Supervisor.start)
     """Makes a worker; tests put another one here."""
     bus_time: Callable[[], float] = staticmethod(time.monotonic)
     """The clock of the worker's time stamps."""
@@ -77,12 +86,14 @@ class WiredRobot(Robot):
     def init(self) -> None:
         """Called by ``new``; nothing happens before ``open``."""
         self.log = logging.getLogger(f"urbihw.{self.robot_name}")
-        self.wire = Wire(self.tell)
+        self.motion = Motion(self.host.world, self.robot_name, self._release)
+        self.wire = Wire(self.tell, self.motion)
         self.offset = 0.0
         """Kernel's time = worker's time + offset, in seconds."""
         self._worker: Handle | None = None
         self._opened: Opened | None = None
         self._missed_link = False
+        self.notify_change(self.estop, self._estop_written)
 
     # ---------------------------------------------------------------- what the daemon calls
 
@@ -91,9 +102,11 @@ class WiredRobot(Robot):
         self._opened = opened
         self.offset = self.host.now() - self.bus_time()
         self.url.sense(settings.url)
+        self.motion.keep = settings.keep_motion
         try:
             self._worker = self.start_worker(
-                settings.url, post=self._post, settings=_for_worker(settings), family=self.family
+                settings.url, post=self._post, settings=_for_worker(settings), family=self.family,
+                control=settings.control,
             )
         except BadValue as error:
             raise BadConfig(f"{self.robot_name}: {error}") from error
@@ -109,11 +122,13 @@ class WiredRobot(Robot):
             driver_of(self.family).configure(message)
         except BadValue as error:
             raise BadConfig(f"{self.robot_name}: {error}") from error
+        self.motion.keep = settings.keep_motion
         self.tell(message)
 
     def close(self) -> None:
         """See ``Robot``."""
         worker, self._worker = self._worker, None
+        self.motion.close()
         self.destroy()
         if worker is not None:
             worker.stop()
@@ -122,9 +137,24 @@ class WiredRobot(Robot):
 
     @function
     def stop(self) -> None:
-        """Stop now, as the safe stop of this robot is; what is written afterwards moves it again."""
-        self.wire.forget()
-        self.tell(m.Stop())
+        """Stop now, as the safe stop of this robot is; what is begun afterwards moves it again.
+
+        Statements that began before, and would move it later, end with an error.
+        """
+        self.halt_all(self.motion.asked())
+
+    @function("checkMotion")
+    def check_motion(self) -> None:
+        """Raise the error of a statement that began before the last stop, if the running one did."""
+        self.motion.check()
+
+    def _estop_written(self) -> None:
+        who = str(self.motion.origin())
+        if self.estop.value:
+            self.halt_all(f"emergency stop by {who}")
+            self.tell(m.EmergencyStop(who))
+        else:
+            self.tell(m.Release(who))
 
     # ---------------------------------------------------------------- what a subclass calls
 
@@ -136,6 +166,29 @@ class WiredRobot(Robot):
             except LinkGone:
                 # Its Ended is on the way and says why.
                 pass
+
+    def halt_all(self, reason: str) -> None:
+        """Stop the robot; whoever asks for it, in the running job, may move it again."""
+        self._halted(reason)
+        self.motion.renew()
+        self.tell(m.Stop(self.motion.epoch, reason))
+
+    def _halted(self, reason: str, epoch: int | None = None) -> None:
+        """The robot is stopped: all motion of before is over."""
+        self.motion.advance(reason, epoch)
+        self.on_halt(reason)
+        self._show_stops()
+
+    def _show_stops(self) -> None:
+        self.epoch.sense(float(self.motion.epoch))
+        self.stops.sense(float(self.motion.stops))
+
+    def _release(self, devices: tuple[Hashable, ...], reason: str) -> None:
+        """A client is gone that moved some devices."""
+        self.log.warning("%s: stopped: %s", _names(devices), reason)
+        self.on_halt(reason, devices)
+        self._show_stops()
+        self.tell(m.Stop(self.motion.epoch, reason, devices))
 
     @property
     def opening(self) -> bool:
@@ -181,8 +234,14 @@ class WiredRobot(Robot):
     def on_link_down(self, reason: str) -> None:
         """The link is down: what is measured is stale from now on."""
 
+    def on_halt(self, reason: str, devices: tuple[Hashable, ...] | None = None) -> None:
+        """All motion, or that of some devices, is over: end what the platform's own code still means to do."""
+
     def on_stopped(self, reason: str) -> None:
-        """The worker brought the robot to its safe stop."""
+        """The worker brought the robot, or some devices, to a stop."""
+
+    def on_limited(self, message: m.Limited) -> None:
+        """A limit of the settings made something else of a target."""
 
     def on_refused(self, message: m.Refused) -> None:
         """A target or watch made no sense."""
@@ -218,11 +277,43 @@ class WiredRobot(Robot):
             case m.Refused():
                 self.on_refused(message)
             case m.Stopped():
-                self.log.info("%s stopped: %s", self.robot_name, message.reason)
-                self.on_stopped(message.reason)
-                self.stopped.emit(message.reason)
+                self._stopped(message)
+            case m.Latched():
+                self._latched(message)
+            case m.Limited():
+                self.on_limited(message)
+            case m.WorkerState():
+                self._worker_state(message)
             case m.Ended():
                 self._ended(message)
+            case m.Pulse():
+                pass
+
+    def _stopped(self, message: m.Stopped) -> None:
+        which = self.robot_name if message.devices is None else f"{self.robot_name} ({_names(message.devices)})"
+        self.log.info("%s stopped: %s", which, message.reason)
+        if message.devices is None and message.epoch > self.motion.epoch:
+            self._halted(message.reason, message.epoch)
+        self.on_stopped(message.reason)
+        self.stopped.emit(message.reason)
+
+    def _latched(self, message: m.Latched) -> None:
+        self.motion.latched = message.reason
+        self.estop.sense(bool(message.reason))
+        if message.reason:
+            self.log.warning("emergency stop by %s: nothing moves until it is released", message.reason)
+        else:
+            self.log.warning("emergency stop released by %s", message.who)
+            self.released.emit(message.who)
+
+    def _worker_state(self, message: m.WorkerState) -> None:
+        """The worker hangs, or was replaced: what it was told is lost, and so is what it was asked."""
+        if not message.reason:
+            self.log.warning("the bus worker answers again")
+            return
+        self._halted(message.reason)
+        self.wire.lost(message.reason)
+        self._link_state(m.LinkState(False, message.reason))
 
     def _statistics(self, message: m.Statistics) -> None:
         self.rate.sense(message.rate)
@@ -265,5 +356,10 @@ def _for_worker(settings: RobotSettings) -> m.Configure:
         rate=settings.rate,
         dead_man=settings.dead_man,
         torque_off_on_stop=settings.torque_off_on_stop,
+        resume=settings.resume,
         options=settings.options,
     )
+
+
+def _names(devices: tuple[Hashable, ...]) -> str:
+    return ", ".join(map(str, devices))

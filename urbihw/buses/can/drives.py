@@ -24,6 +24,7 @@ from urbihw.buses.can.drive import BEAT, MASTER, PATIENCE, Drive
 from urbihw.buses.can.network import PortNetwork
 from urbihw.buses.can.port import can_port
 from urbihw.buses.clock import Clock, RealClock
+from urbihw.buses.engine import Driver, never
 from urbihw.buses.errors import BadValue, BusTimeout, Unavailable
 from urbihw.buses.link import Port
 from urbihw.buses.messages import (
@@ -61,7 +62,7 @@ class _Wait:
     until: float
 
 
-class DrivesDriver:
+class DrivesDriver(Driver):
     """See the head of this file, and `urbihw.buses.engine.Driver` for who calls what."""
 
     slow_verbs: frozenset[str] = frozenset({"read", "write"})
@@ -122,7 +123,7 @@ class DrivesDriver:
         self._owed += [Reply(wait.reply_id, False, error="the link went down") for wait in self._waits.values()]
         self._waits = {}
 
-    def tick(self, now: float, meanwhile: Callable[[], None]) -> list[FromWorker]:
+    def tick(self, now: float, meanwhile: Callable[[], None], urgent: Callable[[], bool] = never) -> list[FromWorker]:
         """Control words out, what has come in."""
         news, self._owed = self._owed, []
         network = self._network
@@ -171,14 +172,41 @@ class DrivesDriver:
             return [self._object(message, drive)]
         return [Reply(message.reply_id, False, error=f"a drive does not know {message.verb!r}")]
 
-    def safe_stop(self) -> None:
-        """All drives brake and hold, or are switched off."""
+    def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
+        """The drives, all or those of `devices`, brake and hold, or are switched off."""
         for drive in self._living():
+            if devices is not None and drive.info.id not in devices:
+                continue
             if self._off_on_stop:
                 drive.quick_stop()
             elif drive.wanted:
                 self._tried(drive.halt)
             self._tried(lambda drive=drive: drive.work(self._clock.now()))  # type: ignore[misc]
+
+    def stop_what_moves(self) -> tuple[Any, ...]:
+        """See `Driver`: drives that are on although nobody switched them on brake, and are off then."""
+        network = self._network
+        if network is None:
+            return ()
+        network.wait(2 * self._period)
+        moving = [drive for drive in self._living() if drive.state == c.ENABLED and drive.values()["velocity"]]
+        for drive in moving:
+            drive.quick_stop()
+            self._tried(lambda drive=drive: drive.work(self._clock.now()))  # type: ignore[misc]
+        return tuple(drive.info.id for drive in moving)
+
+    def moves(self, device: Any, item: str, value: Any) -> bool:
+        """All targets but a speed of zero."""
+        return item == "position" or bool(value)
+
+    def request_moves(self, request: Request) -> bool:
+        """Power on, and objects that are written past the targets."""
+        return request.verb in ("enable", "write")
+
+    def pose(self, device: Any, item: str) -> float | None:
+        """The position in increments, for the target position."""
+        drive = self._drives.get(device)
+        return drive.values()["position"] if drive is not None and item == "position" and drive.heard else None
 
     def errors(self) -> dict[str, int]:
         """Failures since `attach`."""

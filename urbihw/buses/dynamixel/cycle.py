@@ -25,7 +25,7 @@ from urbihw.buses.dynamixel import packet, plan
 from urbihw.buses.dynamixel.bus import DynamixelBus
 from urbihw.buses.dynamixel.device import Device
 from urbihw.buses.dynamixel.health import Change
-from urbihw.buses.dynamixel.member import Member, Question
+from urbihw.buses.dynamixel.member import PLACE, Member, Question
 from urbihw.buses.dynamixel.plan import Block, Run
 from urbihw.buses.dynamixel.scan import identify
 from urbihw.buses.dynamixel.status import Status, state_of
@@ -72,6 +72,7 @@ class Cycle:
         self._prefix = b""
         self._retry_until = 0.0
         self._chore: Callable[[], None] | None = None
+        self._urgent: Callable[[], bool] = lambda: False
         self._runs: dict[tuple[str, tuple[str, ...]], tuple[Run, ...]] = {}
         self._group_requests: dict[tuple[int, int, tuple[int, ...], bool], bytes] = {}
 
@@ -81,6 +82,10 @@ class Cycle:
             return self.members[device]
         except KeyError:
             raise BadValue(f"there is no device {device} on {self.bus.link.url.text}") from None
+
+    def motors(self) -> list[Member]:
+        """The members that can move."""
+        return [member for member in self.members.values() if member.has_motor]
 
     def aim(self, device: int, name: str, raw: int) -> None:
         """Set a target, sent at the next tick; forgotten when the device is lost. Raises BadValue."""
@@ -96,10 +101,16 @@ class Cycle:
         spread = members.index(device) / len(members) if self.bus.protocol == 1 and device in self.members else 0.0
         self.member(device).watch(names, period, now + spread * (period or 0.0))
 
-    def tick(self, now: float, meanwhile: Callable[[], None] | None = None) -> Tick:
-        """Do the work of the tick at time `now`; `meanwhile` is called once while the wire is busy. Raises LinkGone."""
+    def tick(
+        self, now: float, meanwhile: Callable[[], None] | None = None, urgent: Callable[[], bool] = lambda: False
+    ) -> Tick:
+        """Do the work of the tick at time `now`; `meanwhile` is called once while the wire is busy. Raises LinkGone.
+
+        Between two transactions `urgent` is asked; when it says so, the rest of the reads is left out.
+        """
         tick = Tick()
         self._chore = meanwhile
+        self._urgent = urgent
         self._retry_until = now + self.period * _RETRY_SHARE
         self._prefix = self._take_writes()
         healthy, suspects, lost = self._take_due(now)
@@ -108,8 +119,9 @@ class Cycle:
         elif healthy:
             self._read_each(healthy, tick)
         for member, questions in suspects:
-            self._read_alone(member, questions, tick)
-        if lost:
+            if not urgent():
+                self._read_alone(member, questions, tick)
+        if lost and not urgent():
             self._probe(lost, tick)
         if self._prefix:
             self.bus.send(self._take_prefix())
@@ -170,7 +182,7 @@ class Cycle:
         bus = self.bus
         pairs = [(member, question) for member, questions in asked for question in questions]
         requests = [(question.request, member.device.id, question.block.size) for member, question in pairs]
-        for index, answer in bus.ask_each(requests, self._take_prefix(), self._do_chore):
+        for index, answer in bus.ask_each(requests, self._take_prefix(), self._do_chore, self._urgent):
             member, question = pairs[index]
             if isinstance(answer, Status) and not (answer.error and _request_was_damaged(answer)):
                 self._take(member, question.block, answer, tick)
@@ -201,6 +213,8 @@ class Cycle:
             for question in questions:
                 groups.setdefault((question.block.address, question.block.size), []).append((member, question))
         for (address, size), pairs in groups.items():
+            if tick.values and self._urgent():
+                return
             if len(pairs) == 1:
                 self._read_alone(pairs[0][0], pairs[0][1:], tick)
             else:
@@ -222,6 +236,8 @@ class Cycle:
             self._take(member, question.block, status, tick)
         first_missing = True
         for member, question in waiting.values():
+            if self._urgent():
+                return
             if first_missing and bus.counters.damaged == damaged:
                 # This one kept the line silent; those behind it may only have waited for it.
                 self._missed(member, "does not answer", tick)
@@ -241,6 +257,8 @@ class Cycle:
             self.bus.counters.refused += 1
             return
         values = block.unpack(status.params)
+        if PLACE in values:
+            member.place, member.place_at = values[PLACE], self.bus.clock.now()
         if error or member.state:
             state = state_of(error, status.protocol)
             if state != member.state:
@@ -272,7 +290,10 @@ class Cycle:
         try:
             # It may have been without power, or be another one with the same id: ask who it is.
             pong = self.bus.ask(ping, number, size, self._take_prefix(), brief=True)
-            member.meet(identify(self.bus, number, pong))
+            found = identify(self.bus, number, pong)
+            if member.must_be_whole and not found.is_whole:
+                raise BusTimeout(f"device {number} answers pings, but not yet what it is asked")
+            member.meet(found)
         except (BusTimeout, BadFrame, DeviceRefused):
             member.health.probed(self.bus.clock.now(), False)
             return

@@ -41,6 +41,17 @@ class Device:
         return table.mode_of(self.setup)
 
     @property
+    def is_known(self) -> bool:
+        """False for a device that is only expected: it has not told anything yet, not even that it is there."""
+        return self.model != 0 or bool(self.setup)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether it told its model, and all that is asked of this model when it is met."""
+        table = self.table
+        return self.model != 0 and (table is None or all(name in self.setup for name in table.setup_items))
+
+    @property
     def answers_writes(self) -> bool:
         """False when its status return level says that it keeps quiet after a write."""
         return self.setup.get("status_return_level", 2) >= 2

@@ -13,9 +13,12 @@ from typing import Any
 from urbihw.buses.dynamixel.bus import DynamixelBus
 from urbihw.buses.dynamixel.cycle import Cycle, Tick
 from urbihw.buses.dynamixel.device import Device, DeviceInfo, Scan
+from urbihw.buses.dynamixel.member import GOAL, Member
 from urbihw.buses.dynamixel.options import Options
+from urbihw.buses.dynamixel.plan import TORQUE
 from urbihw.buses.dynamixel.scan import identify, scan
-from urbihw.buses.dynamixel.stop import safe_stop
+from urbihw.buses.dynamixel.stop import safe_stop, stop_what_moves
+from urbihw.buses.engine import Driver, never
 from urbihw.buses.errors import BadValue, BusError, LinkGone
 from urbihw.buses.link import Port, byte_link
 from urbihw.buses.messages import (
@@ -33,13 +36,14 @@ from urbihw.buses.messages import (
 
 # With nobody on the bus (robot switched off?) look again this often; a scan writes nothing.
 _LOOK_AGAIN = 3.0
-_GONE = "not there after the link came back"
+_GONE = "it does not answer"
 
 
-class DynamixelDriver:
+class DynamixelDriver(Driver):
     """The Dynamixel half of a worker; see `urbihw.buses.engine.Driver` for who calls what.
 
-    Verbs: "read", "write"; "ping" gives the model number, "reboot" restarts a protocol 2.0 device, "scan" looks for
+    Verbs: "read", "write"; "write_all" writes the pairs (item, value) of `value` one after the other, until one is
+    refused; "ping" gives the model number, "reboot" restarts a protocol 2.0 device, "scan" looks for
     devices on all ids (0.5 s, in which the cycle rests: not while the robot moves), posts `Found` and gives the number
     of devices. The item "state" comes with the lasting error bits of the answers when they change
     (`urbihw.buses.dynamixel.status.state_words` says them).
@@ -52,6 +56,7 @@ class DynamixelDriver:
         self._options = Options()
         self._cycle: Cycle | None = None
         self._known: dict[int, Device] = {}
+        self._expected: tuple[int, ...] = ()
         self._moved: set[int] = set()
         self._watches: dict[tuple[int, str], float] = {}
         self._next_look = 0.0
@@ -64,12 +69,17 @@ class DynamixelDriver:
             self._cycle.period = 1 / settings.rate
             self._cycle.fast = self._options.fast_read
 
+    def expect(self, devices: tuple[Any, ...]) -> None:
+        """Look for the devices of an earlier worker first: it takes less time than looking for all."""
+        self._expected = tuple(device.id for device in devices if isinstance(device, DeviceInfo))
+
     def attach(self, port: Port) -> list[FromWorker]:
         """Take an open link and find the devices: all (or the configured) the first time, the known ones later."""
         bus = DynamixelBus(byte_link(port), self._options.protocol)
-        outcome = scan(bus, sorted(self._known) if self._known else self._options.ids)
-        lost = [device for number, device in self._known.items() if number not in {d.id for d in outcome.devices}]
-        return self._begin(bus, outcome, lost)
+        outcome = scan(bus, sorted(self._known) if self._known else self._expected or self._options.ids)
+        wanted = {number: Device(number, 0, 0, bus.protocol) for number in self._options.ids or ()} | self._known
+        there = {device.id for device in outcome.devices} | {*outcome.conflicts}
+        return self._begin(bus, outcome, [device for number, device in wanted.items() if number not in there])
 
     def detach(self) -> None:
         """Let go of the link: it is gone. Targets are forgotten."""
@@ -77,14 +87,15 @@ class DynamixelDriver:
             self._moved = {number for number, member in self._cycle.members.items() if member.moved}
             self._cycle = None
 
-    def tick(self, now: float, meanwhile: Callable[[], None]) -> list[FromWorker]:
+    def tick(self, now: float, meanwhile: Callable[[], None], urgent: Callable[[], bool] = never) -> list[FromWorker]:
         """One tick of the cycle; `meanwhile` is called while the wire is busy. Raises LinkGone."""
         cycle = self._cycle
         if cycle is None:
             return []
         if not cycle.members:
             return self._look_again(cycle, now)
-        return _report(cycle.tick(now, meanwhile))
+        tick = cycle.tick(now, meanwhile, urgent)
+        return self._newly_found(cycle, tick) + _report(tick)
 
     def targets(self, message: Targets) -> list[FromWorker]:
         """Take targets for the next tick."""
@@ -129,10 +140,30 @@ class DynamixelDriver:
         except BusError as error:
             return [Reply(message.reply_id, False, error=str(error))]
 
-    def safe_stop(self) -> None:
-        """Stop the robot. Raises LinkGone."""
+    def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
+        """Stop the robot, or some devices. Raises LinkGone."""
         if self._cycle is not None:
-            safe_stop(self._cycle, self._settings.torque_off_on_stop)
+            safe_stop(self._cycle, self._settings.torque_off_on_stop, devices)
+
+    def stop_what_moves(self) -> tuple[Any, ...]:
+        """See `Driver`. Raises LinkGone."""
+        return () if self._cycle is None else stop_what_moves(self._cycle)
+
+    def moves(self, device: Any, item: str, value: Any) -> bool:
+        """Goals of all kinds, speeds of wheels, and torque on: an AX servo then goes to its last goal."""
+        member = None if self._cycle is None else self._cycle.members.get(device)
+        return member is not None and (member.moves(item) or (item == TORQUE and value != 0))
+
+    def request_moves(self, request: Request) -> bool:
+        """As `moves`; a request for several writes moves if one of them does."""
+        if request.verb == "write_all":
+            return any(self.moves(request.device, item, value) for item, value in request.value)
+        return request.verb == "write" and self.moves(request.device, request.item, request.value)
+
+    def pose(self, device: Any, item: str) -> float | None:
+        """The present position as last read, for the goal position."""
+        member = None if self._cycle is None else self._cycle.members.get(device)
+        return None if member is None or item != GOAL else member.place
 
     def errors(self) -> dict[str, int]:
         """Return failures since `attach`, by kind."""
@@ -143,7 +174,7 @@ class DynamixelDriver:
         absent = list(lost)
         cycle = Cycle(bus, [*outcome.devices, *absent], 1 / self._settings.rate, self._options.fast_read)
         self._cycle = cycle
-        self._known = {number: member.device for number, member in cycle.members.items()}
+        self._known = {device.id: device for device in (*outcome.devices, *absent) if device.is_known}
         messages: list[FromWorker] = [Found(tuple(map(_info, outcome.devices)), outcome.conflicts)]
         now = bus.clock.now()
         self._next_look = now + _LOOK_AGAIN
@@ -156,6 +187,13 @@ class DynamixelDriver:
         for (device_id, item), period in list(self._watches.items()):
             messages += self.watch(Watch(device_id, (item,), period), now)
         return messages
+
+    def _newly_found(self, cycle: Cycle, tick: Tick) -> list[FromWorker]:
+        """Devices that were expected, and answer for the first time."""
+        news = [number for number, change in tick.changes if change.new == "back" and number not in self._known]
+        for number in news:
+            self._known[number] = cycle.members[number].device
+        return [Found(tuple(_info(self._known[number]) for number in news))] if news else []
 
     def _look_again(self, cycle: Cycle, now: float) -> list[FromWorker]:
         if now < self._next_look:
@@ -183,17 +221,35 @@ class DynamixelDriver:
             bus.reboot(message.device)
             member.forget()
             return 0
+        if message.verb == "write_all":
+            for name, value in message.value:
+                _write(bus, member, name, value)
+            return len(message.value)
+        if message.verb == "write":
+            return _write(bus, member, message.item, message.value)
         item = member.table.item(message.item)
-        if message.verb == "read":
-            value = item.unpack(bus.read(message.device, item.address, item.size))
-            if item.name in member.table.setup_items:
-                member.wrote(item.name, value)
-            return value
-        if item.access != "RW":
-            raise BadValue(f"{item.name} of {member.table.name} can only be read")
-        bus.write(message.device, item.address, item.pack(message.value), member.device.answers_writes)
-        member.wrote(item.name, message.value)
-        return message.value
+        value = item.unpack(bus.read(message.device, item.address, item.size))
+        if item.name in member.table.setup_items:
+            member.wrote(item.name, value)
+        return value
+
+
+def _write(bus: DynamixelBus, member: Member, name: str, value: int) -> int:
+    """Write an item, until the device has confirmed it where it does such things.
+
+    An AX servo whose goal lies outside the limits that it was just given obeys and complains, and the confirmation may
+    get lost; so a device that did not confirm is asked what the register holds. Raises what `bus.write` raises.
+    """
+    item = member.table.item(name)
+    if item.access != "RW":
+        raise BadValue(f"{item.name} of {member.table.name} can only be read")
+    try:
+        bus.write(member.device.id, item.address, item.pack(value), member.device.answers_writes)
+    except BusError as error:
+        if isinstance(error, LinkGone) or item.unpack(bus.read(member.device.id, item.address, item.size)) != value:
+            raise
+    member.wrote(item.name, value)
+    return value
 
 
 def _info(device: Device) -> DeviceInfo:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Final
 
 from urbihw.buses.dynamixel import packet
 from urbihw.buses.dynamixel.device import Device
@@ -11,6 +13,9 @@ from urbihw.buses.dynamixel.health import Health
 from urbihw.buses.dynamixel.item import Motion, Table
 from urbihw.buses.dynamixel.plan import Block, read_blocks
 from urbihw.buses.errors import BadValue
+
+PLACE: Final = "present_position"
+GOAL: Final = "goal_position"
 
 
 @dataclass(slots=True)
@@ -39,6 +44,8 @@ class Member:
         pending: targets not yet sent, item -> raw.
         written: targets it has, item -> raw; empty when we do not know.
         moved: we have told it to move since it was last stopped.
+        place: the present position as last read, raw; None before that.
+        place_at: when that was.
         state: the lasting error bits of its answers as last reported.
     """
 
@@ -49,6 +56,8 @@ class Member:
         self.pending: dict[str, int] = {}
         self.written: dict[str, int] = {}
         self.moved = False
+        self.place: int | None = None
+        self.place_at = -math.inf
         self.state = 0
         self._rhythms: list[_Rhythm] = []
         self._questions: dict[tuple[str, ...], tuple[Question, ...]] = {}
@@ -59,6 +68,19 @@ class Member:
         if self._table is None:
             raise BadValue(f"device {self.device.id} is {self.device.name}, which urbihw has no control table of")
         return self._table
+
+    @property
+    def has_motor(self) -> bool:
+        """False for a sensor, and for a device that we have no table of."""
+        return self._table is not None and self._table.has_motor
+
+    @property
+    def must_be_whole(self) -> bool:
+        """Whether it counts as there only when it tells all of itself: it did so before, or was never met.
+
+        Others (status return level 0) answer nothing but pings.
+        """
+        return self.device.is_whole or not self.device.is_known
 
     def meet(self, device: Device) -> None:
         """Take in what the device says of itself now: it may be in another mode, or another device."""
@@ -82,19 +104,19 @@ class Member:
     def sent(self) -> None:
         """Note that the pending targets are on the wire."""
         if not self.moved:
-            self.moved = any(map(self._moves, self.pending))
+            self.moved = any(map(self.moves, self.pending))
         self.written.update(self.pending)
         self.pending.clear()
 
     def wrote(self, name: str, raw: int) -> None:
         """Note that one item was written apart from the targets, so that what we know of the device stays true."""
-        self.moved = self.moved or self._moves(name)
+        self.moved = self.moved or self.moves(name)
         self.written[name] = raw
         self.pending.pop(name, None)
         if name in self.table.setup_items:
             self.device = replace(self.device, setup={**self.device.setup, name: raw})
 
-    def _moves(self, name: str) -> bool:
+    def moves(self, name: str) -> bool:
         """Does writing this item move the shaft? The speed of a joint does not; in an unknown mode anything may."""
         mode = self.device.mode
         return name.startswith("goal_") or (name == "moving_speed" and (mode is None or mode.motion is Motion.RATE))

@@ -3,39 +3,72 @@
 Servos that turn (wheel, velocity, current, PWM mode) get 0. Joints that the gateway has moved hold where they are:
 their goal becomes their present position, within their limits. Joints that nobody moved are left alone: limp ones
 stay limp, since on AX servos writing a goal switches the torque on. Torque stays as it was unless asked otherwise.
-Turning servos come first, because holding needs a read per joint.
+First comes what needs no question: turning servos, and joints whose position was read a moment ago. The others are
+asked one after the other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
+from typing import Final
 
 from urbihw.buses.dynamixel import plan
 from urbihw.buses.dynamixel.bus import DynamixelBus
 from urbihw.buses.dynamixel.cycle import Cycle
 from urbihw.buses.dynamixel.item import Motion
-from urbihw.buses.dynamixel.member import Member
+from urbihw.buses.dynamixel.member import GOAL, PLACE, Member
+from urbihw.buses.dynamixel.plan import TORQUE
 from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
 
 # A SYNC_WRITE is confirmed by nobody, so it is said twice.
 _TIMES = 2
+FRESH: Final = 0.05
+"""Seconds for which a position that was read is good enough to hold at."""
 
 
-def safe_stop(cycle: Cycle, torque_off: bool = False) -> None:
-    """Stop all servos of `cycle` and forget all targets; `torque_off`: switch the motors off as well.
+def safe_stop(cycle: Cycle, torque_off: bool = False, devices: Collection[int] | None = None) -> None:
+    """Stop the servos of `cycle`, all or some, and forget their targets (`torque_off`: switch off).
 
     A servo that is lost gets the packets too (it may hear without being heard), but cannot be told to hold.
     Raises LinkGone.
     """
-    motors = [member for member in cycle.members.values() if member.device.table is not None and member.table.has_motor]
+    bus = cycle.bus
+    motors = [member for member in cycle.motors() if devices is None or member.device.id in devices]
     for member in motors:
         member.forget()
-    _write(cycle.bus, motors, {m.device.id: zero for m in motors if (zero := _zero(m))})
-    _write(cycle.bus, motors, {m.device.id: hold for m in motors if (hold := _hold(cycle.bus, m))})
+    fresh = bus.clock.now() - FRESH
+    quick = {m.device.id: values for m in motors if (values := _zero(m) or (_hold(m) if m.place_at >= fresh else {}))}
+    _write(bus, motors, quick)
+    for member in motors:
+        if _holds(member) and member.place_at < fresh and _look(bus, member):
+            _write(bus, [member], {member.device.id: _hold(member)})
     if torque_off:
-        _write(cycle.bus, motors, {member.device.id: {"torque_enable": 0} for member in motors})
+        _write(bus, motors, {member.device.id: {TORQUE: 0} for member in motors})
     for member in motors:
         member.moved = False
+
+
+def stop_what_moves(cycle: Cycle) -> tuple[int, ...]:
+    """Stop the servos that are moving although this cycle has moved none, and tell which those are. Raises LinkGone."""
+    bus = cycle.bus
+    moving = []
+    for member in cycle.motors():
+        mode = member.device.mode
+        effector = None if mode is None or mode.motion is Motion.POSITION else member.table.item(mode.effector)
+        try:
+            if effector is not None:
+                goes = effector.unpack(bus.read(member.device.id, effector.address, effector.size)) != 0
+            else:
+                moves = member.table.item("moving")
+                goes = bus.read(member.device.id, moves.address, moves.size) != b"\0"
+        except (BusTimeout, BadFrame, DeviceRefused):
+            continue
+        if goes:
+            member.moved = True
+            moving.append(member.device.id)
+    if moving:
+        safe_stop(cycle, devices=moving)
+    return tuple(moving)
 
 
 def _write(bus: DynamixelBus, members: Iterable[Member], values: Mapping[int, Mapping[str, int]]) -> None:
@@ -55,19 +88,32 @@ def _zero(member: Member) -> dict[str, int]:
     return {mode.effector: 0} if mode is not None and mode.motion is Motion.RATE else {}
 
 
-def _hold(bus: DynamixelBus, member: Member) -> dict[str, int]:
+def _holds(member: Member) -> bool:
+    """Whether it is a joint that we have moved, and that can be spoken to."""
     mode = member.device.mode
-    if not member.moved or member.health.state == "lost" or (mode is not None and mode.motion is not Motion.POSITION):
-        return {}
-    present = member.table.item("present_position")
+    return member.moved and member.health.state != "lost" and (mode is None or mode.motion is Motion.POSITION)
+
+
+def _look(bus: DynamixelBus, member: Member) -> bool:
+    """Read where a joint is; false if it does not say, or is limp (it may have been without power): so it stays."""
+    present, torque = member.table.item(PLACE), member.table.item(TORQUE)
     try:
-        place = present.unpack(bus.read(member.device.id, present.address, present.size))
+        if not torque.unpack(bus.read(member.device.id, torque.address, torque.size)):
+            return False
+        member.place = present.unpack(bus.read(member.device.id, present.address, present.size))
     except (BusTimeout, BadFrame, DeviceRefused):
+        return False
+    member.place_at = bus.clock.now()
+    return True
+
+
+def _hold(member: Member) -> dict[str, int]:
+    if not _holds(member) or member.place is None:
         return {}
-    goal = member.table.item("goal_position")
+    goal = member.table.item(GOAL)
     low, high = goal.low, goal.high
-    setup = member.device.setup
+    mode, setup = member.device.mode, member.device.setup
     if mode is not None and mode.limits and all(name in setup for name in mode.limits):
         # A goal outside the limits would be refused, and the servo would go on moving.
         low, high = (setup[name] for name in mode.limits)
-    return {goal.name: min(max(place, low), high)}
+    return {goal.name: min(max(member.place, low), high)}

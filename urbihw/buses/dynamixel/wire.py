@@ -97,13 +97,18 @@ class Wire:
         return status or self._listen(prefix + request, device, size, data, wire_end, allowance)
 
     def ask_each(
-        self, questions: Sequence[Single], prefix: bytes = b"", meanwhile: Meanwhile | None = None
+        self,
+        questions: Sequence[Single],
+        prefix: bytes = b"",
+        meanwhile: Meanwhile | None = None,
+        urgent: Callable[[], bool] = lambda: False,
     ) -> Iterator[tuple[int, Status | BusTimeout | BadFrame]]:
         """Ask one device after the other; yield (index, answer or what went wrong) in order.
 
         When an answer is yielded the next question is already on the wire, so what the caller does with it costs no
         time. When something went wrong nothing is on the wire and the caller may ask again; further questions to that
-        device are left out. `prefix`, `meanwhile`: as `ask`. Raises LinkGone.
+        device are left out. `prefix`, `meanwhile`: as `ask`. `urgent` is asked before each question but the first;
+        when it says so, the rest is left out, and nothing is on the wire. Raises LinkGone.
         """
         failed: set[int] = set()
         sent = prefix + questions[0][0]
@@ -122,13 +127,18 @@ class Wire:
                 except (BusTimeout, BadFrame) as error:
                     failed.add(device)
                     yield index, error
+                    if urgent():
+                        return
                     following = _next_question(questions, index, failed)
                     if following:
                         sent, wire_end = following, self._dispatch(following)
                     continue
-            if following:
+            leaves = bool(following) and urgent()
+            if following and not leaves:
                 sent, wire_end = following, self._dispatch(following)
             yield index, status
+            if leaves:
+                return
 
     def _first_look(self, device: int, size: int, wire_end: float, allowance: float) -> tuple[Status | None, bytes]:
         """Wait for the plain answer; return it, or None and the bytes that came instead."""

@@ -85,6 +85,8 @@ class Lobby(Obj):
         self.connected = False
         self.programs.lobbies.pop(self, None)
         self.output.close()
+        for hear in list(self.world.client_gone):
+            hear(self)
         self.world.scheduler.spawn(self._end, "disconnect")
 
     def _end(self) -> None:

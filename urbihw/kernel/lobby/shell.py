@@ -214,6 +214,7 @@ class Shell:
     def _foreground(self, statement: Statement) -> None:
         lobby = self._lobby
         self._job.name = self.next_name()
+        self._job.renew()
         passage = lobby.tag.open()
         try:
             passage.enter()

@@ -78,6 +78,8 @@ class World:
         self.uvar_proto = self.proto()
         self.uobject_proto = self.proto()
         self._soon: list[Callable[[], None]] = []
+        self.client_gone: list[Callable[[Any], None]] = []
+        """Called with a lobby at once when its connection is gone, before what it runs is ended."""
         self.uobjects: Any = None
         self.external: Callable[..., Any] = _no_compiler
         self.event_proto = Event(self, [self.object])

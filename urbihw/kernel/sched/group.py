@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 class Group:
     """Jobs that belong to a block of code; use as a context manager in the owning job."""
 
-    __slots__ = ("_children", "_joining", "_owner", "_scheduler", "closed")
+    __slots__ = ("_children", "_joining", "_scheduler", "closed", "owner")
 
     def __init__(self, scheduler: Scheduler) -> None:
         self._scheduler = scheduler
-        self._owner = scheduler.running()
+        self.owner = scheduler.running()
         self._children: dict[Job, None] = {}
         self._joining = False
         self.closed = False
@@ -52,7 +52,7 @@ class Group:
         self._scheduler.run_first(self._make(body, name))
 
     def _make(self, body: Callable[[], Any], name: str) -> Job:
-        child = self._scheduler.spawn(body, name, parent=self._owner)
+        child = self._scheduler.spawn(body, name, parent=self.owner)
         child.group = self
         self._children[child] = None
         return child
@@ -71,9 +71,9 @@ class Group:
         self._children.pop(child, None)
         if error is not None and not self.closed and not _concerns_child_only(error):
             self.closed = True
-            self._scheduler.throw(self._owner, error)
+            self._scheduler.throw(self.owner, error)
         elif not self._children and self._joining:
-            self._scheduler.wake(self._owner)
+            self._scheduler.wake(self.owner)
 
     def abandon(self) -> None:
         """Stop the children and wait until they are over: the block is left by return, break or an error."""

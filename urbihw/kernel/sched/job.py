@@ -25,6 +25,8 @@ class Job:
     """One flow of execution.  Made by ``Scheduler.spawn``; the fields are read by all and written by ``sched`` only.
 
     ``context`` belongs to the layer above (the runtime keeps the lobby there) and is inherited by jobs made from it.
+    ``epoch`` is what ``Scheduler.epoch`` was when the statement began that the job belongs to; jobs made from it
+    inherit it, so that all parts of one statement are equally old.
     """
 
     __slots__ = (
@@ -34,6 +36,7 @@ class Job:
         "context",
         "done",
         "entries",
+        "epoch",
         "error",
         "face",
         "frozen",
@@ -69,6 +72,7 @@ class Job:
         self.timer: Timer | None = None
         self.wake_left = 0.0
         self.entries: list[TagEntry] = []
+        self.epoch = scheduler.epoch
         self.frozen = False
         self.frozen_at = 0.0
         self.held = False
@@ -111,6 +115,13 @@ class Job:
             self.on_end = [action]
         else:
             self.on_end.append(action)
+
+    def renew(self) -> None:
+        """A new statement begins in this job: it, and who waits for it, is as old as what begins now."""
+        job: Job | None = self
+        while job is not None and job.epoch != self.scheduler.epoch:
+            job.epoch = self.scheduler.epoch
+            job = None if job.group is None else job.group.owner
 
     def local_time(self, now: float) -> float:
         """The job's own time: what the clock says less what it spent frozen."""

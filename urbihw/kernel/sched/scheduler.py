@@ -60,6 +60,8 @@ class Scheduler:
         self.jobs: dict[Job, None] = {}
         self.tracer: Tracer | None = None
         self.frozen_tags = 0
+        self.epoch = 0
+        """Advanced by who must tell the statements that began before a moment from those that began after it."""
         self.most_jobs = MOST_JOBS
         self._left = 0
         self._interrupted = False
@@ -96,6 +98,7 @@ class Scheduler:
         made = Job(self, body, name, context)
         if parent is not None:
             made.shift = parent.shift
+            made.epoch = parent.epoch
         self.jobs[made] = None
         for entry in entries:
             made.entries.append(entry)

@@ -10,6 +10,7 @@ import asyncio
 import logging
 import socket
 from collections.abc import Callable
+from typing import Final
 
 from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.server.loop import Driver
@@ -20,6 +21,14 @@ OpenLobby = Callable[[str, Callable[[Lobby], None], int], Lobby]
 """Makes a lobby for (remote address, what to call when it has something to say, limit of unread bytes)."""
 
 CHUNK = 64 * 1024
+KEEP_ALIVE: Final = (
+    (socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 4),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 2),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPCNT, 3),
+    (socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, 10_000),
+)
+"""A client that is gone without a word is found within 10 s: what it set in motion must not go on."""
 
 
 class Connection(asyncio.Protocol):
@@ -40,6 +49,8 @@ class Connection(asyncio.Protocol):
         raw = transport.get_extra_info("socket")
         if raw is not None and raw.family in (socket.AF_INET, socket.AF_INET6):
             raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            for level, option, value in KEEP_ALIVE:
+                raw.setsockopt(level, option, value)
         self._server.connections[self] = None
         self.lobby = self._server.open_lobby(str(peer[0]), self._server.pending(self), self._server.limit)
         self.lobby.on_quit = self._quit

@@ -176,6 +176,7 @@ def starter(world: World) -> Callable[[Callable[[], Any], bool], JobObject]:
         entries: Iterable[Any] = () if clear else maker.entries
         name = maker.context.shell.next_name() if maker.context is not None else maker.name
         made = world.scheduler.spawn(body, name, context=maker.context, entries=entries)
+        made.epoch = maker.epoch
         world.scheduler.prefer(made)
         value = job_value(world, made)
         stack = current_stack()

@@ -15,9 +15,10 @@
 ``host.register(Servo)`` makes the urbiscript class ``Servo``; ``Servo.new(3)`` makes an instance of both worlds and
 calls ``init(3)``.  The same class also runs in a process of its own (``urbihw.remote``).  Reading order: ``uvar`` (a
 variable with an owner, on ``hooked``, a slot with a device behind it), ``declarations`` and ``uobject`` (the base
-class), ``functions`` and ``threads`` (its methods), ``host`` (what a platform holds of the kernel), ``robot`` (what the
-daemon holds of a platform), ``natives`` (how urbiscript sees it).  For devices of other processes: ``external`` and
-``connection`` (as the server sees them), ``mirror`` and ``bridge`` (as they see the server), ``remote``, ``frames`` and
+class), ``functions`` and ``threads`` (its methods), ``motion`` (who may move a robot), ``host`` (what a platform holds
+of the kernel), ``robot`` (what the daemon holds of a platform), ``natives`` (how urbiscript sees it).  For devices of
+other processes: ``external`` and
+``connection`` (as the server sees them), ``mirror`` and ``bridge`` (as they see the server), ``remote``, ``frames``,
 ``rtp`` (the bytes between them).
 May import ``runtime`` and ``sched``.
 """
@@ -26,6 +27,7 @@ from urbihw.kernel.uobject.binary import UBinary, UImage, USound
 from urbihw.kernel.uobject.declarations import event, function, owned, reading, threaded, variable
 from urbihw.kernel.uobject.errors import BadConfig, DeviceError, Gone, NotReady
 from urbihw.kernel.uobject.host import Host
+from urbihw.kernel.uobject.motion import Effector, EffectorDevice, Motion, Origin
 from urbihw.kernel.uobject.robot import Opened, Robot, RobotSettings
 from urbihw.kernel.uobject.threads import (
     LOCK_CLASS,
@@ -47,11 +49,15 @@ __all__ = [
     "LOCK_NONE",
     "BadConfig",
     "DeviceError",
+    "Effector",
+    "EffectorDevice",
     "Gone",
     "Host",
     "Lock",
+    "Motion",
     "NotReady",
     "Opened",
+    "Origin",
     "Robot",
     "RobotSettings",
     "UBinary",

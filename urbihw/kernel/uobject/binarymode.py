@@ -80,6 +80,7 @@ def binary_mode(world: World, connection: Connection, on: bool, tag: str) -> Non
     lobby.intake = intake.feed
     while True:
         frame = intake.get()
+        world.scheduler.running().renew()
         try:
             _handle(world, connection, frame)
         except Exception as error:

@@ -172,8 +172,11 @@ class Connection:
             self.send(Code.CHANGED, self.world.string(watch.name), value, var.stamp)
 
     def update(self, var: UVar, value: Any, stamp: float) -> None:
-        """The remote reports a value.  It does not come back, unless the variable is another's."""
+        """The remote reports a value, which does not come back, or writes the variable of a device of the server."""
         mine = var.holder in self.objects.values()
+        if var.effector is not None and not mine:
+            var.write(var.holder, value)
+            return
         var.receive(value, self._seconds(stamp), self if mine else None)
 
     def _seconds(self, stamp: float) -> float:

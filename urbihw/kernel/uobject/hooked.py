@@ -32,6 +32,14 @@ class Subscriber(Protocol):
         ...
 
 
+class Guard(Protocol):
+    """What lets a write through, or raises an error that says why not."""
+
+    def admit(self, wanted: Any, value: Any) -> None:
+        """Somebody assigns ``wanted``, of which the range leaves ``value``."""
+        ...
+
+
 class Mirror(Protocol):
     """The server's side of a variable of a process of its own."""
 
@@ -65,6 +73,7 @@ class Hooked(Executable):
         "_target",
         "bypass",
         "dated",
+        "effector",
         "hooked",
         "mirror",
         "name",
@@ -92,6 +101,8 @@ class Hooked(Executable):
         self.bypass = False
         self.rtp: bool | None = None
         self.writable = True
+        self.effector: Guard | None = None
+        """Asked before each write, if the variable moves something."""
         self.remove_throwing = True
         self.mirror: Mirror | None = None
         self.writer: Subscriber | None = None
@@ -164,8 +175,12 @@ class Hooked(Executable):
 
     def write(self, target: Any, value: Any) -> Any:
         """An outsider assigns the slot: the value within ``rangemin`` and ``rangemax``, blended, becomes the target."""
+        wanted = value
         if self._meta.properties is not None:
             value = self._limited(value)
+        if self.effector is not None:
+            self.effector.admit(wanted, value)
+        if self._meta.properties is not None:
             blender = self.blender()
             if blender is not None:
                 blender.assign(value)

@@ -24,6 +24,9 @@ class RobotSettings:
         dead_man: seconds without a sign of life from the kernel after which the robot is stopped; 0 for never.
         torque_off_on_stop: stopping also switches the motors off; a robot that stands then falls.
         options: what else the platform knows, by name.
+        keep_motion: what a client set in motion goes on when its connection ends.
+        resume: a movement goes on when the device or the link that it lost comes back; else it ends.
+        control: path of the control socket of the bus worker; "" for none.
     """
 
     url: str
@@ -31,6 +34,9 @@ class RobotSettings:
     dead_man: float = 1.5
     torque_off_on_stop: bool = False
     options: Mapping[str, Any] = field(default_factory=dict)
+    keep_motion: bool = False
+    resume: bool = True
+    control: str = ""
 
 
 Opened = Callable[[DeviceError | None], None]

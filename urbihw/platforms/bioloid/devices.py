@@ -151,7 +151,13 @@ class Device(UObject):
     def _write_slot(self, row: Slot, raw: int) -> None:
         self.write(row.item, raw, row.name)
 
-    def write(self, item: str, raw: int, slot: str, done: Callable[[bool], None] = lambda ok: None) -> None:
+    def write(
+        self,
+        item: str,
+        raw: int,
+        slot: str,
+        done: Callable[[bool], None] = lambda ok: None,
+    ) -> None:
         """Write a register for sure; the slot follows when the device has confirmed it.
 
         A device that answers with an error may have obeyed all the same (an AX servo whose goal lies outside the

@@ -5,8 +5,9 @@ positive.  ``speed`` is in rad/s: of a joint, how fast it goes to following goal
 motor is a wheel while ``cwLimit`` and ``ccwLimit`` are both 0.  ``load`` 0 switches the motor off, and it stays off,
 whatever is written to ``val``, until ``load`` is 1.
 
-Switching between joint and wheel takes several confirmed writes; what is written to ``val`` and ``speed`` meanwhile is
-kept back and sent behind them, because one register means different things in the two modes.
+Switching between joint and wheel, and switching on, take several confirmed writes; what is written to ``val`` and
+``speed`` meanwhile is deferred and sent behind them, because one register means different things in the two modes.  A
+deferred write keeps its origin: a stop ends it like any other.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from urbihw.buses.dynamixel import units
 from urbihw.buses.dynamixel.device import DeviceInfo
 from urbihw.buses.dynamixel.status import state_words
 from urbihw.buses.messages import Reply
-from urbihw.kernel.uobject import UVar, function, reading
+from urbihw.kernel.uobject import EffectorDevice, Motion, Origin, UVar, function, reading
 from urbihw.platforms.bioloid import slots
 from urbihw.platforms.bioloid.devices import Device, Refused, Take, number
 from urbihw.platforms.bioloid.slots import Slot
@@ -27,7 +28,7 @@ Step = tuple[str, int]
 """One write of a switch of mode: item and raw count."""
 
 
-class Servo(Device):
+class Servo(Device, EffectorDevice):
     """What both kinds of servos share."""
 
     kind_of_device = "motor"
@@ -37,16 +38,23 @@ class Servo(Device):
     limits: ClassVar[tuple[str, str]]
     """The registers of cwLimit and ccwLimit."""
 
+    def init(self, wire: Wire, info: DeviceInfo, refused: Refused, motion: Motion) -> None:  # type: ignore[override]
+        """``motion`` is who may move the robot."""
+        self.motion = motion
+        super().init(wire, info, refused)
+
     def prepare(self) -> None:
         """Bind what the slots val, speed, load, cwLimit and ccwLimit do."""
         self.val, self.speed, self.load = (self.variables[name] for name in ("val", "speed", "load"))
         self.cw_limit, self.ccw_limit = self.variables["cwLimit"], self.variables["ccwLimit"]
         self._off = False
-        self._steps_left = 0
-        self._held_back: set[str] = set()
+        self._switches = 0
+        self._deferred: dict[str, Origin] = {}
         self._limits_wanted: dict[str, float] = {}
-        self.notify_change(self.val, self._val_written)
-        self.notify_change(self.speed, self._speed_written)
+        self._goal_guard = self.guard(self.motion, self.number, self.val)
+        self._speed_guard = self.guard(self.motion, self.number, self.speed)
+        self.notify_change(self.val, lambda: self._val_written(self._goal_guard.origin))
+        self.notify_change(self.speed, lambda: self._speed_written(self._speed_guard.origin))
         self.notify_change(self.load, self._load_written)
         for var in (self.cw_limit, self.ccw_limit):
             self.notify_change(var, self._limit_written)
@@ -101,42 +109,65 @@ class Servo(Device):
         """How the present speed is read; override where the mode matters."""
         return super().taker(row, var)
 
-    def _val_written(self) -> None:
+    def _val_written(self, origin: Origin) -> None:
         raw = units.from_si(self.table.item(self.goal), number(self.val))
         if self._switching:
-            self._held_back.add("val")
+            self._deferred["val"] = origin
         elif not self.wheel.sensed and not self._off:
-            self.wire.aim(self.number, self.goal, raw)
-            self._want_torque()
+            self.wire.aim(self.number, self.goal, raw, origin)
+            self._want_torque(origin)
 
-    def _want_torque(self) -> None:
+    def _want_torque(self, origin: Origin) -> None:
         """An AX servo switches its torque on by itself when given a goal, others do not: say it to both."""
         if self.raw.get("torque_enable") != 1:
-            self.wire.aim(self.number, "torque_enable", 1)
+            self.wire.aim(self.number, "torque_enable", 1, origin)
 
     # ---------------------------------------------------------------- speed
 
-    def _speed_written(self) -> None:
+    def _speed_written(self, origin: Origin) -> None:
         value = number(self.speed)
         if self._switching:
-            self._held_back.add("speed")
+            self._deferred["speed"] = origin
             return
         wheel = bool(self.wheel.sensed)
         item, raw = self.speed_target(value, wheel)
         if wheel:
             if self._off:
                 return
-            self._want_torque()
+            self._want_torque(origin)
+            self.wire.aim(self.number, item, raw, origin)
         else:
             self.settings[item] = raw
-        self.wire.aim(self.number, item, raw)
+            self.wire.aim(self.number, item, raw)
 
     # ---------------------------------------------------------------- load
 
     def _load_written(self) -> None:
         self._off = number(self.load) == 0
-        for item, raw in [("torque_enable", 0)] if self._off else self.plan_on():
-            self.write(item, raw, "load")
+        self._switch([("torque_enable", 0)] if self._off else self.plan_on(), "load")
+
+    def _switch(self, steps: list[Step], slot: str) -> None:
+        """Several writes that belong together; what is written to val and speed meanwhile comes behind them."""
+        if not steps:
+            self._send_deferred()
+            return
+        self._switches += 1
+
+        def replied(reply: Reply) -> None:
+            self._switches -= 1
+            if reply.ok:
+                self.take(dict(steps), self.host.now())
+            else:
+                self.refused(slot, self.explained(reply.error))
+                for item, _ in steps:
+                    self.wire.read(self.number, item, lambda read, item=item: self._read_again(item, read))  # type: ignore[misc]
+            self._send_deferred()
+
+        self.wire.write_all(self.number, steps, replied, self.motion.origin())
+
+    def _read_again(self, item: str, reply: Reply) -> None:
+        if reply.ok and reply.value is not None:
+            self.take({item: reply.value}, self.host.now())
 
     def load_read(self, stamp: float) -> None:
         """A register that decides about the slot load was read."""
@@ -166,28 +197,20 @@ class Servo(Device):
         """The round in which limits were written is over: switch mode, or set them."""
         least, most = self._wanted()
         self._limits_wanted = {}
-        steps = self.plan_limits(least == most == 0, least, most)
-        self._steps_left += len(steps)
-        for item, raw in steps:
-            self.write(item, raw, "cwLimit, ccwLimit", self._step_done)
-        self._send_held_back()
+        self._switch(self.plan_limits(least == most == 0, least, most), "cwLimit, ccwLimit")
 
     @property
     def _switching(self) -> bool:
-        return bool(self._steps_left or self._limits_wanted)
+        return bool(self._switches or self._limits_wanted)
 
-    def _step_done(self, ok: bool) -> None:
-        self._steps_left -= 1
-        self._send_held_back()
-
-    def _send_held_back(self) -> None:
+    def _send_deferred(self) -> None:
         if self._switching:
             return
-        held_back, self._held_back = self._held_back, set()
-        if "speed" in held_back:
-            self._speed_written()
-        if "val" in held_back:
-            self._val_written()
+        deferred, self._deferred = self._deferred, {}
+        for slot, write in (("speed", self._speed_written), ("val", self._val_written)):
+            origin = deferred.get(slot)
+            if origin is not None and self.motion.is_live(origin):
+                write(origin)
 
     def _limits_read(self, stamp: float) -> None:
         if any(item not in self.raw for item in (*self.mode_items(), *self.limits)):
@@ -287,10 +310,10 @@ class XServo(Servo):
     limits = ("min_position_limit", "max_position_limit")
     hidden = (("operating_mode", slots.RARE), ("hardware_error", slots.SLOW), ("velocity_limit", slots.RARE))
 
-    def init(self, wire: Wire, info: DeviceInfo, refused: Refused) -> None:
+    def init(self, wire: Wire, info: DeviceInfo, refused: Refused, motion: Motion) -> None:  # type: ignore[override]
         """The XL430 family tells its load, the others measure their current."""
         self.rows = slots.XL430 if info.family == "XL430" else slots.X_CURRENT
-        super().init(wire, info, refused)
+        super().init(wire, info, refused, motion)
 
     def prepare(self) -> None:
         """A register says what is wrong with it; the torque limit has no sign."""

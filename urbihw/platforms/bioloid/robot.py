@@ -76,6 +76,7 @@ class Bioloid(WiredRobot):
         """Called by ``new``; nothing happens before ``open``."""
         super().init()
         self.devices: dict[int, Device] = {}
+        self._missing: dict[int, None] = {}
 
     # ---------------------------------------------------------------- what the daemon calls
 
@@ -97,7 +98,8 @@ class Bioloid(WiredRobot):
         parts = [_count(motors, "servo"), _count(sensors, "sensor")]
         if self.rate.sensed:
             parts.append(f"{self.rate.sensed:.0f} Hz")
-        return ", ".join(parts) + (f", lost: {' '.join(lost)}" if lost else "")
+        missing = f", missing: {' '.join(map(str, self._missing))}" if self._missing else ""
+        return ", ".join(parts) + (f", lost: {' '.join(lost)}" if lost else "") + missing
 
     # ---------------------------------------------------------------- what urbiscript calls
 
@@ -171,7 +173,9 @@ class Bioloid(WiredRobot):
             log.warning("device %d (%s) is of no kind known here; it is left alone", info.id, info.name)
             return
         group, name = (self.motors, "motor") if issubclass(kind, Servo) else (self.sensors, "sensor")
-        device = self.host.create(kind, f"{name}{info.id}", self.wire, info, self._refuse)
+        about = (self.wire, info, self._refuse, *((self.motion,) if issubclass(kind, Servo) else ()))
+        device = self.host.create(kind, f"{name}{info.id}", *about)
+        self._missing.pop(info.id, None)
         self.devices[info.id] = group.members[info.id] = device
         self.found.emit(device)
 
@@ -179,6 +183,9 @@ class Bioloid(WiredRobot):
         """See ``WiredRobot``."""
         device = self.devices.get(message.device)
         if device is None:
+            if message.new == "lost":
+                self._missing[message.device] = None
+                log.warning("no answer from %d, which the settings expect: it joins when it answers", message.device)
             return
         device.changed_state(message.new, message.reason)
         if message.new == "lost":

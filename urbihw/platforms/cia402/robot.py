@@ -61,7 +61,7 @@ class Cia402(WiredRobot):
             if known is not None:
                 known.changed_state("ok", "")
                 continue
-            drive = self.host.create(ServoDrive, f"drive{info.id}", self.wire, info, self._refuse)
+            drive = self.host.create(ServoDrive, f"drive{info.id}", self.wire, info, self._refuse, self.motion)
             self.members[info.id] = drive
             if not info.watches:
                 self.log.warning("drive %d cannot watch us: it goes on if this machine dies", info.id)

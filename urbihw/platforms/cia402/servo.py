@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from urbihw.buses.can import cia402 as c
 from urbihw.buses.can.drive import DriveInfo
 from urbihw.buses.messages import Reply
-from urbihw.kernel.uobject import UObject, UVar, event, function, owned, reading, variable
+from urbihw.kernel.uobject import Effector, EffectorDevice, Motion, UVar, event, function, owned, reading, variable
 from urbihw.platforms.wire import Wire
 
 log = logging.getLogger("urbihw.cia402")
@@ -22,7 +22,7 @@ Refused = Callable[["ServoDrive", str, str], None]
 """Told of what a drive did not do: drive, slot, why."""
 
 
-class ServoDrive(UObject):
+class ServoDrive(EffectorDevice):
     """A drive.  ``load`` is its power: 0 when off.  It is switched on by hand only, and stands when it is."""
 
     val = owned(math.nan)
@@ -45,8 +45,8 @@ class ServoDrive(UObject):
     lost = event()
     back = event()
 
-    def init(self, wire: Wire, info: DriveInfo, refused: Refused) -> None:
-        """Show the drive that ``info`` tells of."""
+    def init(self, wire: Wire, info: DriveInfo, refused: Refused, motion: Motion) -> None:
+        """Show the drive that ``info`` tells of; ``motion`` is who may move it."""
         self.number = info.id
         self._wire = wire
         self._info = info
@@ -64,8 +64,10 @@ class ServoDrive(UObject):
             self.positionCoeff.sense(math.tau / info.increments)
             self.velocityCoeff.sense(math.tau / info.increments)
         self._set_ranges()
-        self.notify_change(self.val, lambda: self._aim(self.val, "position", self.positionCoeff))
-        self.notify_change(self.speed, lambda: self._aim(self.speed, "velocity", self.velocityCoeff))
+        self._motion = motion
+        val, speed = (self.guard(motion, self.number, var) for var in (self.val, self.speed))
+        self.notify_change(self.val, lambda: self._aim(val, self.val, "position", self.positionCoeff))
+        self.notify_change(self.speed, lambda: self._aim(speed, self.speed, "velocity", self.velocityCoeff))
         self.notify_change(self.load, self._switch)
         for coefficient in (self.positionCoeff, self.velocityCoeff):
             self.notify_change(coefficient, self._check)
@@ -84,14 +86,12 @@ class ServoDrive(UObject):
 
     # ---------------------------------------------------------------- written
 
-    def _aim(self, var: UVar, item: str, coefficient: UVar) -> None:
+    def _aim(self, guard: Effector, var: UVar, item: str, coefficient: UVar) -> None:
         value = _number(var)
         if self.state.sensed == "ok" and self.driveState.sensed != c.ENABLED:
             raise ValueError(f"drive {self.number} is off ({self.driveState.sensed}): switch it on with load = 1")
-        if not math.isfinite(value):
-            raise ValueError("this slot takes a finite number")
         most = (1 << 31) - 1
-        self._wire.aim(self.number, item, max(-most, min(most, round(value / coefficient.value))))
+        self._wire.aim(self.number, item, max(-most, min(most, round(value / coefficient.value))), guard.origin)
 
     def _switch(self) -> None:
         self._ask("enable" if _number(self.load) else "disable", "load")
@@ -101,7 +101,7 @@ class ServoDrive(UObject):
             if not reply.ok:
                 self._tell_refused(self, slot, reply.error)
 
-        self._wire.ask(verb, self.number, done)
+        self._wire.ask(verb, self.number, done, self._motion.origin())
 
     def _check(self, coefficient: UVar) -> None:
         value = _number(coefficient)

@@ -10,10 +10,11 @@ its opcode on and gives the reply from its opcode on; ("brick", "silent", bytes)
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from urbihw.buses.engine import Driver, never
 from urbihw.buses.errors import BadFrame, BadValue, BusError, BusTimeout, LinkGone, Unavailable
 from urbihw.buses.link import Port, byte_link
 from urbihw.buses.messages import (
@@ -55,10 +56,8 @@ class FoundBrick:
     sleep_limit: float
 
 
-class NxtDriver:
+class NxtDriver(Driver):
     """See ``urbihw.buses.engine.Driver`` for who calls what."""
-
-    slow_verbs: frozenset[str] = frozenset()
 
     def __init__(self) -> None:
         self._settings = Configure()
@@ -66,7 +65,8 @@ class NxtDriver:
         self._plan = Plan()
         self._motion = Motion()
         self._pending: Job | None = None
-        self._moved = False
+        self._moved: set[str] = set()
+        self._rotations: dict[str, int] = {}
         self._keep_alive_at = 0.0
         self._next_tick = 0.0
 
@@ -75,12 +75,10 @@ class NxtDriver:
         self._settings = settings
 
     def attach(self, port: Port) -> list[FromWorker]:
-        """Meet the brick.  What we had set in motion before the link was lost is stopped now."""
+        """Meet the brick."""
         exchange = Exchange(byte_link(port))
         try:
             found = self._meet(exchange)
-            if self._moved:
-                self._hold(exchange)
         except (LinkGone, Unavailable):
             raise
         except BusError as error:
@@ -90,7 +88,6 @@ class NxtDriver:
         now = port.clock.now()
         self._exchange = exchange
         self._pending = None
-        self._moved = False
         self._plan.restart(now)
         self._keep_alive_at = now + KEEP_ALIVE
         return [Found((found,))]
@@ -101,7 +98,7 @@ class NxtDriver:
         self._pending = None
         self._motion.forget()
 
-    def tick(self, now: float, meanwhile: Callable[[], None]) -> list[FromWorker]:
+    def tick(self, now: float, meanwhile: Callable[[], None], urgent: Callable[[], bool] = never) -> list[FromWorker]:
         """Send targets, then read until most of the tick is over.  Raises LinkGone."""
         exchange = self._exchange
         if exchange is None:
@@ -117,6 +114,8 @@ class NxtDriver:
                     break
                 meanwhile()
             if not self._collect(exchange, end, gathered):
+                break
+            if urgent():
                 break
             if clock.now() >= end:
                 if not exchange.busy:
@@ -160,17 +159,52 @@ class NxtDriver:
         except BusError as error:
             return [Reply(message.reply_id, False, error=str(error))]
 
-    def safe_stop(self) -> None:
-        """All motors hold, or with ``torque_off_on_stop`` coast; silence.  Raises LinkGone."""
-        self._motion.forget()
+    def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
+        """The motors, all or some, hold, or with ``torque_off_on_stop`` coast; silence.  Raises LinkGone."""
+        self._motion.forget(devices)
         exchange, self._pending = self._exchange, None
         if exchange is None:
             return
+        ports = [port for port in p.OUTPUTS if devices is None or port in devices]
         try:
-            self._hold(exchange)
+            self._hold(exchange, ports, silence=devices is None or BRICK in devices)
         except BusError as error:
             raise LinkGone(f"{exchange.link.url.text}: the brick did not confirm that it stopped ({error})") from error
-        self._moved = False
+        self._moved -= {*ports}
+
+    def rest(self) -> None:
+        """See ``Driver``; a brick that nobody moved is left as it is.  Raises LinkGone."""
+        if self._moved:
+            self.safe_stop()
+
+    def stop_what_moves(self) -> tuple[Any, ...]:
+        """See ``Driver``: motors that run by themselves hold.  Raises LinkGone."""
+        exchange = self._exchange
+        if exchange is None:
+            return ()
+        try:
+            running = [
+                port
+                for number, port in enumerate(p.OUTPUTS)
+                if p.parse_output_runs(_patiently(exchange, p.output_state(number)))
+            ]
+            self._hold(exchange, running, silence=False)
+        except BusError as error:
+            raise LinkGone(f"{exchange.link.url.text}: the brick did not confirm that it stopped ({error})") from error
+        return tuple(running)
+
+    def moves(self, device: Any, item: str, value: Any) -> bool:
+        """Powers and goals of motors, and tones."""
+        return (device in p.OUTPUTS and item in ("power", "goal") and value != 0) or item == "tone"
+
+    def request_moves(self, request: Request) -> bool:
+        """A telegram that runs a motor, starts a program or plays something."""
+        telegram = request.value
+        return request.device == BRICK and isinstance(telegram, bytes) and telegram[:1] in p.MOVING_OPCODES
+
+    def pose(self, device: Any, item: str) -> float | None:
+        """The count of degrees as last read, for the goal of a motor."""
+        return self._rotations.get(device) if item == "goal" else None
 
     def errors(self) -> dict[str, int]:
         """Return failures since ``attach``, by kind."""
@@ -191,10 +225,14 @@ class NxtDriver:
             info.name, info.address, _dotted(version.firmware), _dotted(version.protocol), info.free, limit / 1000
         )
 
-    def _hold(self, exchange: Exchange) -> None:
-        stop = p.coast(p.ALL_OUTPUTS) if self._settings.torque_off_on_stop else p.run(p.ALL_OUTPUTS, 0)
-        p.body(_patiently(exchange, p.replied(stop)), 0)
-        exchange.tell(p.stop_sound())
+    def _hold(self, exchange: Exchange, ports: Iterable[str], *, silence: bool) -> None:
+        ports = list(ports)
+        outputs = [p.ALL_OUTPUTS] if len(ports) == len(p.OUTPUTS) else [p.OUTPUTS.index(port) for port in ports]
+        for output in outputs:
+            stop = p.coast(output) if self._settings.torque_off_on_stop else p.run(output, 0)
+            p.body(_patiently(exchange, p.replied(stop)), 0)
+        if silence:
+            exchange.tell(p.stop_sound())
 
     # ---------------------------------------------------------------- a tick
 
@@ -206,7 +244,7 @@ class NxtDriver:
             exchange.tell(p.keep_alive(reply=False))
 
     def _tell(self, exchange: Exchange, telegram: bytes) -> None:
-        self._moved = True
+        self._moved |= p.outputs_of(telegram)
         exchange.tell(telegram)
 
     def _begin(self, exchange: Exchange, now: float) -> bool:
@@ -248,6 +286,7 @@ class NxtDriver:
         if values is not None:
             gathered.add(job.device, values, now)
             if "rotation" in values:
+                self._rotations[job.device] = values["rotation"]
                 for telegram in self._motion.control(job.device, values["rotation"]):
                     self._tell(exchange, telegram)
         return True

@@ -15,7 +15,7 @@ what moves the motor at all, and within a few degrees it holds.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Any, Final
 
 from urbihw.buses.errors import BadValue
@@ -52,8 +52,15 @@ class Motion:
                 self._aims.pop((device, other), None)
         self._aims[device, item] = value
 
-    def forget(self) -> None:
-        """Drop all targets: the link is gone, or the robot is being stopped."""
+    def forget(self, devices: Collection[Any] | None = None) -> None:
+        """Drop the targets of some devices, None for all: the link is gone, or they are being stopped."""
+        if devices is not None:
+            for key in [key for key in self._aims if key[0] in devices]:
+                del self._aims[key]
+            for device in devices:
+                self._powers.pop(device, None)
+                self._goals.pop(device, None)
+            return
         self._aims.clear()
         self._powers.clear()
         self._goals.clear()

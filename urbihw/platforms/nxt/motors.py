@@ -8,17 +8,17 @@ chapter 22.  Writing ``val``, ``angle`` or ``turn`` lets the worker turn the mot
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
-from urbihw.kernel.uobject import UVar, function, owned, reading, variable
+from urbihw.kernel.uobject import Effector, EffectorDevice, UVar, function, owned, reading, variable
 from urbihw.platforms.nxt import protocol as p
 from urbihw.platforms.nxt.ports import PortDevice
 
 FULL = 100.0
 
 
-class Servo(PortDevice):
+class Servo(PortDevice, EffectorDevice):
     """A motor of the NXT on port "A", "B" or "C"."""
 
     known_ports = p.OUTPUTS
@@ -31,15 +31,22 @@ class Servo(PortDevice):
     # The brick does not measure it.
     torque = reading(math.nan)
 
+    _guards: Iterable[Effector] = ()
+
     def init(self, port: str) -> None:
         """``Servo.new("A")``"""
         self.speed.set_property("rangemin", -FULL)
         self.speed.set_property("rangemax", FULL)
         self.settle_on(port)
-        self.notify_change(self.speed, self._speed_written)
-        self.notify_change(self.val, lambda: self._go(_number(self.val)))
-        self.notify_change(self.turn, lambda: self._go(_number(self.turn) * 360))
-        self.notify_change(self.angle, lambda: self._go(self._nearest(math.degrees(_number(self.angle)))))
+        motion = self.brick.motion
+        guards = {var.name: self.guard(motion, port, var) for var in (self.speed, self.val, self.turn, self.angle)}
+        self._guards = guards.values()
+        self.notify_change(self.speed, lambda: self._speed_written(guards["speed"]))
+        self.notify_change(self.val, lambda: self._go(_number(self.val), guards["val"]))
+        self.notify_change(self.turn, lambda: self._go(_number(self.turn) * 360, guards["turn"]))
+        self.notify_change(
+            self.angle, lambda: self._go(self._nearest(math.degrees(_number(self.angle))), guards["angle"])
+        )
 
     @function
     def coast(self) -> None:
@@ -64,6 +71,8 @@ class Servo(PortDevice):
     def arrived(self) -> None:
         """See ``PortDevice``.  Nothing moves by itself: the speed begins at 0."""
         self.speed.sense(0.0)
+        for guard in self._guards:
+            guard.device = self.place
 
     def leaving(self) -> None:
         """See ``PortDevice``."""
@@ -78,14 +87,14 @@ class Servo(PortDevice):
         """See ``PortDevice``."""
         self.speed.sense(0.0)
 
-    def _speed_written(self) -> None:
-        self.aim("power", round(_number(self.speed)))
+    def _speed_written(self, guard: Effector) -> None:
+        self.aim("power", round(_number(self.speed)), guard.origin)
 
-    def _go(self, degrees: float) -> None:
+    def _go(self, degrees: float, guard: Effector) -> None:
         if math.isinf(degrees):
             raise ValueError("there is no such position")
         self.speed.sense(0.0)
-        self.aim("goal", degrees)
+        self.aim("goal", degrees, guard.origin)
 
     def _nearest(self, degrees: float) -> float:
         """The position with this angle that is nearest to where the motor is."""

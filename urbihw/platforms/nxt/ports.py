@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, Final
 
-from urbihw.kernel.uobject import UObject, function, reading, variable
+from urbihw.kernel.uobject import Origin, UObject, function, reading, variable
 from urbihw.platforms.base import WiredRobot
 
 SLOT: Final = "nxt"
@@ -137,10 +137,10 @@ class PortDevice(UObject):
 
     # ---------------------------------------------------------------- ports
 
-    def aim(self, item: str, value: Any) -> None:
+    def aim(self, item: str, value: Any, origin: Origin | None = None) -> None:
         """Set something on the port, if the device has one."""
         if self.place is not None:
-            self.brick.wire.aim(self.place, item, value)
+            self.brick.wire.aim(self.place, item, value, origin)
 
     def _port_written(self) -> None:
         value = self.port.value

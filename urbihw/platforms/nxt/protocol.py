@@ -24,6 +24,8 @@ ALL_OUTPUTS: Final = 0xFF
 SWITCH, LIGHT_ACTIVE, LIGHT_INACTIVE, SOUND_DB, SOUND_DBA, LOWSPEED_9V, COLOUR = 1, 5, 6, 7, 8, 11, 13
 RAW, BOOLEAN, PERCENT = 0x00, 0x20, 0x80
 
+_MOTOR_ON = 0x01
+_IDLE = 0x00
 PENDING: Final = 0x20
 NOT_READY: Final = 0xE0
 
@@ -34,6 +36,9 @@ SYSTEM_OPCODES: Final = frozenset(
     + (0x98, 0x9B, 0xA0, 0xA1, 0xA2, 0xA4)
 )
 """Those with a reply that can be relied on: the firmware answers unknown ones with garbage."""
+
+MOVING_OPCODES: Final = frozenset((b"\x00", b"\x02", b"\x03", b"\x04"))
+"""Direct commands that set something in motion or sound: STARTPROGRAM, PLAYSOUNDFILE, PLAYTONE, SETOUTPUTSTATE."""
 
 MEANINGS: Final = {
     0x20: "still busy",
@@ -215,6 +220,15 @@ def ls_read(port: int) -> bytes:
     return bytes((0x00, 0x10, port))
 
 
+def outputs_of(telegram: bytes) -> frozenset[str]:
+    """The motors that a telegram sets in motion: those of SETOUTPUTSTATE, all for STARTPROGRAM."""
+    if telegram[1:2] == b"\x00" and not telegram[0] & 1:
+        return frozenset(OUTPUTS)
+    if telegram[1:2] != b"\x04" or telegram[0] & 1 or len(telegram) < 3:
+        return frozenset()
+    return frozenset(OUTPUTS[telegram[2] : telegram[2] + 1] if telegram[2] < len(OUTPUTS) else OUTPUTS)
+
+
 def raw(body: bytes, reply: bool) -> bytes:
     """A telegram from what follows its type byte.  Raises BadValue for one that must not be sent."""
     if not 1 <= len(body) < LONGEST:
@@ -267,6 +281,12 @@ def parse_device_info(reply: bytes) -> BrickInfo:
 def parse_output_state(reply: bytes) -> OutputState:
     """Of GETOUTPUTSTATE."""
     return OutputState(*struct.unpack_from("<BbBBbBIiii", body(reply, 22)))
+
+
+def parse_output_runs(reply: bytes) -> bool:
+    """Whether the motor of a reply to GETOUTPUTSTATE is driven."""
+    state = parse_output_state(reply)
+    return state.power != 0 and bool(state.mode & _MOTOR_ON) and state.run_state != _IDLE
 
 
 def parse_input_values(reply: bytes) -> InputValues:

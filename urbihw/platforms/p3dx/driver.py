@@ -18,6 +18,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
 
+from urbihw.buses.engine import Driver, never
 from urbihw.buses.errors import BadFrame, BadValue, LinkGone
 from urbihw.buses.link import Link, Port, byte_link
 from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, Request, Samples, Targets, Watch
@@ -31,6 +32,8 @@ from urbihw.platforms.p3dx.setpoint import SetPoint, Switch
 ROBOT, SONAR, LASER, COMMAND = "robot", "sonar", "laser", "command"
 PULSE_AFTER: Final = 0.5
 """Seconds without a command after which a PULSE keeps the controller's watchdog (2 s) quiet, as ARIA does."""
+BLIND: Final = 0.5
+"""Seconds without a packet after which a robot that drives is stopped: five of its reports."""
 SILENCE: Final = 2.0
 """Seconds without a packet after which the connection counts as lost."""
 PACE: Final = 0.004
@@ -44,10 +47,8 @@ _SIP_ITEMS: Final = (
 Values = dict[Any, dict[str, Any]]
 
 
-class ArcosDriver:
+class ArcosDriver(Driver):
     """See the head of this file, and ``urbihw.buses.engine.Driver``."""
-
-    slow_verbs: frozenset[str] = frozenset()
 
     def __init__(self) -> None:
         self._link: Link | None = None
@@ -108,7 +109,7 @@ class ArcosDriver:
 
     # ---------------------------------------------------------------- one tick
 
-    def tick(self, now: float, meanwhile: Callable[[], None]) -> list[FromWorker]:
+    def tick(self, now: float, meanwhile: Callable[[], None], urgent: Callable[[], bool] = never) -> list[FromWorker]:
         """Take in what has come, send what is due.  Raises LinkGone."""
         link = self._link
         if link is None:
@@ -116,9 +117,10 @@ class ArcosDriver:
         news: list[FromWorker] = []
         data = link.read(4096, now)
         if data:
-            self._heard_at = now
             values: Values = {}
             for body in self._framer.feed(data):
+                # A packet is a sign of life; bytes alone are none.
+                self._heard_at = now
                 self._take(body, values)
             if values:
                 for device, items in values.items():
@@ -126,10 +128,20 @@ class ArcosDriver:
                 news.append(Samples(now, values, dict.fromkeys(values, now)))
             if ROBOT in values:
                 news += self._confirm(now)
-        elif now - self._heard_at > SILENCE:
+        self._stop_if_blind(link, now)
+        if now - self._heard_at > SILENCE:
+            link.write(encode("STOP"))
             raise LinkGone(f"{link.url.text}: the robot has been silent for {SILENCE:g} s; is it switched off?")
         news += self._send(link, now)
         return news
+
+    def _stop_if_blind(self, link: Link, now: float) -> None:
+        """What drives and says nothing more is stopped."""
+        if now - self._heard_at > BLIND and any(speed.value for speed in self._speeds.values()):
+            for speed in self._speeds.values():
+                speed.halt()
+            link.write(encode("STOP"))
+            self.halted = f"the robot has said nothing for {BLIND:g} s"
 
     def _take(self, body: bytes, values: Values) -> None:
         kind = body[0]
@@ -153,6 +165,8 @@ class ArcosDriver:
         odometer.take(seen)
         if self._flags & sip.MOTORS_ON and not seen.flags & sip.MOTORS_ON:
             # What was wanted of the motors must not come back with them.
+            if any(speed.value for speed in self._speeds.values()):
+                self.halted = "the motors were switched off"
             for speed in self._speeds.values():
                 speed.halt()
         self._flags = seen.flags
@@ -265,7 +279,15 @@ class ArcosDriver:
             return [Reply(message.reply_id, True)]
         raise BadValue(f"this robot knows no request {message.verb} {message.device} {message.item}")
 
-    def safe_stop(self) -> None:
+    def moves(self, device: Any, item: str, value: Any) -> bool:
+        """Speeds other than zero."""
+        return device == ROBOT and bool(value)
+
+    def request_moves(self, request: Request) -> bool:
+        """None: what drives is no request, and motors that are switched on stand."""
+        return False
+
+    def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
         """Stop at once, and say it again: nothing is acknowledged.  Raises LinkGone."""
         link = self._link
         if link is None:

@@ -135,7 +135,7 @@ class Laser(Switch):
         elif isinstance(message, m.Found):
             (info,) = message.devices
             self._show_geometry(math.radians(info.field), math.radians(info.resolution / 100))
-        elif isinstance(message, m.LinkState) and not message.up:
+        elif isinstance(message, m.LinkState | m.WorkerState) and message.reason:
             self.is_gone(message.reason)
         elif isinstance(message, m.Ended):
             self._worker, self._wanted = None, False

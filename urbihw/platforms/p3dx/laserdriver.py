@@ -11,8 +11,9 @@ from __future__ import annotations
 import errno
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
+from urbihw.buses.engine import Driver, never
 from urbihw.buses.errors import BadFrame, LinkGone, Unavailable
 from urbihw.buses.link import Link, Port, byte_link
 from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, Request, Samples, Targets, Watch
@@ -38,10 +39,8 @@ class LaserInfo:
     resolution: int
 
 
-class SickDriver:
+class SickDriver(Driver):
     """See the head of this file, and ``urbihw.buses.engine.Driver``."""
-
-    slow_verbs: frozenset[str] = frozenset()
 
     def __init__(self) -> None:
         self._link: Link | None = None
@@ -114,7 +113,7 @@ class SickDriver:
         """The link is gone."""
         self._link = None
 
-    def tick(self, now: float, meanwhile: Callable[[], None]) -> list[FromWorker]:
+    def tick(self, now: float, meanwhile: Callable[[], None], urgent: Callable[[], bool] = never) -> list[FromWorker]:
         """Take in what has come; of several scans the last.  Raises LinkGone."""
         link = self._link
         if link is None:
@@ -148,7 +147,18 @@ class SickDriver:
         """A laser takes none."""
         return [Reply(message.reply_id, False, error=f"a laser knows no request {message.verb}")]
 
-    def safe_stop(self) -> None:
+    def rest(self) -> None:
+        """A laser that is back scans on."""
+
+    def moves(self, device: Any, item: str, value: Any) -> bool:
+        """Nothing here moves."""
+        return False
+
+    def request_moves(self, request: Request) -> bool:
+        """Nothing here moves."""
+        return False
+
+    def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
         """Let the laser rest.  Raises LinkGone."""
         if self._link is not None:
             self._link.write(sick.telegram(sick.STOP))

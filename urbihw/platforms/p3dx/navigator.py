@@ -175,6 +175,7 @@ class Navigator(UObject):
         if not self.mapFileName.sensed:
             raise ValueError("there is no map; set P3dx.planner.mapFileName first")
         self._robot.check_motors()
+        self._robot.take_motion()
         self._robot.drive.halt("a path is being planned")
         self.cancel()
         self._goal = Goal((x, y), heading)

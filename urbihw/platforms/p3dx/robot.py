@@ -7,7 +7,7 @@ says is ordered.  The tree of components (``P3dx.body``, ``robot``) is put toget
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from typing import Any
 
 from urbihw.buses import messages as m
@@ -54,6 +54,7 @@ class P3dx(ArcosRobot):
         self._last: tuple[float, float, float] | None = None
         self._motors = self._motors_wanted = False
         self._aimed = (0, 0)
+        self._origin = self.motion.own()
         self._by_hand = False
         self._laser_url = ""
 
@@ -304,6 +305,7 @@ class P3dx(ArcosRobot):
     def _go_at(self, v: float | None, w: float | None) -> None:
         if v or w:
             self.check_motors()
+        self._origin = self.motion.admit(ROBOT)
         self.planner.cancel()
         self.drive.set(v, w)
         self._order()
@@ -314,7 +316,7 @@ class P3dx(ArcosRobot):
             raise ValueError("the motors are off; switch them on first: P3dx.body.load = 1")
 
     def begin(self, motion: Motion) -> None:
-        """Begin a motion."""
+        """Begin a motion of the goal that ``take_motion`` was called for."""
         self.drive.start(motion)
         self._order()
 
@@ -329,12 +331,27 @@ class P3dx(ArcosRobot):
         if not self._motors:
             self._aimed = (0, 0)
             return
+        if not self.motion.is_live(self._origin):
+            # What it was told belongs to another epoch, or to a client that is gone.
+            self._origin = self.motion.own()
+            self.drive.halt(self.motion.reason)
         v, w = self.drive.step(self.state)
         wanted = round(v / self.factors.speed), round(math.degrees(w))
         for item, new, old in zip(("vel", "rvel"), wanted, self._aimed, strict=True):
             if new or new != old:
-                self.wire.aim(ROBOT, item, new)
+                self.wire.aim(ROBOT, item, new, self._origin)
         self._aimed = wanted
+
+    def take_motion(self) -> None:
+        """The running job wants the robot to go to a goal, which may take a while to begin.  Raises as ``admit``."""
+        self._origin = self.motion.admit(ROBOT)
+
+    def on_halt(self, reason: str, devices: tuple[Hashable, ...] | None = None) -> None:
+        """See ``WiredRobot``."""
+        if self._parts:
+            self.planner.cancel()
+            self.drive.halt(reason)
+            self._aimed = (0, 0)
 
     def _motion_ended(self, motion: Motion, how: str) -> None:
         self.planner.motion_ended(motion, how)
@@ -354,16 +371,19 @@ class P3dx(ArcosRobot):
         self._by_hand = False
         self.planner.cancel()
 
-    @function("halt")
-    def halt_now(self) -> None:
-        """Stop now; what is written afterwards moves the robot again."""
+    def halt_all(self, reason: str) -> None:
+        """See ``WiredRobot``."""
         self._by_hand = False
-        self.halt("stopped")
-        super().stop()
+        super().halt_all(reason)
 
     def stop(self) -> None:
         """Not bound here: the urbiscript function of this name also ends the movements that urbiscript steers."""
-        self.halt_now()
+        super().stop()
+
+    @function("halt")
+    def halt_now(self) -> None:
+        """Stop now; what is written afterwards moves the robot again."""
+        super().stop()
 
     @function("startPath")
     def start_path(self, goal: Any) -> None:

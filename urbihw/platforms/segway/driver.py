@@ -21,6 +21,7 @@ from typing import Any, Final
 
 from urbihw.buses.can.frame import Frame
 from urbihw.buses.clock import Clock, RealClock
+from urbihw.buses.engine import Driver, never
 from urbihw.buses.errors import BadValue, BusTimeout
 from urbihw.buses.link import Port
 from urbihw.buses.messages import (
@@ -54,6 +55,7 @@ _FIRST_WORD: Final = 1.0
 _REMEMBERED: Final = 50
 _FOREIGN_PAUSE: Final = 10.0
 """Seconds between two complaints about somebody else's commands."""
+_MOVING_MODES: Final = (p.MODES.index("tractor"), p.MODES.index("balance"))
 _LIMITS: Final = {"velocity": p.MOST_VELOCITY, "turn": p.MOST_TURN}
 
 
@@ -65,10 +67,8 @@ class BaseInfo:
     old: bool
 
 
-class RmpDriver:
+class RmpDriver(Driver):
     """See the head of this file, and `urbihw.buses.engine.Driver` for who calls what."""
-
-    slow_verbs: frozenset[str] = frozenset()
 
     def __init__(self) -> None:
         self._clock: Clock = RealClock()
@@ -77,6 +77,7 @@ class RmpDriver:
         self._orders = Orders()
         self._aim = dict.fromkeys(_LIMITS, 0)
         self._state = ""
+        self._drove_in: tuple[bool | None, int | None] = (None, None)
         self._attached_at = 0.0
         self._sent_at = -math.inf
         self._unsent = 0
@@ -125,7 +126,7 @@ class RmpDriver:
         self._halt()
         self._owed += self._orders.drop("the link went down")
 
-    def tick(self, now: float, meanwhile: Callable[[], None]) -> list[FromWorker]:
+    def tick(self, now: float, meanwhile: Callable[[], None], urgent: Callable[[], bool] = never) -> list[FromWorker]:
         """Send a command, then take in what the base said."""
         news, self._owed = self._owed, []
         line = self._line
@@ -178,7 +179,7 @@ class RmpDriver:
             case _:
                 return [Reply(message.reply_id, False, error=f"an RMP does not know {message.verb!r}")]
 
-    def safe_stop(self) -> None:
+    def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
         """Speed and turn to zero, with a command at once: no sooner than allowed after the last."""
         self._halt()
         self._owed += self._orders.drop("the robot was stopped")
@@ -188,6 +189,14 @@ class RmpDriver:
             self._orders.add(0, "mode", 0)
         self._clock.sleep_until(self._sent_at + SPACING)
         self._command(self._line, self._clock.now())
+
+    def moves(self, device: Any, item: str, value: Any) -> bool:
+        """Speeds other than zero."""
+        return bool(value)
+
+    def request_moves(self, request: Request) -> bool:
+        """A mode in which the motors are on."""
+        return request.verb == "write" and request.item == "mode" and request.value in _MOVING_MODES
 
     def errors(self) -> dict[str, int]:
         """Failures since `attach`."""
@@ -249,9 +258,19 @@ class RmpDriver:
             self._restarts = self._monitor.restarts
             news.append(Happened(BASE, "restarted"))
         latest = self._monitor.latest
+        self._watch_motors(latest)
         news += self._orders.check(latest, now)
         news += self._sample(latest, now)
         return news
+
+    def _watch_motors(self, latest: Mapping[str, int]) -> None:
+        """Motors that were switched off (by hand, by a fault, by a change of mode) come back at zero."""
+        on = p.motors_on(latest["status1"]) if "status1" in latest else None
+        mode = latest.get("mode")
+        before, self._drove_in = self._drove_in, (on, mode)
+        if before not in ((None, None), self._drove_in) and any(self._aim.values()):
+            self._halt()
+            self.halted = "the motors of the base were switched off" if not on else "the base is in another mode now"
 
     def _sample(self, latest: Mapping[str, int], now: float) -> list[FromWorker]:
         """The last cycle, if it is new and wanted now."""

@@ -13,9 +13,10 @@ import math
 from collections.abc import Mapping
 from typing import Any, Final, Protocol
 
-from urbihw.kernel.uobject import UObject, UVar, event, function, owned, reading, variable
+from urbihw.kernel.uobject import EffectorDevice, Motion, Origin, UVar, event, function, owned, reading, variable
 from urbihw.platforms.segway import protocol as p
 
+BASE: Final = "base"
 PER_RADIAN: Final = 446.9071
 """Counts of angles and their rates, 7.8 for a degree, on all models (libsegwayrmp, Orca)."""
 FULL_SCALE: Final = 16
@@ -52,7 +53,10 @@ class Base(Protocol):
     settings: dict[str, int]
     """Configurations as last sent."""
 
-    def aim(self, item: str, counts: int) -> None:
+    motion: Motion
+    """Who may move it."""
+
+    def aim(self, item: str, counts: int, origin: Origin) -> None:
         """Send a speed with the next command."""
         ...
 
@@ -61,7 +65,7 @@ class Base(Protocol):
         ...
 
 
-class RMP(UObject):
+class RMP(EffectorDevice):
     """One face of the base."""
 
     forwardSpeed = owned(0.0)  # noqa: N815 - names of slots, here and below
@@ -149,10 +153,12 @@ class RMP(UObject):
     # ---------------------------------------------------------------- written
 
     def _drive(self, var: UVar, item: str, coefficient: UVar) -> Any:
+        guard = self.guard(self._base.motion, BASE, var)
+
         def write() -> None:
             per_count = coefficient.value * self._scale(item)
             # At scale 0 nothing moves, whatever is asked for.
-            self._base.aim(item, round(_number(var) / per_count) if per_count else 0)
+            self._base.aim(item, round(_number(var) / per_count) if per_count else 0, guard.origin)
 
         return write
 

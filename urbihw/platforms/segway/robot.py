@@ -9,10 +9,10 @@ from __future__ import annotations
 import weakref
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from urbihw.buses import messages as m
-from urbihw.kernel.uobject import BadConfig, NotReady, Opened, RobotSettings, event, function, reading
+from urbihw.kernel.uobject import BadConfig, NotReady, Opened, Origin, RobotSettings, event, function, reading
 from urbihw.platforms.base import WiredRobot
 from urbihw.platforms.segway.driver import BASE, FASTEST, SLOWEST
 from urbihw.platforms.segway.rmp import RMP
@@ -52,7 +52,6 @@ class Segway(WiredRobot):
         self._wanted: RobotSettings
         self._raw: dict[str, int] = {}
         self._built = False
-        self._driver: Any = None
 
     # ---------------------------------------------------------------- what the daemon calls
 
@@ -63,7 +62,6 @@ class Segway(WiredRobot):
         super().open(self._wanted, opened)
         self.wire.watch(BASE, (), 1 / self._wanted.rate)
         self.set_timer(ALIVE, self._say_alive)
-        self.host.each_round(self._watch_driver)
 
     def configure(self, settings: RobotSettings) -> None:
         """See ``Robot``; the rate stays what the RMPs asked for."""
@@ -101,12 +99,9 @@ class Segway(WiredRobot):
 
     # ---------------------------------------------------------------- what an RMP calls
 
-    def aim(self, item: str, counts: int) -> None:
-        """Send a speed with the next command; whoever asked for one that moves it is who drives."""
-        self.wire.aim(BASE, item, counts)
-        if counts:
-            job = self.host.world.scheduler.current
-            self._driver = None if job is None else job.context
+    def aim(self, item: str, counts: int, origin: Origin) -> None:
+        """Send a speed with the next command."""
+        self.wire.aim(BASE, item, counts, origin)
 
     def order(self, slot: str, name: str, parameter: int) -> None:
         """Configure the base; what it does not take is said."""
@@ -119,20 +114,11 @@ class Segway(WiredRobot):
             for rmp in self._members:
                 rmp.configured()
 
-        self.wire.write(BASE, name, parameter, done)
+        self.wire.write(BASE, name, parameter, done, self.motion.origin())
 
     def _refuse(self, slot: str, reason: str) -> None:
         self.log.warning("%s: not done: %s", slot, reason)
         self.refused.emit(slot, reason)
-
-    # ---------------------------------------------------------------- stopping
-
-    def _watch_driver(self) -> None:
-        """The end of a round: has the connection that drove it closed?"""
-        if self._driver is not None and not getattr(self._driver, "connected", True):
-            self._driver = None
-            self.log.warning("stopped, because the connection that drove it is closed")
-            self.stop()
 
     # ---------------------------------------------------------------- the worker
 

@@ -1,0 +1,213 @@
+"""The control socket of a worker: stop, emergency stop, release, state and telemetry, without the interpreter.
+
+A UNIX stream socket, mode 0660.  Each line is a JSON object, in both directions (docs/safety.md has the schema)::
+
+    > {"do": "estop", "who": "the red button"}
+    < {"ok": true, "do": "estop", "epoch": 4, "estop": "the red button", "link": true}
+
+Nothing here waits: the engine asks `poll` between two transactions on the wire.  A client that does not read loses
+telemetry, is told how much, and slows nobody.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import socket
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from urbihw.buses.errors import Unavailable
+from urbihw.buses.messages import DeviceState, FromWorker, Happened, Latched, LinkState, Samples, Statistics, Stopped
+
+STOP, ESTOP, RELEASE, STATE, SUBSCRIBE = "stop", "estop", "release", "state", "subscribe"
+VERBS: Final = (STOP, ESTOP, RELEASE, STATE, SUBSCRIBE)
+MOST_CLIENTS: Final = 16
+LONGEST_LINE: Final = 4096
+MOST_WAITING: Final = 256
+"""Lines that wait for a subscriber; older telemetry is dropped for newer."""
+_EVENTS: Final = (Samples, DeviceState, LinkState, Happened, Stopped, Latched, Statistics)
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What a client wants: `verb` of VERBS; `who` and `why` in its own words; `client` takes the answer."""
+
+    verb: str
+    who: str
+    client: _Client
+
+    def answer(self, state: Mapping[str, Any]) -> None:
+        """Tell the client what came of it."""
+        self.client.say({"ok": True, "do": self.verb, **state})
+
+
+class _Client:
+    """One connection."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        connection.setblocking(False)
+        self.socket = connection
+        self.subscribed = False
+        self.closed = False
+        self._buffer = b""
+        self._waiting: deque[bytes] = deque()
+        self._rest = b""
+        self._dropped = 0
+
+    def fileno(self) -> int:
+        """Its descriptor."""
+        return self.socket.fileno()
+
+    def read(self) -> list[Order]:
+        """The orders that have come; what makes no sense is answered by an error."""
+        try:
+            data = self.socket.recv(LONGEST_LINE)
+        except BlockingIOError:
+            return []
+        except OSError:
+            data = b""
+        if not data:
+            self.close()
+            return []
+        *lines, self._buffer = (self._buffer + data).split(b"\n")
+        orders = [order for line in lines if line.strip() and (order := self._order(line)) is not None]
+        if len(self._buffer) > LONGEST_LINE:
+            self._complain(f"a line has {LONGEST_LINE} bytes at most")
+            self.close()
+        return orders
+
+    def _order(self, line: bytes) -> Order | None:
+        try:
+            wanted = json.loads(line)
+        except (ValueError, RecursionError):
+            self._complain("each line must be a JSON object")
+            return None
+        verb = wanted.get("do") if isinstance(wanted, dict) else None
+        if verb not in VERBS:
+            self._complain(f'"do" must be one of {", ".join(VERBS)}')
+            return None
+        return Order(verb, " ".join(str(wanted.get("who", "control socket")).split())[:100], self)
+
+    def _complain(self, why: str) -> None:
+        self.say({"ok": False, "error": why})
+
+    def say(self, message: Mapping[str, Any]) -> None:
+        """Send a line, behind those that wait."""
+        self._waiting.append(json.dumps(message, separators=(",", ":"), default=str).encode() + b"\n")
+        self.flush()
+
+    def tell(self, message: Mapping[str, Any]) -> None:
+        """Send telemetry; when too much waits, the oldest is dropped."""
+        self.flush()
+        if len(self._waiting) >= MOST_WAITING:
+            self._waiting.popleft()
+            self._dropped += 1
+        elif self._dropped:
+            message = {**message, "dropped": self._dropped}
+            self._dropped = 0
+        self.say(message)
+
+    def flush(self) -> None:
+        """Send what the socket takes."""
+        while not self.closed and (self._rest or self._waiting):
+            self._rest = self._rest or self._waiting.popleft()
+            try:
+                sent = self.socket.send(self._rest)
+            except BlockingIOError:
+                return
+            except OSError:
+                self.close()
+                return
+            self._rest = self._rest[sent:]
+
+    def close(self) -> None:
+        """The client is gone."""
+        self.closed = True
+        self.socket.close()
+
+
+class ControlSocket:
+    """Listens at ``path``.  Raises Unavailable when that cannot be."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._clients: list[_Client] = []
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_CLOEXEC)
+        self._listener.setblocking(False)
+        try:
+            # What a worker left that was killed; a daemon has made sure that no other serves this robot.
+            with contextlib.suppress(FileNotFoundError):
+                path.unlink()
+            before = os.umask(0o117)
+            try:
+                self._listener.bind(str(path))
+            finally:
+                os.umask(before)
+            self._listener.listen(MOST_CLIENTS)
+        except OSError as error:
+            self._listener.close()
+            raise Unavailable(error.errno or 0, f"there is none: {error.strerror or error}") from error
+
+    def descriptors(self) -> list[int]:
+        """What to watch for news."""
+        return [self._listener.fileno(), *(client.fileno() for client in self._clients)]
+
+    def poll(self, ready: list[int]) -> list[Order]:
+        """The orders of who is ready."""
+        orders: list[Order] = []
+        if self._listener.fileno() in ready:
+            self._accept()
+        for client in self._clients:
+            if client.fileno() in ready:
+                orders += client.read()
+        if any(client.closed for client in self._clients):
+            self._clients = [client for client in self._clients if not client.closed]
+        return orders
+
+    def publish(self, message: FromWorker) -> None:
+        """Let the subscribers know."""
+        if not isinstance(message, _EVENTS):
+            return
+        listeners = [client for client in self._clients if client.subscribed and not client.closed]
+        if listeners:
+            line = _as_json(message)
+            for client in listeners:
+                client.tell(line)
+
+    def close(self) -> None:
+        """Listen no more; twice is fine."""
+        if self._listener.fileno() < 0:
+            return
+        for client in self._clients:
+            client.close()
+        self._listener.close()
+        with contextlib.suppress(OSError):
+            self.path.unlink()
+
+    def _accept(self) -> None:
+        try:
+            connection, _ = self._listener.accept()
+        except OSError:
+            return
+        if len(self._clients) >= MOST_CLIENTS:
+            connection.close()
+            return
+        self._clients.append(_Client(connection))
+
+
+def _as_json(message: FromWorker) -> dict[str, Any]:
+    fields = {name: _plain(getattr(message, name)) for name in message.__slots__}
+    return {"event": type(message).__name__, **fields}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(inner) for inner in value]
+    return value if value is None or isinstance(value, str | int | float | bool) else str(value)

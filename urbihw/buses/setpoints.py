@@ -1,0 +1,170 @@
+"""What lies between the targets that are asked for and those that a driver is given; no I/O.
+
+A target is asked for as often as its writer likes.  What the driver gets stays within the limits of the settings, and
+it changes no faster than they allow.  A device that was lost and comes back is where it is, not where its movement has
+got to meanwhile: the movement is taken up from there, no faster than it goes by itself, until it has caught up.
+
+    asked    .-'-.     .-'-.        the course of the movement
+    given    .-'--------'/..-'-.    held while the device is lost, then brought nearer at the course's own speed
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from urbihw.buses.messages import Limit, Limited
+
+Key = tuple[Any, str]
+Pose = Callable[[Any, str], float | None]
+
+LIVE: Final = 0.25
+"""Seconds between two targets up to which they belong to one movement."""
+WINDOW: Final = 2.0
+"""Seconds over which the speed of a movement is looked at."""
+CATCH_UP: Final = 1.0
+"""Seconds in which a movement is caught up with whose own speed is not known."""
+_NO_LIMIT: Final = Limit()
+
+
+class _Course:
+    """The targets of one item: what was asked last, how fast that moves, and what was given."""
+
+    __slots__ = ("_before", "_fastest", "_since", "asked", "asked_at", "given", "limit", "returning")
+
+    def __init__(self) -> None:
+        self.asked = math.nan
+        self.asked_at = -math.inf
+        self.given = math.nan
+        self.returning = False
+        self.limit = ""
+        self._fastest = self._before = 0.0
+        self._since = -math.inf
+
+    def ask(self, value: float, now: float) -> None:
+        """A target came."""
+        elapsed = now - self.asked_at
+        if elapsed > LIVE:
+            self._fastest = self._before = 0.0
+            self._since = now
+        elif elapsed > 0:
+            if now - self._since > WINDOW:
+                self._before, self._fastest, self._since = self._fastest, 0.0, now
+            self._fastest = max(self._fastest, abs(value - self.asked) / elapsed)
+        if elapsed > 0 or math.isnan(self.asked):
+            self.asked_at = now
+        self.asked = value
+
+    def is_live(self, now: float) -> bool:
+        """Whether targets still come."""
+        return now - self.asked_at <= LIVE
+
+    def speed(self) -> float:
+        """How fast the course goes at most, in counts a second; 0 if that is not known."""
+        return max(self._fastest, self._before)
+
+
+class SetPoints:
+    """The courses of all items of one wire.  ``pose`` tells where a device is, None for an item that is no place."""
+
+    def __init__(self, pose: Pose) -> None:
+        self._pose = pose
+        self._limits: Mapping[Key, Limit] = {}
+        self._courses: dict[Key, _Course] = {}
+        self._under_way: dict[Key, None] = {}
+        self._stepped_at = -math.inf
+        self._news: list[Limited] = []
+
+    def limit(self, table: Mapping[Key, Limit]) -> None:
+        """Take new limits."""
+        self._limits = table
+
+    def forget(self, devices: tuple[Any, ...] | None = None) -> None:
+        """The robot, or a part of it, was stopped: no course is left."""
+        for key in list(self._courses):
+            if devices is None or key[0] in devices:
+                del self._courses[key]
+                self._under_way.pop(key, None)
+
+    def take(self, values: Mapping[Key, Any], now: float) -> dict[Key, Any]:
+        """Targets are asked for: what the driver gets at once.  The rest comes from ``step``."""
+        given: dict[Key, Any] = {}
+        for key, value in values.items():
+            if value.__class__ is bool or not isinstance(value, int | float):
+                given[key] = value
+                continue
+            course = self._courses.get(key)
+            if course is None:
+                course = self._courses[key] = _Course()
+            limit = self._limits.get(key, _NO_LIMIT)
+            wanted = min(max(value, limit.low), limit.high)
+            self._tell(key, course, value, wanted, limit.name if wanted != value else "")
+            course.ask(wanted, now)
+            if key in self._under_way:
+                continue
+            if limit.rate < math.inf:
+                self._begin(key, course, now)
+                continue
+            course.given = wanted
+            given[key] = value if wanted == value else _like(value, wanted)
+        return given
+
+    def returned(self, device: Any, now: float) -> None:
+        """A device is back, None for all: its movements are taken up from where it is."""
+        for key, course in self._courses.items():
+            if device not in (None, key[0]):
+                continue
+            place = self._pose(*key)
+            if place is None or not course.is_live(now):
+                continue
+            course.given, course.returning = place, True
+            self._under_way[key] = None
+            self._stepped_at = now
+
+    def step(self, now: float) -> dict[Key, Any]:
+        """A tick: the targets of what is still on its way to what was asked."""
+        if not self._under_way:
+            return {}
+        elapsed, self._stepped_at = max(0.0, now - self._stepped_at), now
+        given: dict[Key, Any] = {}
+        for key in list(self._under_way):
+            course, limit = self._courses[key], self._limits.get(key, _NO_LIMIT)
+            if course.returning and not course.is_live(now):
+                # Nobody moves it any more: it stays where it has got to.
+                del self._courses[key], self._under_way[key]
+                continue
+            way = course.asked - course.given
+            pace = limit.rate
+            if course.returning:
+                pace = min(pace, course.speed() or abs(way) / CATCH_UP)
+            reach = pace * elapsed
+            course.given = course.asked if abs(way) <= reach else course.given + math.copysign(reach, way)
+            given[key] = round(course.given) if isinstance(course.asked, int) else course.given
+            if course.given == course.asked:
+                course.returning = False
+                del self._under_way[key]
+        return given
+
+    def news(self) -> list[Limited]:
+        """What limits made of targets since the last call."""
+        news, self._news = self._news, []
+        return news
+
+    def _begin(self, key: Key, course: _Course, now: float) -> None:
+        if math.isnan(course.given):
+            place = self._pose(*key)
+            course.given = 0.0 if place is None else place
+        if not self._under_way:
+            self._stepped_at = now
+        self._under_way[key] = None
+
+    def _tell(self, key: Key, course: _Course, asked: float, given: float, limit: str) -> None:
+        if limit != course.limit:
+            course.limit = limit
+            self._news.append(Limited(*key, asked, given, limit))
+
+
+def _like(value: Any, wanted: float) -> Any:
+    """A limited value of the same kind as what was asked for."""
+    return round(wanted) if isinstance(value, int) else wanted

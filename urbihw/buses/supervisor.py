@@ -1,0 +1,182 @@
+"""Keeps a wire in the hands of a worker that works: the handle that a robot holds, with the face of a ``Worker``.
+
+A worker that has died, or hangs and was killed, is replaced: at once the first time, then with back-off.  The new one
+gets the settings, the watches and the devices of the old one, and its first act is to stop what moves.  It begins a new
+epoch, so that nothing that was written for the old one moves the robot.
+
+All of this is done in the thread that listens to the worker, so it works while a program holds the interpreter.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from dataclasses import replace
+from typing import Any, Final
+
+from urbihw.buses.errors import BusError, LinkGone
+from urbihw.buses.messages import (
+    Begin,
+    Configure,
+    Ended,
+    Found,
+    FromWorker,
+    Limits,
+    LinkState,
+    Stop,
+    Stopped,
+    Targets,
+    ToWorker,
+    Watch,
+    WorkerState,
+)
+from urbihw.buses.worker import Post, Worker
+
+FIRST_BACK_OFF: Final = 1.0
+LAST_BACK_OFF: Final = 30.0
+STEADY: Final = 10.0
+"""Seconds of work after which a worker that ends is replaced at once again."""
+LAST_STOP: Final = 3.0
+"""Seconds in which a worker that was started for nothing else must have stopped the robot."""
+
+
+class Supervisor:
+    """A wire that is served as long as ``stop`` is not called.  Made by ``start``."""
+
+    def __init__(self, url: str, post: Post, begin: Begin, family: str) -> None:
+        self._url = url
+        self._post = post
+        self._begin = begin
+        self._family = family
+        self._lock = threading.RLock()
+        self._watches: dict[tuple[Any, str], float] = {}
+        self._limits: Limits | None = None
+        self._epoch = begin.epoch
+        self._link_up = False
+        self._found = Found(())
+        self._back_off = 0.0
+        self._stopping = threading.Event()
+        self._started_at = time.monotonic()
+        self._worker = Worker.start(url, post=self._hear, begin=begin, family=family)
+
+    @classmethod
+    def start(cls, url: str, *, post: Post, settings: Configure, family: str, control: str = "") -> Supervisor:
+        """Start a worker on a wire and keep it; as ``Worker.start``.  ``control`` is the path of its control socket."""
+        return cls(url, post, Begin(settings, control=control), family)
+
+    def send(self, message: ToWorker) -> None:
+        """Send a message to the worker of the moment; one that cannot take it is lost, and another will begin anew."""
+        with self._lock:
+            self._remember(message)
+            with contextlib.suppress(LinkGone):
+                self._worker.send(message)
+
+    def stop(self) -> None:
+        """Let the worker stop the robot and end.  One that cannot is replaced by another that does nothing else."""
+        with self._lock:
+            self._stopping.set()
+            worker = self._worker
+        if worker.alive and not worker.silent:
+            worker.stop()
+            if not worker.killed:
+                return
+        else:
+            worker.kill()
+        self._stop_directly()
+
+    # ---------------------------------------------------------------- inside
+
+    def _remember(self, message: ToWorker) -> None:
+        match message:
+            case Watch():
+                for item in message.items or ("",):
+                    if message.period is None:
+                        self._watches.pop((message.device, item), None)
+                    else:
+                        self._watches[message.device, item] = message.period
+            case Limits():
+                self._limits = message
+            case Configure():
+                self._begin = replace(self._begin, settings=message)
+            case Targets() | Stop():
+                self._epoch = max(self._epoch, message.epoch)
+            case _:
+                pass
+
+    def _hear(self, message: FromWorker) -> None:
+        """In the thread of a worker's handle."""
+        match message:
+            case Found():
+                self._begin = replace(self._begin, devices=message.devices)
+                self._found = message
+            case LinkState():
+                self._link_up = message.up
+            case Stopped():
+                self._epoch = max(self._epoch, message.epoch)
+            case WorkerState():
+                self._worker_state(message)
+                return
+            case Ended():
+                self._ended(message)
+                return
+            case _:
+                pass
+        self._post(message)
+
+    def _worker_state(self, message: WorkerState) -> None:
+        """The worker has fallen silent, or answers again: whatever it was doing is over."""
+        if message.reason:
+            with self._lock, contextlib.suppress(LinkGone):
+                self._epoch += 1
+                self._worker.send(Stop(self._epoch, message.reason))
+        self._post(message)
+        if not message.reason and self._link_up:
+            self._post(LinkState(True))
+            self._post(self._found)
+
+    def _ended(self, message: Ended) -> None:
+        reason = message.reason or "the bus worker has ended"
+        while not self._stopping.is_set():
+            self._link_up = False
+            self._post(WorkerState(f"{reason}; another one is started"))
+            if time.monotonic() - self._started_at > STEADY:
+                self._back_off = 0.0
+            if self._stopping.wait(self._back_off):
+                break
+            self._back_off = min(max(FIRST_BACK_OFF, 2 * self._back_off), LAST_BACK_OFF)
+            try:
+                self._replace(reason)
+                return
+            except (BusError, OSError) as error:
+                reason = f"no bus worker can be started: {error}"
+        self._post(message)
+
+    def _replace(self, reason: str) -> None:
+        with self._lock:
+            if self._stopping.is_set():
+                return
+            self._started_at = time.monotonic()
+            self._epoch += 1
+            begin = replace(self._begin, epoch=self._epoch, instead=reason)
+            self._worker = Worker.start(self._url, post=self._hear, begin=begin, family=self._family)
+            for (device, item), period in self._watches.items():
+                self._worker.send(Watch(device, (item,) if item else (), period))
+            if self._limits is not None:
+                self._worker.send(self._limits)
+
+    def _stop_directly(self) -> None:
+        """The worker is gone and may have left the robot moving: start one that stops it."""
+        opened = threading.Event()
+        failed = threading.Event()
+
+        def hear(message: FromWorker) -> None:
+            if isinstance(message, LinkState):
+                (opened if message.up else failed).set()
+
+        with contextlib.suppress(BusError, OSError):
+            begin = replace(self._begin, epoch=self._epoch + 1, instead="the daemon ends", control="")
+            worker = Worker.start(self._url, post=hear, begin=begin, family=self._family)
+            opened.wait(LAST_STOP)
+            worker.stop()
+        self._post(Ended("" if opened.is_set() else "the robot could not be stopped: its bus worker was dead"))

@@ -1,0 +1,286 @@
+"""Who may move a robot: the motion epoch, the leases of clients, and where each effector write came from.
+
+A robot has one ``Motion``.  Its *epoch* is a number that each stop advances.  Whatever is to move the robot carries an
+``Origin``: the epoch in which it was written and the client that asked for it.  An origin of an older epoch, or of a
+client that is gone, is dead; what carries it is dropped wherever it waits: in a job, in a device, on the way to the bus
+worker.  So nobody keeps a list of what a stop has to end.
+
+A statement is as old as the moment in which it began (``Job.epoch``).  A statement that began before a stop and tries
+to move the robot after it gets an error that says why, once; a program that catches it goes on as if begun anew.
+
+A client (a lobby) holds a *lease* on the effectors that it wrote last.  When its connection ends they are stopped.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.backtrace import calling_frame, current_stack
+from urbihw.kernel.uobject.declarations import event, reading
+from urbihw.kernel.uobject.uobject import UObject
+from urbihw.kernel.uobject.uvar import UVar
+
+if TYPE_CHECKING:
+    from urbihw.kernel.runtime.world import World
+    from urbihw.kernel.sched.job import Job
+
+ROBOT = "robot"
+"""The client of what no connection asked for: files loaded at start, devices in the server."""
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Where an effector write came from.
+
+    Attributes:
+        epoch: of the robot when it was written.
+        client: name of the connection, its address behind it; ``ROBOT`` for none.
+        tag: the innermost tag of the user's, "" for none.
+        place: where the statement stands, such as ``3.1-20``; "" where no program of a user's is.
+        time: when the statement first wrote this effector, in seconds of the kernel's clock.
+        lease: the lobby, None for the robot itself.
+    """
+
+    epoch: int
+    client: str
+    tag: str
+    place: str
+    time: float
+    lease: Any = None
+
+    def __str__(self) -> str:
+        tag = f", tag {self.tag}" if self.tag else ""
+        place = f", {self.place}" if self.place else ""
+        return f"{self.client}{tag}{place}, at {self.time:.3f} s"
+
+
+class Motion:
+    """The authority over the motion of one robot, as the kernel sees it; the bus worker has the last word.
+
+    Attributes:
+        epoch: as the bus worker counts it.
+        stops: how many stops of any kind there were, of parts of the robot too.
+        reason: why it was last stopped.
+        latched: why an emergency stop holds, "" if none does.
+        keep: motion goes on when the client that asked for it is gone.
+    """
+
+    def __init__(self, world: World, name: str, release: Callable[[tuple[Hashable, ...], str], None]) -> None:
+        """``release(devices, reason)`` stops the devices of a client that is gone."""
+        self._world = world
+        self._name = name
+        self._release = release
+        self.epoch = 0
+        self.stops = 0
+        self.reason = ""
+        self.latched = ""
+        self.keep = False
+        self._mark = 0
+        self._stopped_at = 0.0
+        self._held: dict[Hashable, Origin] = {}
+        world.client_gone.append(self._client_gone)
+
+    def close(self) -> None:
+        """Hear no more of clients."""
+        if self._client_gone in self._world.client_gone:
+            self._world.client_gone.remove(self._client_gone)
+
+    # ---------------------------------------------------------------- stopping
+
+    def asked(self) -> str:
+        """Who asks for a stop now, in words."""
+        return f"stop asked by {self.origin()}"
+
+    def advance(self, reason: str, epoch: int | None = None) -> None:
+        """The robot is stopped: all that was written before is dead.  ``epoch`` is the worker's new one."""
+        if epoch is not None and epoch <= self.epoch:
+            return
+        scheduler = self._world.scheduler
+        self.epoch = self.epoch + 1 if epoch is None else epoch
+        scheduler.epoch += 1
+        self._mark = scheduler.epoch
+        self._stopped_at = scheduler.clock.now()
+        self.reason = reason
+        self.stops += 1
+        self._held.clear()
+
+    def renew(self) -> None:
+        """The running job knows of the stop: what it does from now on is new."""
+        job = self._world.scheduler.current
+        if job is not None:
+            job.renew()
+
+    def check(self) -> None:
+        """Raise the error that a statement gets which began before the last stop; once for each job."""
+        job = self._world.scheduler.current
+        if job is not None and job.epoch < self._mark:
+            job.epoch = self._world.scheduler.epoch
+            ago = self._world.scheduler.clock.now() - self._stopped_at
+            raise errors.primitive(
+                f"{self._name} was stopped {ago:.1f} s ago, and this statement had begun before: {self.reason}", None
+            )
+
+    # ---------------------------------------------------------------- writing
+
+    @property
+    def running(self) -> Job | None:
+        """The running job."""
+        return self._world.scheduler.current
+
+    def admit(self, device: Hashable, last: Origin | None = None, statement: object = None) -> Origin:
+        """The running job writes an effector of ``device``: where that comes from.
+
+        ``last`` serves again if it is of the same ``statement``.  Raises an urbiscript error when the statement began
+        before the last stop, an emergency stop holds, or the client is gone.
+        """
+        self.check()
+        if self.latched:
+            why = f"{self._name} is held by an emergency stop ({self.latched}): release it first"
+            raise errors.primitive(why, None)
+        origin = last
+        if origin is None or origin.epoch != self.epoch or statement is None:
+            origin = self.origin()
+        if not self._lease_lasts(origin):
+            raise errors.primitive(f"the connection of {origin.client} is closed, so it cannot move {self._name}", None)
+        self._held[device] = origin
+        return origin
+
+    def is_live(self, origin: Origin) -> bool:
+        """Whether what carries this origin may still move the robot."""
+        return origin.epoch == self.epoch and not self.latched and self._lease_lasts(origin)
+
+    def own(self) -> Origin:
+        """The origin of what the robot does by itself now."""
+        return Origin(self.epoch, ROBOT, "", "", self._world.scheduler.clock.now())
+
+    def _lease_lasts(self, origin: Origin) -> bool:
+        return self.keep or origin.lease is None or bool(getattr(origin.lease, "connected", True))
+
+    def origin(self) -> Origin:
+        """Where something comes from that is written now."""
+        job = self._world.scheduler.current
+        if job is None:
+            return self.own()
+        place = str(current_stack().location or "")
+        now = self._world.scheduler.clock.now()
+        return Origin(self.epoch, _client(self._world, job.context), _tag(job), place, now, job.context)
+
+    # ---------------------------------------------------------------- leases
+
+    def forget(self, device: Hashable) -> None:
+        """Nobody moves a device any more."""
+        self._held.pop(device, None)
+
+    def _client_gone(self, lease: Any) -> None:
+        if self.keep:
+            return
+        devices = tuple(device for device, origin in self._held.items() if origin.lease is lease)
+        if devices:
+            for device in devices:
+                del self._held[device]
+            self.stops += 1
+            self._release(devices, f"the connection of {_client(self._world, lease)} is closed, which moved it")
+
+
+class Effector:
+    """What guards one variable that moves the robot: see ``EffectorDevice``.
+
+    Attributes:
+        origin: of the last write that was let through.
+        device: what it moves, by the name that the bus worker knows.
+    """
+
+    def __init__(self, motion: Motion, device: Hashable, var: UVar, face: EffectorDevice) -> None:
+        self.origin = motion.own()
+        self._motion = motion
+        self.device = device
+        self._var = var
+        self._face = face
+        self._statement: object = None
+        var.effector = self
+
+    def admit(self, wanted: Any, value: Any) -> None:
+        """Somebody assigns ``wanted``, of which the range of the slot leaves ``value``.
+
+        Raises an urbiscript error for what may not move the robot (see ``Motion.admit``) or is no finite number.
+        """
+        if wanted.__class__ is float and not math.isfinite(wanted):
+            raise errors.primitive(f"takes a finite number, not {wanted:g}", self._var.name)
+        frame, job = calling_frame(), self._motion.running
+        statement = None if frame is None else (id(job), frame.f_code, frame.f_lasti)
+        known = self.origin if statement == self._statement else None
+        self.origin = self._motion.admit(self.device, known, statement)
+        self._statement = statement
+        self._face.wrote(self, wanted, value)
+
+    def limits(self) -> str:
+        """The range of the slot, in words."""
+        least, most = (self._var.get_property(name) for name in ("rangemin", "rangemax"))
+        return f"range of {self._var.name}: {least:g} to {most:g}"
+
+
+class EffectorDevice(UObject):
+    """A device that moves: it shows what was asked of it, what became of that, and who asked.
+
+    ``requested`` and ``applied`` are the last value written and what the limits left of it, in the unit of the slot
+    that was written; ``limitedBy`` names the limit, "" when there was none; ``why`` tells who wrote it.  ``limited``
+    is emitted with the name of the limit when a write meets one that the write before did not meet.
+    """
+
+    requested = reading(math.nan)
+    applied = reading(math.nan)
+    limitedBy = reading("")  # noqa: N815 - names of slots
+    why = reading("")
+    limited = event()
+
+    def guard(self, motion: Motion, device: Hashable, var: UVar) -> Effector:
+        """Let a variable be written only by who may move ``device`` now."""
+        self.notify_access(self.why, self._tell_why)
+        return Effector(motion, device, var, self)
+
+    def wrote(self, effector: Effector, wanted: Any, value: Any) -> None:
+        """A write was let through."""
+        self._last_effector = effector
+        self.requested.sense(wanted)
+        self.limit_applied(value, effector.limits() if value is not wanted and value != wanted else "")
+
+    def limit_applied(self, value: Any, limit: str) -> None:
+        """What the limits left of the last write, and which did."""
+        self.applied.sense(value)
+        if limit != self.limitedBy.sensed:
+            self.limitedBy.sense(limit)
+            if limit:
+                self.limited.emit(limit)
+
+    _last_effector: Effector | None = None
+
+    def _tell_why(self) -> None:
+        if self._last_effector is not None:
+            self.why.sense(str(self._last_effector.origin))
+
+
+def _client(world: World, lease: Any) -> str:
+    """The name of a client."""
+    tag = getattr(lease, "tag", None)
+    if tag is None:
+        return ROBOT
+    address = lease.slots.get("remoteIP")
+    return str(tag.tag.name) + (f" ({world.text(address)})" if address is not None else "")
+
+
+def _tag(job: Job) -> str:
+    """The innermost tag of a job that a user has named."""
+    lobby = getattr(getattr(job.context, "tag", None), "tag", None)
+    for entry in reversed(job.entries):
+        name = entry.tag.name
+        if entry.tag is not lobby and name not in _UNNAMED:
+            return name
+    return ""
+
+
+_UNNAMED = frozenset({"scope", "tag", "loop"})
+"""What the kernel calls the tags that it makes by itself."""
