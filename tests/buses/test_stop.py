@@ -143,9 +143,8 @@ def test_only_some_are_stopped(rig: Rig) -> None:
     for _ in range(300):
         rig.clock.sleep_until(rig.clock.now() + 0.01)
         rig.kit.tick(rig.clock.now())
-    assert rig.kit.servo(5).registers.get("goal_position") == 900
-    assert rig.kit.servo(5).registers.get("present_position") == pytest.approx(900, abs=4)
-    assert rig.kit.servo(6).registers.get("present_position") < 600
+    assert rig.kit.servo(5).position == pytest.approx(900, abs=4)
+    assert rig.kit.servo(6).position < 600
 
 
 def test_what_somebody_else_has_set_in_motion_is_stopped(rig: Rig) -> None:
