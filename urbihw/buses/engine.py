@@ -209,6 +209,8 @@ class Engine:
         self._set_points = SetPoints(driver.pose)
         driver.configure(begin.settings)
         driver.expect(begin.devices)
+        for watch in begin.watches:
+            driver.watch(watch, now)
         self._control = None if control is None else self._listen_at(control)
         if begin.instead:
             self._post_all([Stopped(begin.instead, begin.epoch)])
@@ -388,7 +390,7 @@ class Engine:
             values = {key: value for key, value in values.items() if not moves(*key, value)}
             if refusal is not STALE:
                 self._post_all([Refused(*key, refusal) for key in message.values if key not in values])
-        given = self._set_points.take(values, now)
+        given = self._set_points.take(values, now, message.time)
         self._post_all([*self._set_points.news()])
         if given:
             self._guarded(lambda: self._post_all(self._driver.targets(Targets(given))))

@@ -27,10 +27,12 @@ class Targets:
     is forgotten: a robot never moves by itself because a plug went back in.
 
     `epoch` is that of the robot's motion when they were written: those of an older one that would move it are dropped.
+    `time` is when they were written, in seconds of the writer's clock: a movement is as fast as these say.
     """
 
     values: Mapping[tuple[Any, str], Any]
     epoch: int = 0
+    time: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +147,7 @@ class Begin:
         control: path of the control socket to listen at, "" for none.
         instead: why it takes the place of another worker, "" if it does not.
         devices: what the last worker found; they are looked for first.
+        watches: what is to be read from the first tick on.
     """
 
     settings: Configure
@@ -152,6 +155,7 @@ class Begin:
     control: str = ""
     instead: str = ""
     devices: tuple[Any, ...] = ()
+    watches: tuple[Watch, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

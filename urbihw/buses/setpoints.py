@@ -23,15 +23,19 @@ LIVE: Final = 0.25
 """Seconds between two targets up to which they belong to one movement."""
 WINDOW: Final = 2.0
 """Seconds over which the speed of a movement is looked at."""
+BASE: Final = 0.06
+"""Seconds over which a speed is measured at least: single targets jump by whole counts, and come a little late."""
 CATCH_UP: Final = 1.0
 """Seconds in which a movement is caught up with whose own speed is not known."""
+LONGEST_STEP: Final = 0.03
+"""Seconds that a tick may stand for."""
 _NO_LIMIT: Final = Limit()
 
 
 class _Course:
     """The targets of one item: what was asked last, how fast that moves, and what was given."""
 
-    __slots__ = ("_before", "_fastest", "_since", "asked", "asked_at", "given", "limit", "returning")
+    __slots__ = ("_before", "_fastest", "_from", "_since", "asked", "asked_at", "given", "limit", "returning")
 
     def __init__(self) -> None:
         self.asked = math.nan
@@ -39,22 +43,24 @@ class _Course:
         self.given = math.nan
         self.returning = False
         self.limit = ""
+        self._from = (0.0, -math.inf)
         self._fastest = self._before = 0.0
         self._since = -math.inf
 
-    def ask(self, value: float, now: float) -> None:
-        """A target came."""
-        elapsed = now - self.asked_at
-        if elapsed > LIVE:
+    def ask(self, value: float, now: float, written: float) -> None:
+        """A target came, ``written`` at a time of its writer's clock."""
+        place, begun = self._from
+        elapsed = written - begun
+        if now - self.asked_at > LIVE or elapsed > LIVE or elapsed < 0:
             self._fastest = self._before = 0.0
-            self._since = now
-        elif elapsed > 0:
-            if now - self._since > WINDOW:
-                self._before, self._fastest, self._since = self._fastest, 0.0, now
-            self._fastest = max(self._fastest, abs(value - self.asked) / elapsed)
-        if elapsed > 0 or math.isnan(self.asked):
-            self.asked_at = now
-        self.asked = value
+            self._since = written
+            self._from = value, written
+        elif elapsed >= BASE:
+            if written - self._since > WINDOW:
+                self._before, self._fastest, self._since = self._fastest, 0.0, written
+            self._fastest = max(self._fastest, abs(value - place) / elapsed)
+            self._from = value, written
+        self.asked, self.asked_at = value, now
 
     def is_live(self, now: float) -> bool:
         """Whether targets still come."""
@@ -87,8 +93,11 @@ class SetPoints:
                 del self._courses[key]
                 self._under_way.pop(key, None)
 
-    def take(self, values: Mapping[Key, Any], now: float) -> dict[Key, Any]:
-        """Targets are asked for: what the driver gets at once.  The rest comes from ``step``."""
+    def take(self, values: Mapping[Key, Any], now: float, written: float | None = None) -> dict[Key, Any]:
+        """Targets are asked for: what the driver gets at once.  The rest comes from ``step``.
+
+        ``written`` is when they were, by the clock of who did; as it is now, if that is not known.
+        """
         given: dict[Key, Any] = {}
         for key, value in values.items():
             if value.__class__ is bool or not isinstance(value, int | float):
@@ -100,7 +109,7 @@ class SetPoints:
             limit = self._limits.get(key, _NO_LIMIT)
             wanted = min(max(value, limit.low), limit.high)
             self._tell(key, course, value, wanted, limit.name if wanted != value else "")
-            course.ask(wanted, now)
+            course.ask(wanted, now, now if written is None else written)
             if key in self._under_way:
                 continue
             if limit.rate < math.inf:
@@ -126,7 +135,8 @@ class SetPoints:
         """A tick: the targets of what is still on its way to what was asked."""
         if not self._under_way:
             return {}
-        elapsed, self._stepped_at = max(0.0, now - self._stepped_at), now
+        # A tick that comes late makes the way longer, not the step larger.
+        elapsed, self._stepped_at = min(max(0.0, now - self._stepped_at), LONGEST_STEP), now
         given: dict[Key, Any] = {}
         for key in list(self._under_way):
             course, limit = self._courses[key], self._limits.get(key, _NO_LIMIT)

@@ -158,12 +158,17 @@ class Supervisor:
                 return
             self._started_at = time.monotonic()
             self._epoch += 1
-            begin = replace(self._begin, epoch=self._epoch, instead=reason)
+            begin = replace(self._begin, epoch=self._epoch, instead=reason, watches=self._all_watches())
             self._worker = Worker.start(self._url, post=self._hear, begin=begin, family=self._family)
-            for (device, item), period in self._watches.items():
-                self._worker.send(Watch(device, (item,) if item else (), period))
             if self._limits is not None:
                 self._worker.send(self._limits)
+
+    def _all_watches(self) -> tuple[Watch, ...]:
+        """The watches of the moment, in as few messages as can be."""
+        alike: dict[tuple[Any, float], list[str]] = {}
+        for (device, item), period in self._watches.items():
+            alike.setdefault((device, period), []).extend([item] if item else [])
+        return tuple(Watch(device, tuple(items), period) for (device, period), items in alike.items())
 
     def _stop_directly(self) -> None:
         """The worker is gone and may have left the robot moving: start one that stops it."""

@@ -170,14 +170,15 @@ class Worker:
         """Send a message; safe from any thread. Raises LinkGone when the worker has ended, or does not read."""
         with self._lock:
             try:
-                if not self._closed:
-                    # A worker that hangs must not hold up who talks to it.
-                    if not select.select((), (self._pipe,), (), _FULL)[1]:
-                        raise LinkGone(f"the bus worker of {self._url} does not read what it is told")
+                # A worker that hangs must not hold up who talks to it.
+                full = not self._closed and not select.select((), (self._pipe,), (), _FULL)[1]
+                if not self._closed and not full:
                     self._pipe.send(message)
                     return
             except OSError as error:
                 raise LinkGone(f"the bus worker of {self._url} has ended; start another one") from error
+        if full:
+            raise LinkGone(f"the bus worker of {self._url} does not read what it is told")
         raise LinkGone(f"the bus worker of {self._url} has ended; start another one")
 
     def stop(self, timeout: float = 3.0) -> None:

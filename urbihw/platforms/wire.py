@@ -72,7 +72,7 @@ class Wire:
             live = self._motion.is_live
             values = {key: raw for key, (raw, origin) in targets.items() if origin is None or live(origin)}
             if values:
-                self._send(Targets(values, self._motion.epoch))
+                self._send(Targets(values, self._motion.epoch, self._motion.now()))
         if self._outbox:
             outbox, self._outbox = self._outbox, []
             for message in outbox:

@@ -153,6 +153,10 @@ class Motion:
         """Whether what carries this origin may still move the robot."""
         return origin.epoch == self.epoch and not self.latched and self._lease_lasts(origin)
 
+    def now(self) -> float:
+        """The time of the present round, in seconds of the kernel's clock."""
+        return self._world.scheduler.now
+
     def own(self) -> Origin:
         """The origin of what the robot does by itself now."""
         return Origin(self.epoch, ROBOT, "", "", self._world.scheduler.clock.now())
