@@ -53,9 +53,15 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     # The loader and the daemon hold a robot by its base class, and know the kinds of its failures.
     "urbihw.platforms": ("urbihw.kernel.uobject",),
     # What the robots share: a robot on one wire.
-    "urbihw.platforms.base": ("urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.wire"),
+    "urbihw.platforms.limits": ("urbihw.kernel.uobject",),
+    "urbihw.platforms.base": (
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.wire", "urbihw.platforms.limits",
+    ),  # fmt: skip
     "urbihw.platforms.wire": ("urbihw.kernel.uobject", "urbihw.buses"),
-    ROBOT: ("urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.base", "urbihw.platforms.wire"),
+    ROBOT: (
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.base", "urbihw.platforms.wire",
+        "urbihw.platforms.limits",
+    ),  # fmt: skip
     # The ways in.  "urbihw.kernel" alone is its door, Kernel; "urbihw.platforms" alone is the loader.
     "urbihw.daemon": (
         "urbihw.kernel",

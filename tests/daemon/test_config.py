@@ -48,13 +48,15 @@ def test_a_file_fills_every_setting(file: Path) -> None:
         on_lost = "end"
         control = "/run/x.sock"
         log_level = "debug"
+        [limits]
+        speed = 1.5
         [options]
         protocol = 1
     """)
     made = configure(file)
     assert made == Config(
         "bioloid", "serial:///dev/ttyUSB0?baud=1000000", False, "0.0.0.0", 54001, "/run/urbihw.port", True,
-        ("a.u", "b.u"), 65536, 50.0, 0.25, True, "keep", "end", "/run/x.sock", "debug",
+        ("a.u", "b.u"), 65536, 50.0, 0.25, True, "keep", "end", {"speed": 1.5}, "/run/x.sock", "debug",
         {"protocol": 1},
     )  # fmt: skip
     assert type(made.rate) is float

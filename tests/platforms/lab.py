@@ -68,7 +68,8 @@ class RobotLab:
     """Seconds between two looks at both clocks: a tick of the worker."""
 
     def __init__(self, **options: Any) -> None:
-        """``options`` are those of the platform."""
+        """``options`` are those of the platform; ``limits`` among them are those of the settings."""
+        limits = options.pop("limits", {})
         self.clock = SimClock()
         self.bus_clock = BusClock(START)
         self.kernel = Kernel(self.clock)
@@ -87,7 +88,8 @@ class RobotLab:
         self.robot = host.create(kind, manifest.slot)
         self.robot.start_worker = self._start
         self.robot.bus_time = self.bus_clock.now
-        self.robot.open(RobotSettings(self.url, 1 / self.tick, dead_man=0, options=options), self.opened.append)
+        settings = RobotSettings(self.url, 1 / self.tick, dead_man=0, options=options, limits=limits)
+        self.robot.open(settings, self.opened.append)
 
     def context(self) -> Context:
         """The clock and the pipes of the worker."""

@@ -27,6 +27,7 @@ from urbihw.buses.messages import DeviceState, FromWorker, Happened, Latched, Li
 STOP, ESTOP, RELEASE, STATE, SUBSCRIBE = "stop", "estop", "release", "state", "subscribe"
 VERBS: Final = (STOP, ESTOP, RELEASE, STATE, SUBSCRIBE)
 MOST_CLIENTS: Final = 16
+"""Connections at a time; one more ends the oldest."""
 LONGEST_LINE: Final = 4096
 MOST_WAITING: Final = 256
 """Lines that wait for a subscriber; older telemetry is dropped for newer."""
@@ -97,7 +98,9 @@ class _Client:
         self.say({"ok": False, "error": why})
 
     def say(self, message: Mapping[str, Any]) -> None:
-        """Send a line, behind those that wait."""
+        """Send a line, behind those that wait; who asks without end and never reads is let go."""
+        if len(self._waiting) > 2 * MOST_WAITING:
+            self.close()
         self._waiting.append(json.dumps(message, separators=(",", ":"), default=str).encode() + b"\n")
         self.flush()
 
@@ -128,6 +131,7 @@ class _Client:
     def close(self) -> None:
         """The client is gone."""
         self.closed = True
+        self._waiting.clear()
         self.socket.close()
 
 
@@ -155,18 +159,18 @@ class ControlSocket:
 
     def descriptors(self) -> list[int]:
         """What to watch for news."""
+        if any(client.closed for client in self._clients):
+            self._clients = [client for client in self._clients if not client.closed]
         return [self._listener.fileno(), *(client.fileno() for client in self._clients)]
 
     def poll(self, ready: list[int]) -> list[Order]:
         """The orders of who is ready."""
         orders: list[Order] = []
-        if self._listener.fileno() in ready:
-            self._accept()
         for client in self._clients:
             if client.fileno() in ready:
                 orders += client.read()
-        if any(client.closed for client in self._clients):
-            self._clients = [client for client in self._clients if not client.closed]
+        if self._listener.fileno() in ready:
+            orders += self._accept()
         return orders
 
     def publish(self, message: FromWorker) -> None:
@@ -189,15 +193,18 @@ class ControlSocket:
         with contextlib.suppress(OSError):
             self.path.unlink()
 
-    def _accept(self) -> None:
+    def _accept(self) -> list[Order]:
+        """Let a client in; most have their order with them."""
         try:
             connection, _ = self._listener.accept()
         except OSError:
-            return
+            return []
         if len(self._clients) >= MOST_CLIENTS:
-            connection.close()
-            return
-        self._clients.append(_Client(connection))
+            # Whoever comes now may want to stop the robot; whoever came first has had the time to.
+            self._clients.pop(0).close()
+        client = _Client(connection)
+        self._clients.append(client)
+        return client.read()
 
 
 def _as_json(message: FromWorker) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from __future__ import annotations
 import importlib
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -26,6 +27,7 @@ from urbihw import buses
 from urbihw.buses.authority import STALE, Authority
 from urbihw.buses.control import ESTOP, RELEASE, STOP, SUBSCRIBE, ControlSocket, Order
 from urbihw.buses.errors import BadUrl, BadValue, LinkGone, Unavailable
+from urbihw.buses.guards import Guards
 from urbihw.buses.link import Context, Port
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import (
@@ -44,6 +46,7 @@ from urbihw.buses.messages import (
     Release,
     Reply,
     Request,
+    Samples,
     Statistics,
     Stop,
     Stopped,
@@ -154,6 +157,17 @@ class Driver:
         """Where the device is, in the unit of the target `item`; None if that is no place, or not known."""
         return None
 
+    def signed(self, device: Any, item: str, raw: Any) -> float:
+        """A target as a number that grows with what it asks for, for comparing it with limits; `raw_of` is its inverse.
+
+        A count is that by itself, unless it keeps its sign in a bit of its own.
+        """
+        return float(raw)
+
+    def raw_of(self, device: Any, item: str, signed: float) -> Any:
+        """See `signed`."""
+        return round(signed)
+
     def errors(self) -> dict[str, int]:
         """Failures since `attach`, by kind."""
         raise NotImplementedError
@@ -206,7 +220,8 @@ class Engine:
         self._pulse_at = now
         control = Path(begin.control) if begin.control else None
         self._authority = Authority(begin.epoch, control.with_suffix(".estop") if control is not None else None)
-        self._set_points = SetPoints(driver.pose)
+        self._set_points = SetPoints(driver)
+        self._guards = Guards()
         driver.configure(begin.settings)
         driver.expect(begin.devices)
         for watch in begin.watches:
@@ -278,9 +293,23 @@ class Engine:
         for message in news:
             if isinstance(message, DeviceState) and message.new == "back":
                 self._device_back(message.device)
+            elif isinstance(message, Samples):
+                self._look_at(message)
         if self._driver.halted:
             reason, self._driver.halted = self._driver.halted, ""
             self._stop(reason)
+
+    def _look_at(self, samples: Samples) -> None:
+        """Act on values that have gone too far."""
+        targets, news = self._guards.look(samples)
+        if not news:
+            return
+        held = tuple(device for device in self._guards.held if any(one.device == device for one in news))
+        if held:
+            self._set_points.forget(held)
+            self._guarded(lambda: self._driver.safe_stop(held))
+        self._guarded(lambda: self._post_all(self._driver.targets(Targets(targets))))
+        self._post_all([*news])
 
     def _device_back(self, device: Any) -> None:
         """A device is back: it stays where it is, and its movement is taken up from there."""
@@ -375,6 +404,7 @@ class Engine:
                 self._release(message.who)
             case Limits():
                 self._set_points.limit(message.table)
+                self._guards.set(message.thresholds)
             case Configure():
                 self._settings = message
                 self._driver.configure(message)
@@ -390,6 +420,11 @@ class Engine:
             values = {key: value for key, value in values.items() if not moves(*key, value)}
             if refusal is not STALE:
                 self._post_all([Refused(*key, refusal) for key in message.values if key not in values])
+        held = self._guards.held
+        if held:
+            still = {key for key, value in values.items() if key[0] in held and self._driver.moves(*key, value)}
+            self._post_all([Refused(*key, f"held by {held[key[0]]}") for key in still])
+            values = {key: value for key, value in values.items() if key not in still}
         given = self._set_points.take(values, now, message.time)
         self._post_all([*self._set_points.news()])
         if given:
@@ -397,10 +432,15 @@ class Engine:
 
     def _take_request(self, message: Request) -> None:
         refusal = self._authority.refusal(message.epoch)
+        if message.device in self._guards.held:
+            refusal = refusal or f"held by {self._guards.held[message.device]}"
         if refusal and self._driver.request_moves(message):
             self._post_all([Reply(message.reply_id, False, error=refusal)])
-        else:
-            self._requests.append(message)
+            return
+        if message.verb == "write":
+            message = replace(message, value=self._set_points.clamp(message.device, message.item, message.value))
+            self._post_all([*self._set_points.news()])
+        self._requests.append(message)
 
     def _watch_master(self, now: float) -> None:
         patience = self._settings.dead_man

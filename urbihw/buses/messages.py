@@ -1,8 +1,8 @@
 """What a bus worker and its parent tell each other. All of them are frozen and can cross a process border.
 
 To the worker: Begin first; then Targets, Watch, Request, Stop, EmergencyStop, Release, Limits, Alive, Configure.
-From the worker: Found, Samples, Happened, DeviceState, LinkState, Reply, Refused, Limited, Stopped, Latched,
-Statistics, Pulse, Ended.  From who supervises it: WorkerState.
+From the worker: Found, Samples, Happened, DeviceState, LinkState, Reply, Refused, Limited, Guarded, Stopped,
+Latched, Statistics, Pulse, Ended.  From who supervises it: WorkerState.
 
 They are the same for every family of wires; what a device is called (a number, a name, a port), which items it has,
 and which verbs it takes is for the family's driver to say. Values are raw counts, turned into SI and back by those who
@@ -107,10 +107,35 @@ class Limit:
 
 
 @dataclass(frozen=True, slots=True)
+class Threshold:
+    """What to do when a measured item goes too far; all in raw counts.
+
+    Attributes:
+        device, item: what is measured.
+        level: from which it is too much; `above` False: below which it is too little.
+        hysteresis: how far back the value must be until the threshold is left again.
+        targets, restored: (item, value) to set when it is passed, and when it is left.
+        holds: nothing may move the device meanwhile.
+        name: tells the user which setting that is.
+    """
+
+    device: Any
+    item: str
+    level: float
+    name: str
+    above: bool = True
+    hysteresis: float = 0.0
+    targets: tuple[tuple[str, Any], ...] = ()
+    restored: tuple[tuple[str, Any], ...] = ()
+    holds: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Limits:
-    """The limits of all targets that have any, by (device, item); replaces those before."""
+    """The limits of all targets that have any, by (device, item), and all thresholds; replaces those before."""
 
     table: Mapping[tuple[Any, str], Limit]
+    thresholds: tuple[Threshold, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,6 +267,17 @@ class Limited:
 
 
 @dataclass(frozen=True, slots=True)
+class Guarded:
+    """A threshold was passed, or (`passed` False) left again, at a value in raw counts."""
+
+    device: Any
+    name: str
+    item: str
+    value: float
+    passed: bool
+
+
+@dataclass(frozen=True, slots=True)
 class Stopped:
     """The robot was brought to its safe stop, and why; all targets are forgotten.
 
@@ -313,6 +349,7 @@ FromWorker = (
     | Reply
     | Refused
     | Limited
+    | Guarded
     | Stopped
     | Latched
     | Statistics

@@ -11,13 +11,12 @@ got to meanwhile: the movement is taken up from there, no faster than it goes by
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from typing import Any, Final
+from collections.abc import Mapping
+from typing import Any, Final, Protocol
 
 from urbihw.buses.messages import Limit, Limited
 
 Key = tuple[Any, str]
-Pose = Callable[[Any, str], float | None]
 
 LIVE: Final = 0.25
 """Seconds between two targets up to which they belong to one movement."""
@@ -71,11 +70,27 @@ class _Course:
         return max(self._fastest, self._before)
 
 
-class SetPoints:
-    """The courses of all items of one wire.  ``pose`` tells where a device is, None for an item that is no place."""
+class Wire(Protocol):
+    """What is asked of a driver."""
 
-    def __init__(self, pose: Pose) -> None:
-        self._pose = pose
+    def pose(self, device: Any, item: str) -> float | None:
+        """Where the device is, in the unit of the target; None for an item that is no place."""
+        ...
+
+    def signed(self, device: Any, item: str, raw: Any) -> float:
+        """A target as a number that grows with what it asks for."""
+        ...
+
+    def raw_of(self, device: Any, item: str, signed: float) -> Any:
+        """The target of such a number."""
+        ...
+
+
+class SetPoints:
+    """The courses of all items of one wire."""
+
+    def __init__(self, wire: Wire) -> None:
+        self._wire = wire
         self._limits: Mapping[Key, Limit] = {}
         self._courses: dict[Key, _Course] = {}
         self._under_way: dict[Key, None] = {}
@@ -99,32 +114,38 @@ class SetPoints:
         ``written`` is when they were, by the clock of who did; as it is now, if that is not known.
         """
         given: dict[Key, Any] = {}
-        for key, value in values.items():
-            if value.__class__ is bool or not isinstance(value, int | float):
-                given[key] = value
+        for key, raw in values.items():
+            if raw.__class__ is bool or not isinstance(raw, int | float):
+                given[key] = raw
                 continue
             course = self._courses.get(key)
             if course is None:
                 course = self._courses[key] = _Course()
-            limit = self._limits.get(key, _NO_LIMIT)
-            wanted = min(max(value, limit.low), limit.high)
-            self._tell(key, course, value, wanted, limit.name if wanted != value else "")
+            limit = self._limits.get(key)
+            wanted = float(raw) if limit is None else self._limited(key, course, limit, raw)
             course.ask(wanted, now, now if written is None else written)
             if key in self._under_way:
                 continue
-            if limit.rate < math.inf:
-                self._begin(key, course, now)
+            if limit is not None and limit.rate < math.inf and self._begin(key, course, now):
                 continue
             course.given = wanted
-            given[key] = value if wanted == value else _like(value, wanted)
+            given[key] = raw if limit is None else self._raw(key, raw, wanted)
         return given
+
+    def clamp(self, device: Any, item: str, raw: Any) -> Any:
+        """What the limits leave of something that is written once."""
+        limit = self._limits.get((device, item))
+        if limit is None or raw.__class__ is bool or not isinstance(raw, int | float):
+            return raw
+        course = self._courses.setdefault((device, item), _Course())
+        return self._raw((device, item), raw, self._limited((device, item), course, limit, raw))
 
     def returned(self, device: Any, now: float) -> None:
         """A device is back, None for all: its movements are taken up from where it is."""
         for key, course in self._courses.items():
             if device not in (None, key[0]):
                 continue
-            place = self._pose(*key)
+            place = self._wire.pose(*key)
             if place is None or not course.is_live(now):
                 continue
             course.given, course.returning = place, True
@@ -139,18 +160,18 @@ class SetPoints:
         elapsed, self._stepped_at = min(max(0.0, now - self._stepped_at), LONGEST_STEP), now
         given: dict[Key, Any] = {}
         for key in list(self._under_way):
-            course, limit = self._courses[key], self._limits.get(key, _NO_LIMIT)
+            course = self._courses[key]
             if course.returning and not course.is_live(now):
                 # Nobody moves it any more: it stays where it has got to.
                 del self._courses[key], self._under_way[key]
                 continue
             way = course.asked - course.given
-            pace = limit.rate
+            pace = self._limits.get(key, _NO_LIMIT).rate
             if course.returning:
                 pace = min(pace, course.speed() or abs(way) / CATCH_UP)
             reach = pace * elapsed
             course.given = course.asked if abs(way) <= reach else course.given + math.copysign(reach, way)
-            given[key] = round(course.given) if isinstance(course.asked, int) else course.given
+            given[key] = self._wire.raw_of(*key, course.given)
             if course.given == course.asked:
                 course.returning = False
                 del self._under_way[key]
@@ -161,20 +182,27 @@ class SetPoints:
         news, self._news = self._news, []
         return news
 
-    def _begin(self, key: Key, course: _Course, now: float) -> None:
+    def _limited(self, key: Key, course: _Course, limit: Limit, raw: Any) -> float:
+        """What a limit leaves of a target; whether it does is told when that changes."""
+        asked = self._wire.signed(*key, raw)
+        wanted = min(max(asked, limit.low), limit.high)
+        name = limit.name if wanted != asked else ""
+        if name != course.limit:
+            course.limit = name
+            self._news.append(Limited(*key, raw, self._wire.raw_of(*key, wanted), name))
+        return wanted
+
+    def _raw(self, key: Key, raw: Any, wanted: float) -> Any:
+        return raw if self._wire.signed(*key, raw) == wanted else self._wire.raw_of(*key, wanted)
+
+    def _begin(self, key: Key, course: _Course, now: float) -> bool:
+        """Let a target be reached step by step; false if it is there already."""
         if math.isnan(course.given):
-            place = self._pose(*key)
+            place = self._wire.pose(*key)
             course.given = 0.0 if place is None else place
+        if course.given == course.asked:
+            return False
         if not self._under_way:
             self._stepped_at = now
         self._under_way[key] = None
-
-    def _tell(self, key: Key, course: _Course, asked: float, given: float, limit: str) -> None:
-        if limit != course.limit:
-            course.limit = limit
-            self._news.append(Limited(*key, asked, given, limit))
-
-
-def _like(value: Any, wanted: float) -> Any:
-    """A limited value of the same kind as what was asked for."""
-    return round(wanted) if isinstance(value, int) else wanted
+        return True

@@ -94,6 +94,7 @@ class Config:
         on_disconnect: what becomes of motion whose client is gone: "stop" (speeds go to zero, joints hold) or "keep".
         on_lost: what becomes of a movement whose device or link is lost: when that is back, the movement is taken up
             again ("resume"), or it is over ("end").
+        limits: what each device may be asked for: see ``urbihw.platforms.limits``.
         control: path of the control socket of the bus worker; empty for ``control_path()``, "off" for none.
         log_level: the least important messages that are logged.
         options: what else the platform knows, by name.
@@ -113,6 +114,7 @@ class Config:
     torque_off_on_stop: bool = _setting(False, SWITCH)
     on_disconnect: str = _setting("stop", _word("stop", "keep"))
     on_lost: str = _setting("resume", _word("resume", "end"))
+    limits: dict[str, Any] = field(default_factory=dict, metadata={"rule": TABLE})
     control: str = _setting("", TEXT)
     log_level: str = _setting("info", _word("debug", "info", "warning", "error"))
     options: dict[str, Any] = field(default_factory=dict, metadata={"rule": TABLE})

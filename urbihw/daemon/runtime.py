@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 import stat
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from urbihw.kernel.uobject import BadConfig
+if TYPE_CHECKING:
+    from urbihw.kernel.uobject import BadConfig
 
 SERVICE_FOLDER: Final = Path("/run/urbihw")
 """RuntimeDirectory of the unit in share/."""
@@ -24,14 +24,14 @@ def runtime_folder(environment: Mapping[str, str] = os.environ) -> Path:
     if environment.get("RUNTIME_DIRECTORY"):
         return Path(environment["RUNTIME_DIRECTORY"].split(":")[0])
     home = environment.get("XDG_RUNTIME_DIR")
-    folder = Path(home) / "urbihw" if home else Path(tempfile.gettempdir()) / f"urbihw-{os.getuid()}"
+    folder = Path(home) / "urbihw" if home else _temporary() / f"urbihw-{os.getuid()}"
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         about = folder.lstat()
     except OSError as error:
-        raise BadConfig(f"no folder for the control socket: {folder}: {error.strerror}; set control") from error
+        raise _bad(f"no folder for the control socket: {folder}: {error.strerror}; set control") from error
     if not stat.S_ISDIR(about.st_mode) or about.st_uid != os.getuid() or about.st_mode & 0o022:
-        raise BadConfig(f"{folder} belongs to somebody else or can be written by others: remove it, or set control")
+        raise _bad(f"{folder} belongs to somebody else or can be written by others: remove it, or set control")
     return folder
 
 
@@ -44,3 +44,18 @@ def control_sockets(environment: Mapping[str, str] = os.environ) -> list[Path]:
     """All control sockets that this user can find, those of the service last."""
     folders = [runtime_folder(environment), SERVICE_FOLDER]
     return [path for folder in dict.fromkeys(folders) for path in sorted(folder.glob("*.sock"))]
+
+
+# ``urbihw estop`` needs this module in a hurry: what takes long to import is imported when it is needed.
+
+
+def _temporary() -> Path:
+    import tempfile
+
+    return Path(tempfile.gettempdir())
+
+
+def _bad(text: str) -> BadConfig:
+    from urbihw.kernel.uobject import BadConfig
+
+    return BadConfig(text)

@@ -250,14 +250,15 @@ class Service:
         return "" if self._robot is None else f"{self._config.platform}: {self._robot.status()}"
 
     async def _report(self, stopping: asyncio.Future[Literal[True]]) -> None:
-        """Keep the service manager informed until it is time to stop."""
+        """Keep the service manager informed until it is time to stop; its watchdog is fed while the bus is served."""
         said, period = "", min(STATUS_PERIOD, self._notifier.watchdog_period or STATUS_PERIOD)
         while not stopping.done():
             status = self._status()
             if status != said:
                 self._notifier.status(status)
                 said = status
-            self._notifier.watchdog()
+            if self._robot is None or self._robot.alive():
+                self._notifier.watchdog()
             await asyncio.wait((stopping,), timeout=period)
 
     # ---------------------------------------------------------------- stop
@@ -295,5 +296,6 @@ def _robot_settings(config: Config, url: str, control: str = "") -> RobotSetting
         config.options,
         keep_motion=config.on_disconnect == "keep",
         resume=config.on_lost == "resume",
+        limits=config.limits,
         control=control,
     )

@@ -13,8 +13,9 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Hashable
-from typing import ClassVar, Final, Protocol
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from functools import partial
+from typing import Any, ClassVar, Final, Protocol
 
 from urbihw.buses import messages as m
 from urbihw.buses.engine import driver_of
@@ -33,12 +34,15 @@ from urbihw.kernel.uobject import (
     owned,
     reading,
 )
+from urbihw.platforms.limits import DeviceLimits, LimitSettings
 from urbihw.platforms.wire import Wire
 
 ALIVE: Final = 0.5
 """Seconds between signs of life."""
 PATIENCE: Final = 2.0
 """Seconds to wait for the first reading of all devices."""
+SILENCE: Final = 3.0
+"""Seconds without a word of the worker after which it is not alive; statistics come every second."""
 
 
 class Handle(Protocol):
@@ -50,6 +54,23 @@ class Handle(Protocol):
 
     def stop(self) -> None:
         """Stop the robot and end the worker."""
+        ...
+
+
+Named = Callable[[str], str]
+"""How the settings call a kind of limit of one device."""
+LimitTable = Mapping[tuple[Any, str], m.Limit]
+
+
+class Limited(Protocol):
+    """A device that can have limits."""
+
+    def limits_in_counts(self, limits: DeviceLimits, named: Named) -> tuple[LimitTable, Sequence[m.Threshold]]:
+        """What limits in SI units are in the raw counts of the device."""
+        ...
+
+    def was_limited(self, message: m.Limited) -> None:
+        """A limit made something else of a target, of this device or another."""
         ...
 
 
@@ -74,6 +95,7 @@ class WiredRobot(Robot):
     linkBack = event()  # noqa: N815
     stopped = event()
     released = event()
+    guarded = event()
     estop = owned(False)
     epoch = reading(0.0)
     stops = reading(0.0)
@@ -88,11 +110,13 @@ class WiredRobot(Robot):
         self.log = logging.getLogger(f"urbihw.{self.robot_name}")
         self.motion = Motion(self.host.world, self.robot_name, self._release)
         self.wire = Wire(self.tell, self.motion)
+        self.limits = LimitSettings({}, {})
         self.offset = 0.0
         """Kernel's time = worker's time + offset, in seconds."""
         self._worker: Handle | None = None
         self._opened: Opened | None = None
         self._missed_link = False
+        self._heard_at = 0.0
         self.notify_change(self.estop, self._estop_written)
 
     # ---------------------------------------------------------------- what the daemon calls
@@ -100,9 +124,11 @@ class WiredRobot(Robot):
     def open(self, settings: RobotSettings, opened: Opened) -> None:
         """See ``Robot``.  The options go to the driver of the wire."""
         self._opened = opened
-        self.offset = self.host.now() - self.bus_time()
+        self._heard_at = self.bus_time()
+        self.offset = self.host.now() - self._heard_at
         self.url.sense(settings.url)
         self.motion.keep = settings.keep_motion
+        self.limits = LimitSettings.of(settings.limits)
         try:
             self._worker = self.start_worker(
                 settings.url, post=self._post, settings=_for_worker(settings), family=self.family,
@@ -123,7 +149,9 @@ class WiredRobot(Robot):
         except BadValue as error:
             raise BadConfig(f"{self.robot_name}: {error}") from error
         self.motion.keep = settings.keep_motion
+        self.limits = LimitSettings.of(settings.limits)
         self.tell(message)
+        self.send_limits()
 
     def close(self) -> None:
         """See ``Robot``."""
@@ -132,6 +160,10 @@ class WiredRobot(Robot):
         self.destroy()
         if worker is not None:
             worker.stop()
+
+    def alive(self) -> bool:
+        """See ``Robot``: whether the worker was heard of lately, also with the link down."""
+        return self.bus_time() - self._heard_at <= SILENCE
 
     # ---------------------------------------------------------------- what urbiscript calls
 
@@ -211,7 +243,27 @@ class WiredRobot(Robot):
 
         handle = self.set_timer(PATIENCE, over)
 
+    def send_limits(self) -> None:
+        """Let the worker know of the limits; to be called when the devices are known, and when one has changed."""
+        if not self.limits:
+            return
+        table: dict[tuple[Any, str], m.Limit] = {}
+        thresholds: list[m.Threshold] = []
+        names = set()
+        for name, device in self.limited_devices().items():
+            names.add(name)
+            limits, own = device.limits_in_counts(self.limits.device(name), partial(self.limits.named, name))
+            table.update(limits)
+            thresholds += own
+        for name in self.limits.unknown(names):
+            self.log.warning("limits.%s: there is no such device; there are: %s", name, ", ".join(sorted(names)))
+        self.tell(m.Limits(table, tuple(thresholds)))
+
     # ---------------------------------------------------------------- hooks
+
+    def limited_devices(self) -> Mapping[str, Limited]:
+        """The devices that can have limits, by the names of their slots."""
+        return {}
 
     def on_found(self, message: m.Found) -> None:
         """The devices that are there, when the link has come up: also each time when it comes back."""
@@ -242,6 +294,14 @@ class WiredRobot(Robot):
 
     def on_limited(self, message: m.Limited) -> None:
         """A limit of the settings made something else of a target."""
+        for device in self.limited_devices().values():
+            device.was_limited(message)
+
+    def on_guarded(self, message: m.Guarded) -> None:
+        """A measured value went too far, or is back."""
+        what = "passed" if message.passed else "is back from"
+        self.log.warning("%s: %s %s %s", message.device, message.item, what, message.name)
+        self.guarded.emit(str(message.device), message.name, message.passed)
 
     def on_refused(self, message: m.Refused) -> None:
         """A target or watch made no sense."""
@@ -257,6 +317,8 @@ class WiredRobot(Robot):
         self.tell(m.Alive())
 
     def _heard(self, message: m.FromWorker) -> None:
+        if not isinstance(message, m.WorkerState | m.Ended):
+            self._heard_at = self.bus_time()
         match message:
             case m.Samples():
                 self.on_samples(message)
@@ -282,6 +344,8 @@ class WiredRobot(Robot):
                 self._latched(message)
             case m.Limited():
                 self.on_limited(message)
+            case m.Guarded():
+                self.on_guarded(message)
             case m.WorkerState():
                 self._worker_state(message)
             case m.Ended():

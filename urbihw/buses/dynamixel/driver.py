@@ -13,6 +13,7 @@ from typing import Any
 from urbihw.buses.dynamixel.bus import DynamixelBus
 from urbihw.buses.dynamixel.cycle import Cycle, Tick
 from urbihw.buses.dynamixel.device import Device, DeviceInfo, Scan
+from urbihw.buses.dynamixel.item import Motion
 from urbihw.buses.dynamixel.member import GOAL, Member
 from urbihw.buses.dynamixel.options import Options
 from urbihw.buses.dynamixel.plan import TORQUE
@@ -36,6 +37,7 @@ from urbihw.buses.messages import (
 
 # With nobody on the bus (robot switched off?) look again this often; a scan writes nothing.
 _LOOK_AGAIN = 3.0
+_AX_SPEED, _AX_SIGN = "moving_speed", 1024
 _GONE = "it does not answer"
 
 
@@ -164,6 +166,23 @@ class DynamixelDriver(Driver):
         """The present position as last read, for the goal position."""
         member = None if self._cycle is None else self._cycle.members.get(device)
         return None if member is None or item != GOAL else member.place
+
+    def signed(self, device: Any, item: str, raw: Any) -> float:
+        """The speed of an AX wheel has its sign in bit 10."""
+        if item != _AX_SPEED or raw < _AX_SIGN or not self._is_wheel(device):
+            return float(raw)
+        return -float(raw - _AX_SIGN)
+
+    def raw_of(self, device: Any, item: str, signed: float) -> Any:
+        """See `signed`."""
+        if item == _AX_SPEED and signed < 0 and self._is_wheel(device):
+            return _AX_SIGN + round(-signed)
+        return round(signed)
+
+    def _is_wheel(self, device: Any) -> bool:
+        member = None if self._cycle is None else self._cycle.members.get(device)
+        mode = None if member is None else member.device.mode
+        return mode is not None and mode.motion is Motion.RATE
 
     def errors(self) -> dict[str, int]:
         """Return failures since `attach`, by kind."""

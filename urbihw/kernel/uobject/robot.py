@@ -26,6 +26,7 @@ class RobotSettings:
         options: what else the platform knows, by name.
         keep_motion: what a client set in motion goes on when its connection ends.
         resume: a movement goes on when the device or the link that it lost comes back; else it ends.
+        limits: what each device may be asked for: the table ``[limits]`` of the settings.
         control: path of the control socket of the bus worker; "" for none.
     """
 
@@ -36,6 +37,7 @@ class RobotSettings:
     options: Mapping[str, Any] = field(default_factory=dict)
     keep_motion: bool = False
     resume: bool = True
+    limits: Mapping[str, Any] = field(default_factory=dict)
     control: str = ""
 
 
@@ -67,3 +69,7 @@ class Robot(UObject):
     def status(self) -> str:
         """A few words for the service manager, such as ``18 servos, 1 sensor, 98 Hz``."""
         raise NotImplementedError
+
+    def alive(self) -> bool:
+        """Whether what drives the robot still works, be the robot there or not; if not, the daemon is started anew."""
+        return True

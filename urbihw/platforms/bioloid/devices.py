@@ -151,13 +151,7 @@ class Device(UObject):
     def _write_slot(self, row: Slot, raw: int) -> None:
         self.write(row.item, raw, row.name)
 
-    def write(
-        self,
-        item: str,
-        raw: int,
-        slot: str,
-        done: Callable[[bool], None] = lambda ok: None,
-    ) -> None:
+    def write(self, item: str, raw: int, slot: str, done: Callable[[bool], None] = lambda ok: None) -> None:
         """Write a register for sure; the slot follows when the device has confirmed it.
 
         A device that answers with an error may have obeyed all the same (an AX servo whose goal lies outside the
@@ -166,7 +160,8 @@ class Device(UObject):
 
         def replied(reply: Reply) -> None:
             if reply.ok:
-                self.take({item: raw}, self.host.now())
+                # A limit may have made something else of it.
+                self.take({item: raw if reply.value is None else reply.value}, self.host.now())
                 done(True)
             else:
                 self.wire.read(self.number, item, lambda second: looked(second, reply.error))

@@ -12,16 +12,22 @@ deferred write keeps its origin: a stop ends it like any other.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Sequence
 from typing import ClassVar
 
+from urbihw.buses import messages as m
 from urbihw.buses.dynamixel import units
 from urbihw.buses.dynamixel.device import DeviceInfo
 from urbihw.buses.dynamixel.status import state_words
 from urbihw.buses.messages import Reply
 from urbihw.kernel.uobject import EffectorDevice, Motion, Origin, UVar, function, reading
+from urbihw.platforms.base import LimitTable, Named
 from urbihw.platforms.bioloid import slots
 from urbihw.platforms.bioloid.devices import Device, Refused, Take, number
+from urbihw.platforms.bioloid.servolimits import ServoLimits
 from urbihw.platforms.bioloid.slots import Slot
+from urbihw.platforms.limits import DeviceLimits
 from urbihw.platforms.wire import Wire
 
 Step = tuple[str, int]
@@ -140,6 +146,47 @@ class Servo(Device, EffectorDevice):
             self.settings[item] = raw
             self.wire.aim(self.number, item, raw)
 
+    # ---------------------------------------------------------------- limits of the settings
+
+    def limits_in_counts(self, limits: DeviceLimits, named: Named) -> tuple[LimitTable, Sequence[m.Threshold]]:
+        """See ``platforms.base.Limited``: those of the present mode."""
+        row = self.row("torqueLimit")
+        strongest = units.from_si(self.table.item(row.item), self._torque_share(row, limits.torque))
+        if math.isfinite(limits.torque):
+            self._set(row, min(strongest, self.raw.get(row.item, strongest)))
+        made = ServoLimits(self.number, limits, named)
+        if self.wheel.sensed:
+            table = made.wheel(*self.wheel_scale())
+        else:
+            table = made.joint(self.table.item(self.goal))
+        return table | made.torque(row.item, strongest), made.thresholds(row.item, strongest)
+
+    def _torque_share(self, row: Slot, torque: float) -> float:
+        return min(row.view.take(torque, self.facts), units.limits_si(self.table.item(row.item))[1])
+
+    def was_limited(self, message: m.Limited) -> None:
+        """See ``platforms.base.Limited``."""
+        if message.device != self.number:
+            return
+        if message.item == self.goal:
+            self.limit_applied(units.to_si(self.table.item(self.goal), int(message.applied)), message.limit)
+        elif self.wheel.sensed and message.item == self.wheel_scale()[0]:
+            raw = int(message.applied)
+            self.limit_applied(self.speed_of(raw), message.limit)
+
+    def row(self, slot: str) -> Slot:
+        """The row of a slot."""
+        return next(row for row in self.rows if row.name == slot)
+
+    def wheel_scale(self) -> tuple[str, float]:
+        """The register of a wheel's speed, and its counts for 1 rad/s."""
+        item, count = self.speed_target(1.0, True)
+        return item, float(count)
+
+    def speed_of(self, raw: int) -> float:
+        """The speed of a wheel, rad/s, that a count of its register asks for."""
+        raise NotImplementedError
+
     # ---------------------------------------------------------------- load
 
     def _load_written(self) -> None:
@@ -226,6 +273,10 @@ class Servo(Device, EffectorDevice):
             least, most = units.limits_si(self.table.item(self.goal_item_of_limits()))
         self.set_range(self.val, least, most)
         self.set_range(self.speed, *self.speed_range(wheel))
+        self.mode_changed()
+
+    mode_changed: Callable[[], None] = staticmethod(lambda: None)
+    """Called when its mode or its limits were read anew."""
 
 
 class AX12(Servo):
@@ -267,6 +318,10 @@ class AX12(Servo):
         """A wheel is driven open loop: a share of full drive, taken to give that share of full speed."""
         item = self.table.item("moving_speed")
         return item.name, units.from_si(item, value / self.facts.full_speed if wheel else value, wheel)
+
+    def speed_of(self, raw: int) -> float:
+        """The inverse of ``speed_target``."""
+        return units.to_si(self.table.item("moving_speed"), raw, True) * self.facts.full_speed
 
     def speed_taker(self, row: Slot, var: UVar) -> Take:
         """The present speed of a wheel is a share of full drive, too."""
@@ -339,6 +394,10 @@ class XServo(Servo):
         """The goal of a wheel, the profile of a joint."""
         item = self.table.item("goal_velocity" if wheel else "profile_velocity")
         return item.name, units.from_si(item, value)
+
+    def speed_of(self, raw: int) -> float:
+        """The inverse of ``speed_target``."""
+        return units.to_si(self.table.item("goal_velocity"), raw)
 
     def plan_on(self) -> list[Step]:
         """The servo itself then takes the place where it is for its goal."""

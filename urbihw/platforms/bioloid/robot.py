@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from typing import Final
 
 from urbihw.buses import messages as m
 from urbihw.buses.dynamixel.device import DeviceInfo
 from urbihw.kernel.uobject import BadConfig, NotReady, Opened, RobotSettings, UObject, event, function
-from urbihw.platforms.base import WiredRobot
+from urbihw.platforms.base import Limited, WiredRobot
 from urbihw.platforms.bioloid.devices import Device
 from urbihw.platforms.bioloid.motors import AX12, Servo, XServo
 from urbihw.platforms.bioloid.sensors import AXS1
@@ -152,6 +153,10 @@ class Bioloid(WiredRobot):
         elif not message.conflicts:
             self.wait_for_readings()
 
+    def limited_devices(self) -> Mapping[str, Limited]:
+        """See ``WiredRobot``."""
+        return {f"motor{number}": each for number, each in self.devices.items() if isinstance(each, Servo)}
+
     def _grown(self, problem: str) -> None:
         if problem:
             log.error("the tree of the robot is not complete: %s", problem)
@@ -175,6 +180,8 @@ class Bioloid(WiredRobot):
         group, name = (self.motors, "motor") if issubclass(kind, Servo) else (self.sensors, "sensor")
         about = (self.wire, info, self._refuse, *((self.motion,) if issubclass(kind, Servo) else ()))
         device = self.host.create(kind, f"{name}{info.id}", *about)
+        if isinstance(device, Servo):
+            device.mode_changed = self.send_limits
         self._missing.pop(info.id, None)
         self.devices[info.id] = group.members[info.id] = device
         self.found.emit(device)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import BadConfig, event, function
-from urbihw.platforms.base import WiredRobot
+from urbihw.platforms.base import Limited, WiredRobot
 from urbihw.platforms.cia402.servo import ServoDrive
 
 TREE: Final = "cia402.u"
@@ -65,9 +66,14 @@ class Cia402(WiredRobot):
             self.members[info.id] = drive
             if not info.watches:
                 self.log.warning("drive %d cannot watch us: it goes on if this machine dies", info.id)
+        self.send_limits()
         if self.opening:
             path = Path(__file__).with_name(TREE)
             self.host.run(path.read_text("latin-1"), str(path), self._has_tree)
+
+    def limited_devices(self) -> Mapping[str, Limited]:
+        """See ``WiredRobot``."""
+        return {f"drive{number}": drive for number, drive in self.members.items()}
 
     def _has_tree(self, problem: str) -> None:
         if problem:

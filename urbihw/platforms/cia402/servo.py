@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
+from urbihw.buses import messages as m
 from urbihw.buses.can import cia402 as c
 from urbihw.buses.can.drive import DriveInfo
 from urbihw.buses.messages import Reply
 from urbihw.kernel.uobject import Effector, EffectorDevice, Motion, UVar, event, function, owned, reading, variable
+from urbihw.platforms.base import LimitTable, Named
+from urbihw.platforms.limits import DeviceLimits
 from urbihw.platforms.wire import Wire
 
 log = logging.getLogger("urbihw.cia402")
@@ -117,6 +120,25 @@ class ServoDrive(EffectorDevice):
         for var, (least, most) in ((self.val, ends), (self.speed, (-fastest, fastest))):
             var.set_property("rangemin", least)
             var.set_property("rangemax", most)
+
+    # ---------------------------------------------------------------- limits of the settings
+
+    def limits_in_counts(self, limits: DeviceLimits, named: Named) -> tuple[LimitTable, Sequence[m.Threshold]]:
+        """See ``platforms.base.Limited``: rad, rad/s, rad/s2 by the coefficients."""
+        place, speed = 1 / self.positionCoeff.value, 1 / abs(self.velocityCoeff.value)
+        low, high = sorted(value * place for value in limits.position)
+        most = limits.speed * speed
+        table = {
+            (self.number, "position"): m.Limit(low, high, limits.speed * abs(place), named("position")),
+            (self.number, "velocity"): m.Limit(-most, most, limits.acceleration * speed, named("speed")),
+        }
+        return table, ()
+
+    def was_limited(self, message: m.Limited) -> None:
+        """See ``platforms.base.Limited``."""
+        if message.device == self.number:
+            coefficient = self.positionCoeff if message.item == "position" else self.velocityCoeff
+            self.limit_applied(message.applied * coefficient.value, message.limit)
 
     # ---------------------------------------------------------------- read
 

@@ -206,6 +206,10 @@ class NxtDriver(Driver):
         """The count of degrees as last read, for the goal of a motor."""
         return self._rotations.get(device) if item == "goal" else None
 
+    def raw_of(self, device: Any, item: str, signed: float) -> Any:
+        """Goals may have parts of degrees."""
+        return signed if item == "goal" else round(signed)
+
     def errors(self) -> dict[str, int]:
         """Return failures since ``attach``, by kind."""
         return {} if self._exchange is None else asdict(self._exchange.counters)

@@ -8,10 +8,13 @@ chapter 22.  Writing ``val``, ``angle`` or ``turn`` lets the worker turn the mot
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from urbihw.buses import messages as m
 from urbihw.kernel.uobject import Effector, EffectorDevice, UVar, function, owned, reading, variable
+from urbihw.platforms.base import LimitTable, Named
+from urbihw.platforms.limits import DeviceLimits
 from urbihw.platforms.nxt import protocol as p
 from urbihw.platforms.nxt.ports import PortDevice
 
@@ -86,6 +89,20 @@ class Servo(PortDevice, EffectorDevice):
     def stopped(self) -> None:
         """See ``PortDevice``."""
         self.speed.sense(0.0)
+
+    def limits_in_counts(self, limits: DeviceLimits, named: Named) -> tuple[LimitTable, Sequence[m.Threshold]]:
+        """See ``platforms.base.Limited``: position in degrees, speed as a share of 100."""
+        most, rate = min(limits.speed, FULL), limits.acceleration
+        table = {
+            (self.place, "power"): m.Limit(-most, most, rate, named("speed")),
+            (self.place, "goal"): m.Limit(*limits.position, name=named("position")),
+        }
+        return table, ()
+
+    def was_limited(self, message: m.Limited) -> None:
+        """See ``platforms.base.Limited``."""
+        if message.device == self.place:
+            self.limit_applied(float(message.applied), message.limit)
 
     def _speed_written(self, guard: Effector) -> None:
         self.aim("power", round(_number(self.speed)), guard.origin)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import BadConfig, Opened, RobotSettings, UObject, event, function, reading
+from urbihw.platforms.base import Limited
 from urbihw.platforms.nxt.motors import Servo
 from urbihw.platforms.nxt.others import Battery, Beeper, Command
 from urbihw.platforms.nxt.ports import Brick, Ports
@@ -116,6 +118,10 @@ class Nxt(Brick):
         for device in self.ports:
             device.link_changed(False)
 
+    def limited_devices(self) -> Mapping[str, Limited]:
+        """See ``WiredRobot``: motors by the letters of their ports."""
+        return {str(device.place): device for device in self.ports if isinstance(device, Servo)}
+
     def on_stopped(self, reason: str) -> None:
         """See ``WiredRobot``."""
         for device in self.ports:
@@ -162,6 +168,7 @@ class Nxt(Brick):
             self.answer(BadConfig(f"nxt: the layout does not work: {problem}"))
             return
         self._laid_out = True
+        self.send_limits()
         if self.whole():
             self.answer(None)
         else:

@@ -7,17 +7,22 @@ the robot, which alone decides what is ordered.
 from __future__ import annotations
 
 import math
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
-from urbihw.kernel.uobject import UObject, UVar, event, function, owned, reading
+from urbihw.kernel.uobject import EffectorDevice, Motion, UObject, UVar, event, function, owned, reading
 from urbihw.platforms.p3dx import camera
 from urbihw.platforms.p3dx.drive import Safety
 from urbihw.platforms.p3dx.frames import ORIGIN, Pose, compose, frame_of, wrapped
 from urbihw.platforms.p3dx.values import number, numbers, set_range
 
+ROBOT: Final = "robot"
+
 
 class Commands(Protocol):
     """What the parts need of the robot."""
+
+    motion: Motion
+    """Who may move it."""
 
     def switch_motors(self, on: bool) -> None:
         """Motors on or off."""
@@ -184,7 +189,7 @@ class Sonars(Switch):
         self.lend(self.load, ring, "load")
 
 
-class XSpeed(UObject):
+class XSpeed(EffectorDevice):
     """How fast the robot goes, m/s forward."""
 
     uname = "P3dxX"
@@ -193,11 +198,12 @@ class XSpeed(UObject):
 
     def init(self, robot: Commands, fastest: float) -> None:
         """``fastest`` in m/s."""
+        self.guard(robot.motion, ROBOT, self.speed)
         self.notify_change(self.speed, lambda: robot.set_speed(v=number(self.speed)))
         set_range(self.speed, -fastest, fastest)
 
 
-class YawSpeed(UObject):
+class YawSpeed(EffectorDevice):
     """How fast the robot turns, rad/s to the left."""
 
     uname = "P3dxYaw"
@@ -206,6 +212,7 @@ class YawSpeed(UObject):
 
     def init(self, robot: Commands, fastest: float) -> None:
         """``fastest`` in rad/s."""
+        self.guard(robot.motion, ROBOT, self.speed)
         self.notify_change(self.speed, lambda: robot.set_speed(w=number(self.speed)))
         set_range(self.speed, -fastest, fastest)
 

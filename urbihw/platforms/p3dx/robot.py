@@ -7,13 +7,15 @@ says is ordered.  The tree of components (``P3dx.body``, ``robot``) is put toget
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from typing import Any
 
 from urbihw.buses import messages as m
 from urbihw.buses.errors import BadUrl, BadValue
 from urbihw.buses.link import Url
 from urbihw.kernel.uobject import BadConfig, NotReady, Opened, RobotSettings, function, reading
+from urbihw.platforms.base import Limited, LimitTable, Named
+from urbihw.platforms.limits import DeviceLimits
 from urbihw.platforms.p3dx import sip
 from urbihw.platforms.p3dx.arcos import ArcosRobot
 from urbihw.platforms.p3dx.devices import Battery, Body, Camera, Odometry, Sonar, Sonars, Wheel, XSpeed, YawSpeed
@@ -169,6 +171,7 @@ class P3dx(ArcosRobot):
             self.answer(NotReady(f"the tree of components could not be made: {problem}"))
         else:
             self._complete = True
+            self.send_limits()
             self.wait_for_readings()
 
     _complete = False
@@ -274,6 +277,34 @@ class P3dx(ArcosRobot):
             self._forget_sonars()
             for speed in (self.x.speed, self.yaw.speed, self.wheels[0].speed, self.wheels[1].speed):
                 speed.sense(0.0)
+
+    # ---------------------------------------------------------------- limits of the settings
+
+    def limited_devices(self) -> Mapping[str, Limited]:
+        """See ``WiredRobot``: the robot itself."""
+        return {"robot": self} if self._parts else {}
+
+    def limits_in_counts(self, limits: DeviceLimits, named: Named) -> tuple[LimitTable, Sequence[m.Threshold]]:
+        """See ``platforms.base.Limited``: m/s, rad/s and m/s2."""
+        speed = 1 / self.factors.speed
+        most, around = limits.speed * speed, math.degrees(limits.turn)
+        table = {
+            (ROBOT, "vel"): m.Limit(-most, most, limits.acceleration * speed, named("speed")),
+            (ROBOT, "rvel"): m.Limit(-around, around, name=named("turn")),
+        }
+        low, high = (volts * 10 for volts in limits.voltage)
+        rows = (
+            m.Threshold(ROBOT, "battery", low, named("voltage"), above=False, hysteresis=2),
+            m.Threshold(ROBOT, "battery", high, named("voltage"), hysteresis=2),
+        )
+        return table, [row for row in rows if math.isfinite(row.level)]
+
+    def was_limited(self, message: m.Limited) -> None:
+        """See ``platforms.base.Limited``."""
+        if message.item == "vel":
+            self.x.limit_applied(message.applied * self.factors.speed, message.limit)
+        else:
+            self.yaw.limit_applied(math.radians(message.applied), message.limit)
 
     # ---------------------------------------------------------------- what is ordered
 

@@ -4,6 +4,10 @@ The base obeys a command for about 0.4 s and then ramps to zero by itself (Segwa
 commands of a standing robot are zeros, and when this process dies the base stops. Nothing is sent before the base was
 heard: on a bus with other devices 0x0413 may mean something else.
 
+Motors that were off come back at zero: what was switched off, by hand, by a fault, by a change of mode, is told to the
+engine as a stop (`halted`), however short it was; while the motors are off no speed is taken; and the command that
+asks for another mode carries zeros.
+
 Two commands are never less than SPACING apart, whatever the ticks do (the maker asks for 10 ms at least): a tick that
 comes too soon after a late one sends nothing.
 
@@ -39,7 +43,7 @@ from urbihw.buses.messages import (
 )
 from urbihw.platforms.segway import protocol as p
 from urbihw.platforms.segway.line import Line, line_over
-from urbihw.platforms.segway.monitor import Monitor
+from urbihw.platforms.segway.monitor import MOVING_MODES, Monitor
 from urbihw.platforms.segway.orders import Orders
 
 BASE: Final = "base"
@@ -49,13 +53,12 @@ SPACING: Final = 0.012
 SLOWEST, FASTEST = 20.0, 50.0
 """Ticks a second: commands come every 20 to 50 ms."""
 SILENCE: Final = 0.25
-"""Seconds without a cycle after which the base is lost."""
+"""Seconds without any frame of the base after which it is lost."""
 _FIRST_WORD: Final = 1.0
 """Seconds for it to be heard after the link has opened."""
 _REMEMBERED: Final = 50
 _FOREIGN_PAUSE: Final = 10.0
 """Seconds between two complaints about somebody else's commands."""
-_MOVING_MODES: Final = (p.MODES.index("tractor"), p.MODES.index("balance"))
 _LIMITS: Final = {"velocity": p.MOST_VELOCITY, "turn": p.MOST_TURN}
 
 
@@ -77,7 +80,9 @@ class RmpDriver(Driver):
         self._orders = Orders()
         self._aim = dict.fromkeys(_LIMITS, 0)
         self._state = ""
-        self._drove_in: tuple[bool | None, int | None] = (None, None)
+        # Items whose targets were refused since the motors went off.
+        self._refused: set[str] = set()
+        self._stops_itself = False
         self._attached_at = 0.0
         self._sent_at = -math.inf
         self._unsent = 0
@@ -144,13 +149,19 @@ class RmpDriver(Driver):
         return news + self._look(now)
 
     def targets(self, message: Targets) -> list[FromWorker]:
-        """Take new speeds; they go out with the next command. Those for a base that is not there are forgotten."""
+        """Take new speeds; they go out with the next command. Those for a base that is not there are forgotten.
+
+        Those for a base whose motors are off are refused, which is said once for each time that they are.
+        """
         refused: list[FromWorker] = []
         for (device, item), value in message.values.items():
             if device != BASE or item not in _LIMITS or not isinstance(value, int):
                 refused.append(Refused(device, item, f"no such target, or {value!r} is no number of counts"))
-            elif self._state == "ok":
+            elif self._state == "ok" and not (value and self._monitor.motors_off):
                 self._aim[item] = value
+            elif self._state == "ok" and item not in self._refused:
+                self._refused.add(item)
+                refused.append(Refused(device, item, "the motors of the base are off"))
         return refused
 
     def watch(self, message: Watch, now: float) -> list[FromWorker]:
@@ -182,10 +193,12 @@ class RmpDriver(Driver):
     def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
         """Speed and turn to zero, with a command at once: no sooner than allowed after the last."""
         self._halt()
-        self._owed += self._orders.drop("the robot was stopped")
+        mine, self._stops_itself = self._stops_itself, False
+        if not mine:
+            self._owed += self._orders.drop("the robot was stopped")
         if self._line is None or not self._known:
             return
-        if self._fall_on_stop:
+        if self._fall_on_stop and not mine:
             self._orders.add(0, "mode", 0)
         self._clock.sleep_until(self._sent_at + SPACING)
         self._command(self._line, self._clock.now())
@@ -196,7 +209,7 @@ class RmpDriver(Driver):
 
     def request_moves(self, request: Request) -> bool:
         """A mode in which the motors are on."""
-        return request.verb == "write" and request.item == "mode" and request.value in _MOVING_MODES
+        return request.verb == "write" and request.item == "mode" and request.value in MOVING_MODES
 
     def errors(self) -> dict[str, int]:
         """Failures since `attach`."""
@@ -207,11 +220,20 @@ class RmpDriver(Driver):
     @property
     def _known(self) -> bool:
         """Whether the base was heard on this port: only then something is sent."""
-        heard = self._monitor.heard_at
-        return heard is not None and heard >= self._attached_at
+        cycle = self._monitor.cycle_at
+        return cycle is not None and cycle >= self._attached_at
 
     def _halt(self) -> None:
         self._aim = dict.fromkeys(_LIMITS, 0)
+
+    def _stop_by_itself(self, reason: str) -> None:
+        """Zero from here on; that the robot was stopped is said if anything else was wanted."""
+        if any(self._aim.values()) or self._refused:
+            self.halted = reason
+            # The orders under way are no part of what is stopped.
+            self._stops_itself = True
+        self._halt()
+        self._refused.clear()
 
     def _command(self, line: Line, now: float) -> None:
         if now < self._sent_at + SPACING:
@@ -223,6 +245,8 @@ class RmpDriver(Driver):
             number = p.CONFIGURATIONS[name][0]
             if name == "reset":
                 self._monitor.reset(parameter, now)
+            elif name == "mode" and parameter != self._monitor.latest.get("mode"):
+                self._stop_by_itself("another mode was asked for")
         # The speeds go with every configuration: with zeros the base would jerk.
         self._send(Frame(p.COMMAND, p.command(self._aim["velocity"], self._aim["turn"], number, parameter)))
         # Looked at afterwards: on a busy machine some time may have passed since the tick began.
@@ -257,20 +281,14 @@ class RmpDriver(Driver):
         if self._restarts != self._monitor.restarts:
             self._restarts = self._monitor.restarts
             news.append(Happened(BASE, "restarted"))
+            self._stop_by_itself("the base was switched off and on")
+        switched = self._monitor.take_switched()
+        if switched:
+            self._stop_by_itself(switched)
         latest = self._monitor.latest
-        self._watch_motors(latest)
         news += self._orders.check(latest, now)
         news += self._sample(latest, now)
         return news
-
-    def _watch_motors(self, latest: Mapping[str, int]) -> None:
-        """Motors that were switched off (by hand, by a fault, by a change of mode) come back at zero."""
-        on = p.motors_on(latest["status1"]) if "status1" in latest else None
-        mode = latest.get("mode")
-        before, self._drove_in = self._drove_in, (on, mode)
-        if before not in ((None, None), self._drove_in) and any(self._aim.values()):
-            self._halt()
-            self.halted = "the motors of the base were switched off" if not on else "the base is in another mode now"
 
     def _sample(self, latest: Mapping[str, int], now: float) -> list[FromWorker]:
         """The last cycle, if it is new and wanted now."""
@@ -289,7 +307,7 @@ class RmpDriver(Driver):
         before, self._state = self._state, "ok"
         if before == "lost":
             return [DeviceState(BASE, "lost", "back", ""), DeviceState(BASE, "back", "ok", "")]
-        return [Found((BaseInfo(self._monitor.latest["build"], self._monitor.old),))]
+        return [Found((BaseInfo(self._monitor.latest.get("build", 0), self._monitor.old),))]
 
     def _lost(self, now: float) -> list[FromWorker]:
         before, self._state = self._state, "lost"

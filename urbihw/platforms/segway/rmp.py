@@ -10,10 +10,13 @@ Several RMPs may be made of one base: each shows all, and of two that drive it t
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final, Protocol
 
+from urbihw.buses import messages as m
 from urbihw.kernel.uobject import EffectorDevice, Motion, Origin, UVar, event, function, owned, reading, variable
+from urbihw.platforms.base import LimitTable, Named
+from urbihw.platforms.limits import DeviceLimits
 from urbihw.platforms.segway import protocol as p
 
 BASE: Final = "base"
@@ -21,6 +24,7 @@ PER_RADIAN: Final = 446.9071
 """Counts of angles and their rates, 7.8 for a degree, on all models (libsegwayrmp, Orca)."""
 FULL_SCALE: Final = 16
 FULL_CURRENT: Final = 256
+_QUARTERS: Final = 4  # counts of the battery for 1 V
 EMPTY, FULL = 60.0, 78.0
 """Volts between which the battery's charge is estimated, along a straight line; guessed around the nominal 72."""
 
@@ -197,6 +201,30 @@ class RMP(EffectorDevice):
             limit = abs(coefficient.value) * self._scale(item) * most
             var.set_property("rangemin", -limit)
             var.set_property("rangemax", limit)
+
+    # ---------------------------------------------------------------- limits of the settings
+
+    def limits_in_counts(self, limits: DeviceLimits, named: Named) -> tuple[LimitTable, Sequence[m.Threshold]]:
+        """See ``platforms.base.Limited``: m/s, rad/s, m/s2, by the coefficients of this RMP."""
+        forward = 1 / abs(self.velocityCoeff.value * (self._scale("velocity") or 1))
+        turn = 1 / abs(self.turnCoeff.value * (self._scale("turn") or 1))
+        most, around = limits.speed * forward, limits.turn * turn
+        table = {
+            (BASE, "velocity"): m.Limit(-most, most, limits.acceleration * forward, named("speed")),
+            (BASE, "turn"): m.Limit(-around, around, name=named("turn")),
+        }
+        low, high = (volts * _QUARTERS for volts in limits.voltage)
+        voltage = named("voltage")
+        rows = (
+            m.Threshold(BASE, "battery", low, voltage, above=False, hysteresis=_QUARTERS),
+            m.Threshold(BASE, "battery", high, voltage, hysteresis=_QUARTERS),
+        )
+        return table, [row for row in rows if math.isfinite(row.level)]
+
+    def was_limited(self, message: m.Limited) -> None:
+        """See ``platforms.base.Limited``."""
+        coefficient = self.velocityCoeff if message.item == "velocity" else self.turnCoeff
+        self.limit_applied(message.applied * coefficient.value * self._scale(message.item), message.limit)
 
     # ---------------------------------------------------------------- read
 

@@ -7,13 +7,14 @@ closes, when the link or the base is lost, and when the daemon ends.  None of th
 from __future__ import annotations
 
 import weakref
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import BadConfig, NotReady, Opened, Origin, RobotSettings, event, function, reading
-from urbihw.platforms.base import WiredRobot
+from urbihw.platforms.base import Limited, WiredRobot
 from urbihw.platforms.segway.driver import BASE, FASTEST, SLOWEST
 from urbihw.platforms.segway.rmp import RMP
 
@@ -129,6 +130,11 @@ class Segway(WiredRobot):
             super().configure(self._wanted)
         self.wire.watch(BASE, (), period)
 
+    def limited_devices(self) -> Mapping[str, Limited]:
+        """See ``WiredRobot``: the base, by the coefficients of the RMP that was made first."""
+        first = min(self._members, key=lambda rmp: rmp.unique_name, default=None)
+        return {} if first is None else {BASE: first}
+
     def on_found(self, message: m.Found) -> None:
         """See ``WiredRobot``."""
         (info,) = message.devices
@@ -142,6 +148,7 @@ class Segway(WiredRobot):
             self.host.run(path.read_text("latin-1"), str(path), self._has_tree)
 
     def _has_tree(self, problem: str) -> None:
+        self.send_limits()
         self.answer(BadConfig(problem) if problem else None)
 
     def on_samples(self, message: m.Samples) -> None:

@@ -1,0 +1,142 @@
+"""The limits of the settings: what the body does, and what a client is told."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from bioloid_lab import Lab as Bioloid
+from cia402_lab import Lab as Drives
+from nxt_lab import Lab as Nxt
+from p3dx_lab import Lab as Pioneer
+from segway_lab import Lab as Segway
+
+from urbihw.kernel.uobject import BadConfig
+from urbihw.platforms.limits import LimitSettings
+
+COUNT = math.radians(300 / 1023)
+
+
+def fastest(lab: Bioloid, seconds: float, unit: int = 6) -> float:
+    """The highest speed of a servo's horn, rad/s, over some time."""
+    most = 0.0
+    for _ in range(round(seconds / lab.tick)):
+        lab.step()
+        lab.kit.tick(lab.bus_clock.now())
+        most = max(most, abs(lab.kit.servo(unit).speed) * COUNT)
+    return most
+
+
+def test_a_joint_stays_within_its_position_limit_and_says_which_that_is() -> None:
+    lab = Bioloid.ready(limits={"motor6": {"position": [-0.5, 0.5]}})
+    lab.say("at (motor6.limited?(var by)) echo(by);")
+    assert "*** limits.motor6.position" in lab.say("motor6.val = 1.5|;", 2.0)
+    assert lab.number("motor6.val") == pytest.approx(0.5, abs=0.02)
+    assert lab.number("motor6.requested") == 1.5
+    assert lab.number("motor6.applied") == pytest.approx(0.5, abs=0.01)
+    assert lab.look("motor6.limitedBy") == '"limits.motor6.position"'
+    lab.say("motor6.val = 0.2|;", 1.0)
+    assert lab.look("motor6.limitedBy") == '""'
+    assert lab.look("motor6.why").startswith('"Lobby_1')
+
+
+def test_a_joint_goes_no_faster_than_its_speed_limit() -> None:
+    free, limited = Bioloid.ready(), Bioloid.ready(limits={"speed": 0.5})
+    for lab in (free, limited):
+        lab.say("motor6.val = 1|;")
+    assert fastest(free, 3.0) > 3.0
+    assert fastest(limited, 3.0) < 0.6
+    assert limited.number("motor6.val") == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_wheel_turns_and_speeds_up_within_its_limits_both_ways() -> None:
+    lab = Bioloid.ready(limits={"motor6": {"speed": 0.5, "acceleration": 0.5}})
+    lab.say("motor6.cwLimit = motor6.ccwLimit = 0|; sleep(300ms); motor6.speed = -3|;", 0.8)
+    assert fastest(lab, 0.05) < 0.4
+    # A wheel is driven open loop: friction takes a part of what is asked for.
+    assert 0.3 < fastest(lab, 2.0) < 0.55
+    assert lab.number("motor6.speed") < 0
+    assert lab.look("motor6.limitedBy") == '"limits.motor6.speed"'
+    assert lab.number("motor6.applied") == pytest.approx(-0.5, abs=0.01)
+
+
+def test_the_range_of_a_slot_is_a_limit_that_is_told() -> None:
+    lab = Bioloid.ready()
+    lab.say("motor6.val = 4000deg|;", 0.1)
+    assert lab.number("motor6.requested") == pytest.approx(4000 * math.pi / 180, rel=1e-4)
+    assert lab.look("motor6.limitedBy").startswith('"range of val: -2.6')
+
+
+def test_heat_warns_then_halves_the_torque_then_lets_go_with_hysteresis() -> None:
+    lab = Bioloid.ready(limits={"motor6": {"temperature": [50, 60, 70]}})
+    lab.say("at (bioloid.guarded?(var id, var by, var on)) echo(by + \" \" + on.asString);")
+    lab.say("motor6.val = 0.5|;", 1.0)
+    unit = lab.kit.servo(6)
+    unit.heat(55)
+    assert "(warn) true" in lab.say("1;", 1.5)
+    unit.heat(62)
+    assert "(reduce) true" in lab.say("1;", 1.5)
+    assert lab.register(6, "torque_limit") == 511
+    unit.heat(58)
+    lab.run(1.5)
+    assert lab.register(6, "torque_limit") == 511
+    unit.heat(54)
+    assert "(reduce) false" in lab.say("1;", 1.5)
+    assert lab.register(6, "torque_limit") == 1023
+    unit.heat(71)
+    assert "(release) true" in lab.say("1;", 1.5)
+    assert lab.register(6, "torque_enable") == 0
+    lab.say("motor6.val = -0.5|;", 1.0)
+    assert lab.register(6, "torque_enable") == 0
+
+
+def test_torque_is_limited_from_the_start() -> None:
+    lab = Bioloid.ready(limits={"torque": 0.75})
+    lab.run(0.2)
+    assert lab.register(6, "torque_limit") == pytest.approx(512, abs=1)
+    lab.say("motor6.torqueLimit = 1.5|;", 0.5)
+    assert lab.register(6, "torque_limit") == pytest.approx(512, abs=1)
+
+
+def test_a_motor_of_the_nxt() -> None:
+    lab = Nxt.ready(limits={"C": {"speed": 20}})
+    lab.say("wheelL.speed = 100|;", 1.0)
+    assert lab.brick.motors[2].power == 20
+    assert lab.look("wheelL.limitedBy") == '"limits.C.speed"'
+
+
+def test_bases_and_drives() -> None:
+    segway = Segway.ready(limits={"base": {"speed": 0.5, "acceleration": 1.0}})
+    segway.say("rmp.forwardSpeed = 3|;", 0.2)
+    assert 0 < segway.base.reading().velocity * 3.576 / 1176 < 0.25
+    segway.run(2.0)
+    assert segway.base.reading().velocity * 3.576 / 1176 == pytest.approx(0.5, abs=0.01)
+    pioneer = Pioneer.ready(limits={"speed": 0.2})
+    pioneer.say("P3dx.body.load = 1|;", 1.0)
+    pioneer.say("P3dx.body.x.speed = 0.7|;", 3.0)
+    assert pioneer.number("P3dx.body.x.speed") == pytest.approx(0.2, abs=0.02)
+    assert pioneer.look("P3dx.body.x.limitedBy") == '"limits.speed"'
+    drives = Drives.ready(limits={"drive5": {"speed": 2.0}})
+    drives.say("drive5.load = 1|;", 1.0)
+    drives.say("drive5.speed = 10|;", 2.0)
+    assert drives.number("drive5.speed") == pytest.approx(2.0, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ({"sped": 1.0}, "limits.sped: no such limit; did you mean speed?"),
+        ({"speed": 0}, "limits.speed: wants a number above 0, not 0"),
+        ({"motor6": {"position": [1, -1]}}, "limits.motor6.position: wants 2 rising numbers"),
+        ({"temperature": [50, 60]}, "limits.temperature: wants 3 rising numbers"),
+        ({"speed": float("nan")}, "limits.speed: wants a number above 0"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_in_words(table: dict[str, object], words: str) -> None:
+    with pytest.raises(BadConfig, match=words.replace("?", r"\?")):
+        LimitSettings.of(table)
+
+
+def test_a_device_that_is_not_there_is_named(caplog: pytest.LogCaptureFixture) -> None:
+    Bioloid.ready(limits={"motor66": {"speed": 1.0}})
+    assert "limits.motor66: there is no such device; there are: motor1," in caplog.text
