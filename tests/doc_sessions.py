@@ -11,8 +11,8 @@ The worlds: none (a kernel without a robot), ``servo`` (the class of docs/exampl
 software), or that of a platform (its robot in software).  The blocks of a page that name the same world are played in
 it, in order; each window is a connection of its own.  Answers look as in the transcripts
 (``tests/lang/transcript.py``), and so does the rule for their stamps; with a robot, whose times are those of a person's
-hands, stamps are never compared.  Nor are the positions in error messages: they count the lines of a connection, and a
-page shows some of them.
+hands, stamps are never compared.  Nor are the positions in error messages, which count the lines of a connection, and a page
+shows some of them; nor which connection asked for a stop.
 
 A line ``// robot: WORDS`` is what is typed at the console of the fake (``python -m fakes``) at that moment.
 """
@@ -32,6 +32,7 @@ WORLDS = ("", "servo", *sorted(path.parent.name for path in PLATFORMS.glob("*/pl
 _BLOCK = re.compile(r"^```urbiscript *(\w*) *(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _FENCE = re.compile(r"^```urbiscript\b", re.MULTILINE)
 _ROBOT = re.compile(r"^// robot: (.*)$", re.MULTILINE)
+_CLIENT = re.compile(r"Lobby_\d+(?: \([\d.]+\))?(?:, tag \w+)?, at [\d.-]+(?:, [\d.]+ s)?")
 _POSITION = re.compile(r"(!!! (?: *called from: )?)[\d.]+(?:-[\d.]+)?: ")
 
 
@@ -52,12 +53,16 @@ class Block:
     def problem(self, answered: bytes, *, stamps: bool) -> str:
         """Where the answers differ from those in the page, as a diff; empty if nowhere."""
         text = answered.decode("latin-1").removesuffix("\n")
-        lines = tuple(_POSITION.sub(r"\1", line) for line in text.split("\n") if answered)
-        expected = tuple(_POSITION.sub(r"\1", line) for line in self.unit.expected)
+        lines = tuple(_placeless(line) for line in text.split("\n") if answered)
+        expected = tuple(map(_placeless, self.unit.expected))
         if not stamps:
             lines, expected = tuple(map(unstamped, lines)), tuple(map(unstamped, expected))
         difference = compare(expected, lines, timed=False)
         return f"line {self.line}:\n{difference}" if difference else ""
+
+
+def _placeless(line: str) -> str:
+    return _CLIENT.sub("Lobby", _POSITION.sub(r"\1", line))
 
 
 def blocks(page: Path) -> list[Block]:

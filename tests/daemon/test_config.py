@@ -157,6 +157,6 @@ def test_the_sample_shows_every_setting_at_its_default(tmp_path: Path) -> None:
     settings = [line[1:] for line in text.splitlines() if line.startswith("#") and " = " in line and line[1] != " "]
     uncommented = tmp_path / "all.toml"
     uncommented.write_text("\n".join(settings))
-    shown = {line.partition(" =")[0] for line in settings} | {"platform", "url", "options"}
+    shown = {line.partition(" =")[0] for line in settings} | {"platform", "url", "options", "limits"}
     assert configure(uncommented) == Config()
     assert shown == {each.name for each in dataclasses.fields(Config)}

@@ -54,8 +54,7 @@ class Origin:
 
     def __str__(self) -> str:
         tag = f", tag {self.tag}" if self.tag else ""
-        place = f", {self.place}" if self.place else ""
-        return f"{self.client}{tag}{place}, at {self.time:.3f} s"
+        return f"{self.client}{tag}" + (f", at {self.place}" if self.place else "")
 
 
 class Motion:
@@ -80,7 +79,6 @@ class Motion:
         self.latched = ""
         self.keep = False
         self._mark = 0
-        self._stopped_at = 0.0
         self._held: dict[Hashable, Origin] = {}
         world.client_gone.append(self._client_gone)
 
@@ -103,7 +101,6 @@ class Motion:
         self.epoch = self.epoch + 1 if epoch is None else epoch
         scheduler.epoch += 1
         self._mark = scheduler.epoch
-        self._stopped_at = scheduler.clock.now()
         self.reason = reason
         self.stops += 1
         self._held.clear()
@@ -119,10 +116,8 @@ class Motion:
         job = self._world.scheduler.current
         if job is not None and job.epoch < self._mark:
             job.epoch = self._world.scheduler.epoch
-            ago = self._world.scheduler.clock.now() - self._stopped_at
-            raise errors.primitive(
-                f"{self._name} was stopped {ago:.1f} s ago, and this statement had begun before: {self.reason}", None
-            )
+            why = f"{self._name} was stopped after this statement had begun: {self.reason}"
+            raise errors.primitive(why, None)
 
     # ---------------------------------------------------------------- writing
 
@@ -169,7 +164,9 @@ class Motion:
         job = self._world.scheduler.current
         if job is None:
             return self.own()
-        place = str(current_stack().location or "")
+        stack = current_stack()
+        # The statement itself, rather than the function that it has come to.
+        place = str((stack.calls[-1].location if stack.calls else stack.location) or "")
         now = self._world.scheduler.clock.now()
         return Origin(self.epoch, _client(self._world, job.context), _tag(job), place, now, job.context)
 
@@ -264,7 +261,8 @@ class EffectorDevice(UObject):
 
     def _tell_why(self) -> None:
         if self._last_effector is not None:
-            self.why.sense(str(self._last_effector.origin))
+            origin = self._last_effector.origin
+            self.why.sense(f"{origin}, {origin.time:.3f} s")
 
 
 def _client(world: World, lease: Any) -> str:
