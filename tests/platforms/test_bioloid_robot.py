@@ -8,6 +8,7 @@ import pytest
 from bioloid_lab import BAUD, Lab
 
 from fakes.bioloid import Bioloid as Kit
+from fakes.device import Answer
 from fakes.dynamixel.ax12 import Ax12
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import BadConfig, NotReady
@@ -182,3 +183,44 @@ def test_closing_lets_go_and_twice_is_fine() -> None:
     lab.robot.close()
     lab.robot.close()
     assert lab.say("motor6.val = 1; 1+1;") == "1\n2"
+
+
+def test_a_servo_that_is_expected_and_missing_is_named_and_joins(caplog: pytest.LogCaptureFixture) -> None:
+    kit = Kit(baud=BAUD)
+    kit.faults.start("silence", 6)
+    lab = Lab.ready(kit, ids=[*range(1, 19), 100])
+    assert "no answer from 6, which the settings expect" in caplog.text
+    assert "17 servos" in lab.robot.status() and "missing: 6" in lab.robot.status()
+    lab.say('at (bioloid.found?(var m)) echo("found " + m.id.asString);')
+    assert lab.say("robot.body.joint.has(6);") == "false"
+    kit.faults.stop()
+    assert "*** found 6" in lab.say("1;", 2.0)
+    assert "missing" not in lab.robot.status()
+    lab.say("motor6.val = 0.5|;", 2.0)
+    assert lab.number("motor6.val") == pytest.approx(0.5, abs=0.02)
+    assert lab.say("robot.body.joint.has(6);") == "true"
+
+
+def test_a_servo_that_loses_answers_while_it_comes_back_comes_back_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    lab = Lab.ready()
+    lab.kit.faults.start("silence", 6)
+    lab.run(1.0)
+    assert lab.look("motor6.state") == '"lost"'
+    lab.kit.faults.stop()
+    feed, deaf = lab.kit.feed, [0]
+
+    def lossy(data: bytes, now: float) -> list[Answer]:
+        answers = feed(data, now)
+        # READ of unit 6: the first nine are lost, whoever asks.
+        if data[2:3] == b"\x06" and data[4:5] == b"\x02" and deaf[0] < 9:
+            deaf[0] += 1
+            return []
+        return answers
+
+    monkeypatch.setattr(lab.kit, "feed", lossy)
+    lab.run(3.0)
+    assert deaf[0] == 9
+    assert lab.look("motor6.state") == '"ok"'
+    assert lab.look("motor6.stale") == "false"
+    lab.say("motor6.val = 0.5|;", 2.0)
+    assert lab.number("motor6.val") == pytest.approx(0.5, abs=0.02)

@@ -58,7 +58,10 @@ class Supervisor:
         self._back_off = 0.0
         self._stopping = threading.Event()
         self._started_at = time.monotonic()
-        self._worker = Worker.start(url, post=self._hear, begin=begin, family=family)
+        self._dead = False
+        with self._lock:
+            # One that dies at once waits with its end until it is known.
+            self._worker = Worker.start(url, post=self._hear, begin=begin, family=family)
 
     @classmethod
     def start(cls, url: str, *, post: Post, settings: Configure, family: str, control: str = "") -> Supervisor:
@@ -76,10 +79,10 @@ class Supervisor:
         """Let the worker stop the robot and end.  One that cannot is replaced by another that does nothing else."""
         with self._lock:
             self._stopping.set()
-            worker = self._worker
-        if worker.alive and not worker.silent:
+            worker, dead = self._worker, self._dead
+        if worker.alive and not worker.silent and not dead:
             worker.stop()
-            if not worker.killed:
+            if not worker.killed and not self._dead:
                 return
         else:
             worker.kill()
@@ -137,6 +140,8 @@ class Supervisor:
 
     def _ended(self, message: Ended) -> None:
         reason = message.reason or "the bus worker has ended"
+        with self._lock:
+            self._dead = bool(message.reason) or not self._stopping.is_set()
         while not self._stopping.is_set():
             self._link_up = False
             self._post(WorkerState(f"{reason}; another one is started"))
@@ -160,8 +165,11 @@ class Supervisor:
             self._epoch += 1
             begin = replace(self._begin, epoch=self._epoch, instead=reason, watches=self._all_watches())
             self._worker = Worker.start(self._url, post=self._hear, begin=begin, family=self._family)
+            self._dead = False
             if self._limits is not None:
-                self._worker.send(self._limits)
+                # One that is dead already says so itself.
+                with contextlib.suppress(LinkGone):
+                    self._worker.send(self._limits)
 
     def _all_watches(self) -> tuple[Watch, ...]:
         """The watches of the moment, in as few messages as can be."""

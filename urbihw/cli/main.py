@@ -1,7 +1,7 @@
 """``urbihw``: the commands of the gateway, one module each.
 
-Exit codes: 0, 65 an error in urbiscript source, 70 our fault, 78 something about the set-up (bad option, no robot, port
-in use): one line on standard error says what to do.
+Exit codes: 0, 65 an error in urbiscript source, 69 nobody answers, 70 our fault, 78 something about the set-up (bad
+option, no robot, port in use): one line on standard error says what to do.
 """
 
 from __future__ import annotations
@@ -16,6 +16,9 @@ from urbihw.cli.options import EX_CONFIG, Version
 
 COMMANDS: Final = {
     "serve": "serve a robot on a TCP port",
+    "stop": "stop the robot now",
+    "estop": "stop the robot now and let nothing move it until it is released",
+    "release": "let the robot be moved again after an emergency stop",
     "platforms": "list the robots that urbihw knows",
     "console": "talk to a server",
     "dump": "show what becomes of urbiscript source on its way to Python",
@@ -32,20 +35,24 @@ class Parser(argparse.ArgumentParser):
         self.exit(EX_CONFIG, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 
-def parser() -> Parser:
-    """The options of all commands."""
+def parser(wanted: str = "") -> Parser:
+    """All commands, with the options of the one that is wanted: the modules of the others are not imported."""
     made = Parser(prog="urbihw", description="Robots as urbiscript objects on a TCP port.")
     made.add_argument("--version", action=Version, text="urbihw {}")
     commands = made.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
     for name, help_ in COMMANDS.items():
-        module = import_module(f"urbihw.cli.{name}")
-        module.options(commands.add_parser(name, help=help_, description=(module.__doc__ or help_).splitlines()[0]))
+        command = commands.add_parser(name, help=help_)
+        if name == wanted:
+            module = import_module(f"urbihw.cli.{name}")
+            command.description = (module.__doc__ or help_).splitlines()[0]
+            module.options(command)
     return made
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """The command; returns the exit code."""
-    options = parser().parse_args(argv)
+    words = sys.argv[1:] if argv is None else argv
+    options = parser(next((word for word in words if not word.startswith("-")), "")).parse_args(words)
     code: int = import_module(f"urbihw.cli.{options.command}").run(options)
     return code
 

@@ -1,0 +1,443 @@
+"""The control socket: by itself, and in an engine in simulated time that drives a fake kit."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import stat
+from collections.abc import Callable, Iterator
+from multiprocessing import Pipe
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from urbihw.buses import messages as m
+from urbihw.buses.clock import RealClock
+from urbihw.buses.control import LONGEST_LINE, MOST_CLIENTS, MOST_WAITING, ControlSocket
+from urbihw.buses.engine import Engine, driver_of
+from urbihw.buses.errors import Unavailable
+from urbihw.buses.mailbox import Mailbox
+
+from .conftest import Rig
+from .test_worker import Bench, of
+
+Say = dict[str, Any]
+GOAL = "goal_position"
+
+
+class Caller:
+    """A client of a control socket."""
+
+    def __init__(self, path: Path) -> None:
+        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self.socket.connect(str(path))
+        self.socket.setblocking(False)
+        self.ended = False
+        self._buffer = b""
+
+    def say(self, verb: str, who: str = "a test") -> None:
+        self.send(json.dumps({"do": verb, "who": who}).encode() + b"\n")
+
+    def send(self, data: bytes) -> None:
+        self.socket.sendall(data)
+
+    def hear(self) -> list[Say]:
+        """The lines that have come."""
+        while not self.ended:
+            try:
+                data = self.socket.recv(1 << 16)
+            except BlockingIOError:
+                break
+            except ConnectionResetError:
+                data = b""
+            self.ended = not data
+            self._buffer += data
+        *lines, self._buffer = self._buffer.split(b"\n")
+        return [json.loads(line) for line in lines]
+
+    def close(self) -> None:
+        self.socket.close()
+
+
+class ControlBench(Bench):
+    """An engine with a control socket."""
+
+    def __init__(self, rig: Rig, path: Path) -> None:
+        super().__init__(rig)
+        self.mailbox.close()
+        self.path = path
+        self.pipe, theirs = Pipe()
+        self.mailbox = Mailbox(theirs)
+        begin = m.Begin(m.Configure(dead_man=0), control=str(path))
+        self.engine = Engine(
+            rig.url, driver_of("dynamixel"), self.mailbox, begin, rig.context, lambda: self.asked_to_end
+        )
+        self.callers: list[Caller] = []
+
+    def call(self) -> Caller:
+        self.callers.append(Caller(self.path))
+        return self.callers[-1]
+
+    def order(self, verb: str, who: str = "a test") -> tuple[Say, list[m.FromWorker]]:
+        """Say something as a new client: the answer, and what the parent heard meanwhile."""
+        caller = self.call()
+        caller.say(verb, who)
+        heard = self.run(0.03)
+        (answer,) = caller.hear()
+        return answer, heard
+
+    def move(self, goal: int, epoch: int = 0) -> list[m.FromWorker]:
+        """Let servo 6 go somewhere."""
+        self.tell(m.Targets({(6, GOAL): goal}, epoch))
+        return self.run(0.1)
+
+    def register(self, name: str, number: int = 6) -> int:
+        return self.rig.kit.servo(number).registers.get(name)
+
+    def end(self) -> None:
+        """What the end of the process does; twice is fine."""
+        if self.asked_to_end:
+            return
+        self.asked_to_end = True
+        self.engine.run()
+        for caller in self.callers:
+            caller.close()
+        self.close()
+
+
+@pytest.fixture
+def bench(rig: Rig, tmp_path: Path) -> Iterator[ControlBench]:
+    made = ControlBench(rig, tmp_path / "robot.sock")
+    made.run(0.5)
+    yield made
+    made.end()
+
+
+# ---------------------------------------------------------------- in an engine
+
+
+def test_stop_stops_and_what_was_asked_for_before_counts_no_more(bench: ControlBench) -> None:
+    bench.move(900)
+    answer, heard = bench.order("stop", "the tester")
+    assert (answer["ok"], answer["do"], answer["epoch"], answer["estop"], answer["link"]) == (True, "stop", 1, "", True)
+    assert of(m.Stopped, heard) == [m.Stopped("stop asked by the tester", 1)]
+    place = bench.register(GOAL)
+    assert place == pytest.approx(bench.register("present_position"), abs=3)
+    assert of(m.Refused, bench.move(900, epoch=0)) == []
+    assert bench.register(GOAL) == place
+    bench.move(900, epoch=1)
+    assert bench.register(GOAL) == 900
+
+
+def test_a_stop_goes_before_targets_that_came_with_it(bench: ControlBench) -> None:
+    before = bench.register(GOAL)
+    bench.tell(m.Targets({(6, GOAL): 900}), m.Request(1, "write", 6, GOAL, 901))
+    _, heard = bench.order("stop")
+    assert bench.register(GOAL) == before
+    assert [reply.ok for reply in of(m.Reply, heard)] == [False]
+
+
+def test_an_emergency_stop_holds_back_what_moves_and_nothing_else(bench: ControlBench) -> None:
+    bench.move(900)
+    answer, heard = bench.order("estop", "the red button")
+    assert answer["estop"] == "the red button"
+    assert of(m.Latched, heard) == [m.Latched("the red button", "the red button")]
+    place = bench.register(GOAL)
+    bench.tell(
+        m.Targets({(6, GOAL): 900, (6, "led"): 1}, 5),
+        m.Request(1, "write", 6, GOAL, 900, 5),
+        m.Request(2, "write", 6, "torque_limit", 500, 5),
+        m.Request(3, "write_all", 6, value=(("led", 1), ("torque_enable", 1)), epoch=5),
+        m.Request(4, "read", 6, GOAL, epoch=5),
+    )
+    heard = bench.run(0.1)
+    assert bench.register(GOAL) == place
+    assert (bench.register("led"), bench.register("torque_limit")) == (1, 500)
+    (refused,) = of(m.Refused, heard)
+    assert (refused.device, refused.item) == (6, GOAL)
+    replies = {reply.reply_id: reply for reply in of(m.Reply, heard)}
+    assert [replies[number].ok for number in (1, 2, 3, 4)] == [False, True, False, True]
+    for reason in (refused.reason, replies[1].error, replies[3].error):
+        assert reason == "an emergency stop holds (the red button): release it first"
+
+
+def test_release_lets_it_move_again_but_moves_nothing(bench: ControlBench) -> None:
+    bench.move(900)
+    bench.order("estop")
+    place = bench.register(GOAL)
+    answer, heard = bench.order("release", "the tester")
+    assert (answer["estop"], of(m.Latched, heard)) == ("", [m.Latched("", "the tester")])
+    bench.run(0.5)
+    assert bench.register(GOAL) == place
+    bench.move(900, epoch=answer["epoch"])
+    assert bench.register(GOAL) == 900
+    assert of(m.Latched, bench.order("release")[1]) == []
+
+
+def test_the_latch_outlives_the_worker(bench: ControlBench, make_rig: Callable[..., Rig]) -> None:
+    bench.order("estop", "the red button")
+    latch = bench.path.with_suffix(".estop")
+    assert latch.read_text() == "the red button\n"
+    bench.end()
+    assert latch.exists() and not bench.path.exists()
+    second = ControlBench(make_rig(bench.rig.kit), bench.path)
+    assert of(m.Latched, second.run(0.5)) == [m.Latched("the red button")]
+    before = second.register(GOAL)
+    assert len(of(m.Refused, second.move(before + 100))) == 1
+    assert second.register(GOAL) == before
+    assert second.order("state")[0]["estop"] == "the red button"
+    second.order("release")
+    assert not latch.exists()
+    second.end()
+
+
+def test_a_stop_while_the_link_is_down_is_owed_and_says_so(bench: ControlBench) -> None:
+    bench.move(900)
+    bench.rig.end.unplug()
+    bench.run(0.1)
+    answer, _ = bench.order("stop")
+    assert answer["link"] is False
+    assert bench.register(GOAL) == 900
+    bench.rig.end.replug()
+    bench.run(3.0)
+    assert bench.register(GOAL) != 900
+
+
+def test_a_subscriber_hears_what_is_measured_and_what_happens(bench: ControlBench) -> None:
+    bench.tell(m.Watch(6, ("present_position",)))
+    caller = bench.call()
+    caller.say("subscribe")
+    bench.run(0.2)
+    bench.order("estop", "another")
+    bench.run(1.0)
+    answer, *events = caller.hear()
+    assert answer["ok"] and answer["do"] == "subscribe"
+    kinds = {event["event"] for event in events}
+    assert kinds == {"Samples", "Stopped", "Latched", "Statistics"}
+    samples = [event for event in events if event["event"] == "Samples"]
+    assert len(samples) > 100
+    assert samples[-1]["values"] == {"6": {"present_position": bench.register("present_position")}}
+
+
+def test_a_subscriber_that_leaves_disturbs_nobody(bench: ControlBench) -> None:
+    bench.tell(m.Watch(6, ("present_position",)))
+    for _ in range(3):
+        caller = bench.call()
+        caller.say("subscribe")
+        bench.run(0.1)
+        caller.close()
+        assert bench.run(0.3)
+    assert bench.order("state")[0]["ok"]
+
+
+def test_a_worker_without_a_control_socket_works_and_says_so(rig: Rig, tmp_path: Path) -> None:
+    bench = ControlBench(rig, tmp_path / "nowhere" / "robot.sock")
+    refused, *others = bench.run(0.6)
+    assert isinstance(refused, m.Refused) and refused.device == "control socket"
+    assert of(m.Found, others)
+    bench.end()
+
+
+# ---------------------------------------------------------------- by itself
+
+
+class Desk:
+    """A control socket whose orders are answered."""
+
+    def __init__(self, path: Path) -> None:
+        self.control = ControlSocket(path)
+        self._clock = RealClock()
+
+    def serve(self) -> list[tuple[str, str]]:
+        """Answer all that has come: verbs, and who asked."""
+        served = []
+        while ready := self._clock.wait_readable(self.control.descriptors(), 0.0):
+            for order in self.control.poll(ready):
+                order.client.subscribed |= order.verb == "subscribe"
+                order.answer({})
+                served.append((order.verb, order.who))
+        return served
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> Iterator[Desk]:
+    made = Desk(tmp_path / "robot.sock")
+    yield made
+    made.control.close()
+    assert not made.control.path.exists()
+
+
+@pytest.fixture
+def call(desk: Desk) -> Iterator[Callable[[], Caller]]:
+    made: list[Caller] = []
+
+    def start() -> Caller:
+        made.append(Caller(desk.control.path))
+        desk.serve()
+        return made[-1]
+
+    yield start
+    for caller in made:
+        caller.close()
+
+
+@pytest.mark.parametrize("umask", [0o000, 0o022, 0o077])
+def test_only_user_and_group_may_connect_whatever_the_umask_is(tmp_path: Path, umask: int) -> None:
+    before = os.umask(umask)
+    try:
+        control = ControlSocket(tmp_path / "robot.sock")
+    finally:
+        after = os.umask(before)
+    assert after == umask
+    assert stat.S_IMODE(control.path.stat().st_mode) == 0o660
+    control.close()
+
+
+def test_a_socket_that_a_killed_worker_left_is_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "robot.sock"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as dead:
+        dead.bind(str(path))
+    desk = Desk(path)
+    caller = Caller(path)
+    caller.say("state")
+    assert desk.serve() == [("state", "a test")]
+    assert caller.hear() == [{"ok": True, "do": "state"}]
+    caller.close()
+    desk.control.close()
+    desk.control.close()
+
+
+def test_a_path_that_cannot_be_is_told(tmp_path: Path) -> None:
+    with pytest.raises(Unavailable, match="No such file"):
+        ControlSocket(tmp_path / "nowhere" / "robot.sock")
+    with pytest.raises(Unavailable):
+        ControlSocket(tmp_path / ("x" * 200))
+
+
+GARBAGE = [
+    b"stop",
+    b"{",
+    b"[]",
+    b"null",
+    b'"stop"',
+    b"{}",
+    b'{"do": "dance"}',
+    b'{"do": null}',
+    b'{"do": ["stop"]}',
+    b'{"do": {"stop": 1}}',
+    b"\xff\xfe\x00",
+    b"[" * 3000,
+    b"9" * 4000,
+    b'{"do": "\\ud800"}',
+]
+
+
+@pytest.mark.parametrize("line", GARBAGE, ids=lambda line: repr(line[:20]))
+def test_garbage_is_answered_by_an_error_and_the_next_line_counts(
+    desk: Desk, call: Callable[[], Caller], line: bytes
+) -> None:
+    caller = call()
+    caller.send(line + b'\n\n  \n{"do": "stop"}\n')
+    assert desk.serve() == [("stop", "control socket")]
+    error, answer = caller.hear()
+    assert error["ok"] is False and error["error"]
+    assert answer == {"ok": True, "do": "stop"}
+
+
+def test_who_asks_is_one_short_line(desk: Desk, call: Callable[[], Caller]) -> None:
+    caller = call()
+    caller.say("stop", "a\nb\t" + "x" * 500)
+    caller.send(b'{"do": "stop", "who": {"a": [1]}}\n')
+    (_, first), (_, second) = desk.serve()
+    assert first == ("a b " + "x" * 500)[:100]
+    assert second == "{'a': [1]}"
+
+
+def test_a_line_without_end_is_refused_and_its_writer_let_go(desk: Desk, call: Callable[[], Caller]) -> None:
+    caller, other = call(), call()
+    caller.send(b"x" * 10_000)
+    assert desk.serve() == []
+    assert caller.hear() == [{"ok": False, "error": f"a line has {LONGEST_LINE} bytes at most"}]
+    assert caller.ended
+    other.say("stop")
+    assert desk.serve() == [("stop", "a test")]
+
+
+def test_a_line_in_pieces_is_one_line(desk: Desk, call: Callable[[], Caller]) -> None:
+    caller = call()
+    for byte in b'{"do": "estop", "who": "me"}':
+        caller.send(bytes((byte,)))
+        assert desk.serve() == []
+    caller.send(b"\n")
+    assert desk.serve() == [("estop", "me")]
+
+
+def test_of_too_many_clients_the_oldest_go_and_the_newest_is_heard(desk: Desk, call: Callable[[], Caller]) -> None:
+    callers = [call() for _ in range(20)]
+    for caller in callers[-MOST_CLIENTS:]:
+        caller.say("state")
+    assert len(desk.serve()) == MOST_CLIENTS
+    assert [bool(caller.hear()) for caller in callers] == [False] * 4 + [True] * MOST_CLIENTS
+    assert [caller.ended for caller in callers] == [True] * 4 + [False] * MOST_CLIENTS
+
+
+def test_many_that_come_and_go_are_all_heard(desk: Desk) -> None:
+    for number in range(100):
+        caller = Caller(desk.control.path)
+        caller.say("stop", str(number))
+        assert desk.serve() == [("stop", str(number))]
+        assert caller.hear()
+        caller.close()
+    desk.serve()
+    assert len(desk.control.descriptors()) == 1
+
+
+def test_a_subscriber_that_does_not_read_loses_the_oldest_and_is_told_how_many(
+    desk: Desk, call: Callable[[], Caller]
+) -> None:
+    caller = call()
+    caller.say("subscribe")
+    desk.serve()
+    count = 5000
+    for number in range(count):
+        desk.control.publish(m.Samples(number, {n: {"present_position": number} for n in range(18)}, {}))
+    assert caller.hear()[0] == {"ok": True, "do": "subscribe"}
+    heard: list[Say] = []
+    for number in range(count, count + 2 * MOST_WAITING):
+        desk.control.publish(m.Samples(number, {}, {}))
+        heard += caller.hear()
+    assert heard[-1]["time"] == count + 2 * MOST_WAITING - 1
+    dropped = sum(line.get("dropped", 0) for line in heard)
+    assert dropped > count - 2 * MOST_WAITING
+    times = [line["time"] for line in heard]
+    assert times == sorted(times)
+
+
+def test_what_waits_for_a_subscriber_is_bounded(desk: Desk, call: Callable[[], Caller]) -> None:
+    caller, reader = call(), call()
+    for each in (caller, reader):
+        each.say("subscribe")
+    desk.serve()
+    reader.hear()
+    seen = 0
+    for number in range(3000):
+        desk.control.publish(m.Samples(number, {6: {"text": "x" * 2000}}, {}))
+        seen += len(reader.hear())
+    assert seen == 3000
+    (slow, _) = desk.control._clients
+    assert len(slow._waiting) <= MOST_WAITING
+
+
+def test_who_asks_without_end_and_never_reads_is_let_go(desk: Desk, call: Callable[[], Caller]) -> None:
+    caller = call()
+    for _ in range(200):
+        try:
+            caller.send(b'{"do": "state"}\n' * 200)
+        except (BlockingIOError, BrokenPipeError, ConnectionResetError):
+            break
+        desk.serve()
+        if len(desk.control.descriptors()) == 1:
+            break
+    assert len(desk.control.descriptors()) == 1

@@ -1,0 +1,220 @@
+"""What lies between the targets that are asked for and those that a driver is given."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from urbihw.buses.messages import Limit, Limited
+from urbihw.buses.setpoints import CATCH_UP, LIVE, LONGEST_STEP, Key, SetPoints
+
+KEY: Key = (6, "goal_position")
+WHEEL: Key = (7, "moving_speed")
+TICK = 0.01
+
+
+class Rig:
+    """Set-points over devices whose places a test says; time goes on by ticks."""
+
+    def __init__(self) -> None:
+        self.places: dict[Key, float] = {KEY: 512.0}
+        self.points = SetPoints(self)
+        self.now = 100.0
+
+    def pose(self, device: Any, item: str) -> float | None:
+        return self.places.get((device, item))
+
+    def signed(self, device: Any, item: str, raw: Any) -> float:
+        """A wheel keeps its sign in bit 10, as that of an AX does; a place is what it is."""
+        return float(raw) if item != WHEEL[1] else float(-(raw & 1023) if raw & 1024 else raw)
+
+    def raw_of(self, device: Any, item: str, signed: float) -> Any:
+        raw = round(abs(signed) if item == WHEEL[1] else signed)
+        return raw | 1024 if item == WHEEL[1] and raw and signed < 0 else raw
+
+    def take(self, value: Any, key: Key = KEY) -> Any:
+        """Ask for one target: what the driver gets at once, None for nothing."""
+        return self.points.take({key: value}, self.now).get(key)
+
+    def step(self, key: Key = KEY) -> Any:
+        self.now += TICK
+        return self.points.step(self.now).get(key)
+
+    def steps(self, seconds: float, key: Key = KEY) -> list[Any]:
+        """What the driver gets in some time."""
+        return [given for _ in range(round(seconds / TICK)) if (given := self.step(key)) is not None]
+
+
+@pytest.fixture
+def rig() -> Rig:
+    return Rig()
+
+
+# ---------------------------------------------------------------- limits
+
+
+def test_without_limits_all_passes_as_it_is(rig: Rig) -> None:
+    for value in (0, 1023, -5, 1.5, True, "text", None, (1, 2)):
+        assert rig.points.take({KEY: value}, rig.now) == {KEY: value}
+    assert rig.step() is None
+    assert rig.points.news() == []
+
+
+def test_a_limit_clamps_and_tells_once_until_it_ends(rig: Rig) -> None:
+    rig.points.limit({KEY: Limit(300, 700, name="joint range")})
+    assert [rig.take(value) for value in (500, 800, 900, 600, 100)] == [500, 700, 700, 600, 300]
+    assert rig.points.news() == [
+        Limited(*KEY, 800, 700, "joint range"),
+        Limited(*KEY, 600, 600, ""),
+        Limited(*KEY, 100, 300, "joint range"),
+    ]
+    assert rig.points.news() == []
+    rig.points.limit({})
+    assert rig.take(800) == 800
+
+
+def test_limits_of_others_do_not_count(rig: Rig) -> None:
+    rig.points.limit({(5, KEY[1]): Limit(300, 700), (6, "torque_limit"): Limit(300, 700)})
+    assert rig.take(900) == 900
+
+
+def test_a_limit_of_a_speed_knows_the_sign_bit(rig: Rig) -> None:
+    rig.points.limit({WHEEL: Limit(-100, 100, name="speed")})
+    assert [rig.take(value, WHEEL) for value in (50, 500, 1024 + 50, 1024 + 500)] == [50, 100, 1024 + 50, 1024 + 100]
+
+
+# ---------------------------------------------------------------- rates
+
+
+def test_a_rate_is_kept_from_where_the_device_is(rig: Rig) -> None:
+    rig.points.limit({KEY: Limit(rate=1000.0)})
+    assert rig.take(612) is None
+    given = rig.steps(0.2)
+    assert given == [522, 532, 542, 552, 562, 572, 582, 592, 602, 612]
+
+
+def test_a_new_target_under_way_turns_it_round(rig: Rig) -> None:
+    rig.points.limit({KEY: Limit(rate=1000.0)})
+    rig.take(612)
+    rig.steps(0.05)
+    assert rig.take(512) is None
+    assert rig.steps(0.2) == [552, 542, 532, 522, 512]
+
+
+def test_a_target_that_is_reached_already_goes_at_once(rig: Rig) -> None:
+    rig.points.limit({KEY: Limit(rate=1000.0)})
+    assert rig.take(512) == 512
+    assert rig.step() is None
+
+
+def test_a_speed_begins_at_rest_and_passes_zero_at_its_rate(rig: Rig) -> None:
+    rig.points.limit({WHEEL: Limit(rate=1000.0)})
+    rig.take(20, WHEEL)
+    assert rig.steps(0.1, WHEEL) == [10, 20]
+    rig.take(1024 + 20, WHEEL)
+    assert rig.steps(0.1, WHEEL) == [10, 0, 1024 + 10, 1024 + 20]
+
+
+def test_a_late_tick_makes_no_large_step(rig: Rig) -> None:
+    rig.points.limit({KEY: Limit(rate=1000.0)})
+    rig.take(1000)
+    rig.now += 0.3
+    assert rig.step() == 512 + round(1000 * LONGEST_STEP)
+
+
+def test_a_stop_ends_what_is_under_way(rig: Rig) -> None:
+    rig.points.limit({KEY: Limit(rate=1000.0)})
+    rig.take(1000)
+    rig.steps(0.05)
+    rig.points.forget((5, 7))
+    assert rig.step() is not None
+    rig.points.forget((6,))
+    assert rig.steps(0.1) == []
+    rig.take(1000)
+    rig.points.forget()
+    assert rig.steps(0.1) == []
+
+
+# ---------------------------------------------------------------- devices that come back
+
+
+def swing(rig: Rig, seconds: float, amplitude: float = 100.0, period: float = 2.0) -> list[Any]:
+    """Ask for a swing, a target a tick; what the driver gets in the ticks themselves."""
+    given = []
+    for _ in range(round(seconds / TICK)):
+        step = rig.step()
+        at_once = rig.take(round(512 + amplitude * math.sin(2 * math.pi * rig.now / period)))
+        given += [each for each in (step, at_once) if each is not None]
+    return given
+
+
+def test_a_device_that_is_back_is_led_to_its_course_no_faster_than_that_goes(rig: Rig) -> None:
+    swing(rig, 4.0)
+    fastest = 100 * math.pi
+    rig.places[KEY] = 300.0
+    rig.points.returned(6, rig.now)
+    given = swing(rig, 2.0)
+    assert given[0] == pytest.approx(300, abs=fastest * TICK + 2)
+    steps = [abs(later - earlier) for earlier, later in zip(given, given[1:], strict=False)]
+    assert max(steps) <= 1.2 * fastest * TICK + 1
+    assert rig.points.step(rig.now + TICK) == {}
+
+
+def test_a_device_whose_course_has_no_speed_is_led_there_in_about_a_second(rig: Rig) -> None:
+    rig.take(612)
+    rig.places[KEY] = 512.0
+    rig.points.returned(6, rig.now)
+    given = []
+    for _ in range(round(3 * CATCH_UP / TICK)):
+        given += [each for each in (rig.step(), rig.take(612)) if each is not None]
+    assert given[0] == pytest.approx(513, abs=1)
+    assert given == sorted(given)
+    assert max(later - earlier for earlier, later in zip(given, given[1:], strict=False)) <= 2
+
+
+def test_a_course_that_is_no_longer_live_ends(rig: Rig) -> None:
+    swing(rig, 1.0)
+    rig.places[KEY] = 300.0
+    rig.points.returned(6, rig.now)
+    # Nobody asks any more: it is led on as long as the movement may still go on, then it stays where it is.
+    given = rig.steps(2.0)
+    assert 1 <= len(given) <= round(LIVE / TICK) + 1
+    assert given[-1] < 512
+    assert rig.take(600) == 600
+
+
+def test_a_course_that_ended_before_is_not_taken_up(rig: Rig) -> None:
+    rig.take(612)
+    rig.now += LIVE + 2 * TICK
+    rig.points.returned(None, rig.now)
+    assert rig.steps(1.0) == []
+
+
+def test_what_is_no_place_is_not_led_anywhere(rig: Rig) -> None:
+    rig.take(200, WHEEL)
+    rig.points.returned(7, rig.now)
+    assert rig.steps(0.2, WHEEL) == []
+
+
+def test_only_the_device_that_is_back_is_led(rig: Rig) -> None:
+    other: Key = (5, KEY[1])
+    rig.places[other] = 100.0
+    rig.take(612)
+    rig.take(300, other)
+    rig.points.returned(5, rig.now)
+    rig.now += TICK
+    assert set(rig.points.step(rig.now)) == {other}
+
+
+def test_the_rate_of_the_settings_counts_on_the_way_back_too(rig: Rig) -> None:
+    rig.points.limit({KEY: Limit(rate=50.0)})
+    rig.take(512)
+    rig.places[KEY] = 300.0
+    rig.points.returned(6, rig.now)
+    given = []
+    for _ in range(100):
+        given.append(rig.step())
+        rig.take(512)
+    assert given[-1] == pytest.approx(350, abs=1)

@@ -1,0 +1,194 @@
+"""What ``urbihw stop``, ``urbihw estop`` and ``urbihw release`` share: they ask the bus workers, not the interpreter.
+
+Each robot has a control socket (``urbihw.buses.control``).  Who stops a robot is in a hurry, so this imports little:
+no kernel, no asyncio, none of the other commands.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import socket
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from urbihw.cli.options import EX_CONFIG, EX_UNAVAILABLE
+from urbihw.daemon.runtime import SERVICE_FOLDER, control_sockets
+
+TIMEOUT: Final = 1.0
+"""Seconds in which all robots must have answered."""
+STOPPED: Final = {"stop": "stopped", "estop": "emergency stop, held until: urbihw release", "release": "released"}
+"""What is said of a robot that has obeyed."""
+_LONGEST_NAME: Final = 100
+_RIGHTS: Final = "use sudo, or join the group that it belongs to"
+
+
+class Answer(NamedTuple):
+    """What came of a robot: its ``state`` as it tells it, or ``problem``, in words.
+
+    ``gone``: nobody listens at the socket any more.
+    """
+
+    name: str
+    state: Mapping[str, Any]
+    problem: str = ""
+    gone: bool = False
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """The options of all three."""
+    parser.add_argument("--socket", type=Path, metavar="PATH", help="control socket of the robot (all that are found)")
+    parser.add_argument("--who", metavar="TEXT", help="who asks, for the log (user and terminal)")
+
+
+def run(verb: str, options: argparse.Namespace) -> int:
+    """Do what a command says; returns the exit code."""
+    try:
+        paths = [options.socket] if options.socket is not None else control_sockets()
+    except ValueError as error:  # BadConfig; the module that has it takes longer to import than all of this.
+        paths = sorted(SERVICE_FOLDER.glob("*.sock"))
+        if not paths:
+            return complain(str(error), EX_CONFIG)
+    if verb == "release" and len(paths) > 1:
+        paths = [path for path in paths if _listens(path)]
+        if len(paths) > 1:
+            names = ", ".join(f"--socket {path}" for path in paths)
+            return complain(f"which robot may move again? Give one of: {names}", EX_CONFIG)
+    return report(verb, ask(paths, verb, options.who or asker(verb)))
+
+
+def report(verb: str, answers: Sequence[Answer]) -> int:
+    """One line for each robot; 0 if somebody has answered, and all did who could."""
+    for answer in answers:
+        if not answer.problem:
+            print(f"{answer.name}: {outcome(verb, answer.state)}")
+    answered = any(not answer.problem for answer in answers)
+    problems = [answer for answer in answers if answer.problem]
+    if not answered and all(answer.gone for answer in problems):
+        return complain(nobody(verb), EX_UNAVAILABLE)
+    for answer in problems:
+        complain(f"{answer.name}: {answer.problem}", EX_UNAVAILABLE)
+    return 0 if answered and all(answer.gone for answer in problems) else EX_UNAVAILABLE
+
+
+def outcome(verb: str, state: Mapping[str, Any]) -> str:
+    """What has become of a robot, by its answer."""
+    words = STOPPED[verb]
+    if verb == "stop" and state.get("estop"):
+        words += f"; an emergency stop holds ({state['estop']}) until: urbihw release"
+    if verb != "release" and state.get("link") is False:
+        words += "; its link is down: it is told to stop as soon as that is back"
+    return words
+
+
+def nobody(verb: str) -> str:
+    """What to do when no daemon answers."""
+    if SERVICE_FOLDER.is_dir() and not os.access(SERVICE_FOLDER, os.R_OK | os.X_OK):
+        return f"{SERVICE_FOLDER} may not be read: {_RIGHTS}"
+    if verb == "release":
+        return "no daemon answers: start it (urbihw serve), then release it"
+    return "no daemon answers; if the robot moves, cut its power, or: urbihw stop --direct --config FILE"
+
+
+def complain(text: str, code: int) -> int:
+    """Say what is wrong, in one line; returns the exit code."""
+    print(f"urbihw: {text}", file=sys.stderr)
+    return code
+
+
+def asker(verb: str) -> str:
+    """Who asks: a user at a terminal, or else the command."""
+    import pwd
+
+    for descriptor in range(3):
+        try:
+            terminal = os.ttyname(descriptor).removeprefix("/dev/")
+            return f"{pwd.getpwuid(os.getuid()).pw_name}@{terminal}"
+        except (OSError, KeyError):
+            continue
+    return f"urbihw {verb}"
+
+
+def ask(paths: Sequence[Path], verb: str, who: str) -> list[Answer]:
+    """Tell all robots, then wait for what they say: one that hangs keeps none of the others waiting."""
+    end = time.monotonic() + TIMEOUT
+    line = json.dumps({"do": verb, "who": who[:_LONGEST_NAME]}).encode() + b"\n"
+    calls = [_Call(path, line) for path in paths]
+    return [call.answer(end) for call in calls]
+
+
+class _Call:
+    """One robot that is told something."""
+
+    def __init__(self, path: Path, line: bytes) -> None:
+        self._path = path
+        self._error: OSError | None = None
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._socket.settimeout(TIMEOUT)
+        try:
+            self._connect(str(path))
+            self._socket.sendall(line)
+        except OSError as error:
+            self._error = error
+
+    def _connect(self, path: str) -> None:
+        end = time.monotonic() + TIMEOUT
+        while True:
+            try:
+                return self._socket.connect(path)
+            except BlockingIOError:  # Many others want to be heard at this moment.
+                if time.monotonic() > end:
+                    raise
+                time.sleep(0.01)
+
+    def answer(self, end: float) -> Answer:
+        """What it says until a time."""
+        with self._socket:
+            try:
+                if self._error is not None:
+                    raise self._error
+                state = json.loads(self._line(end))
+            except (OSError, ValueError) as error:
+                return self._failed(error)
+        if isinstance(state, dict) and state.get("ok"):
+            return Answer(self._path.stem, state)
+        return Answer(self._path.stem, {}, f"it did not understand: {state}")
+
+    def _line(self, end: float) -> bytes:
+        heard = b""
+        while b"\n" not in heard:
+            self._socket.settimeout(max(end - time.monotonic(), 0.001))
+            data = self._socket.recv(4096)
+            if not data:
+                raise ConnectionResetError
+            heard += data
+        return heard.partition(b"\n")[0]
+
+    def _failed(self, error: OSError | ValueError) -> Answer:
+        name, path = self._path.stem, self._path
+        if isinstance(error, FileNotFoundError | ConnectionRefusedError):
+            hint = "if that robot moves, cut its power; if not, remove that file"
+            return Answer(name, {}, f"nobody listens at {path} any more: {hint}", True)
+        if isinstance(error, PermissionError):
+            return Answer(name, {}, f"no permission for {path}: {_RIGHTS}")
+        if isinstance(error, TimeoutError | BlockingIOError):
+            return Answer(name, {}, f"no answer in {TIMEOUT:g} s: its bus worker hangs; cut the power, or try again")
+        if isinstance(error, ConnectionError):
+            return Answer(name, {}, "it ended before it answered; try again")
+        return Answer(name, {}, f"cannot be asked at {path}: {error}")
+
+
+def _listens(path: Path) -> bool:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        probe.settimeout(TIMEOUT)
+        try:
+            probe.connect(str(path))
+        except (FileNotFoundError, ConnectionRefusedError):
+            return False
+        except OSError:
+            return True
+    return True
