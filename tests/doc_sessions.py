@@ -11,8 +11,8 @@ The worlds: none (a kernel without a robot), ``servo`` (the class of docs/exampl
 software), or that of a platform (its robot in software).  The blocks of a page that name the same world are played in
 it, in order; each window is a connection of its own.  Answers look as in the transcripts
 (``tests/lang/transcript.py``), and so does the rule for their stamps; with a robot, whose times are those of a person's
-hands, stamps are never compared.  Nor are the positions in error messages, which count the lines of a connection, and a page
-shows some of them; nor which connection asked for a stop.
+hands, stamps are never compared.  Nor are the positions in error messages, which count the lines of a connection (a
+page shows some of them); nor which connection asked for a stop.
 
 A line ``// robot: WORDS`` is what is typed at the console of the fake (``python -m fakes``) at that moment.
 """
