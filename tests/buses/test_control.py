@@ -16,7 +16,8 @@ import pytest
 from urbihw.buses import messages as m
 from urbihw.buses.clock import RealClock
 from urbihw.buses.control import LONGEST_LINE, MOST_CLIENTS, MOST_WAITING, ControlSocket
-from urbihw.buses.engine import Engine, driver_of
+from urbihw.buses.driver import driver_of
+from urbihw.buses.engine import Engine
 from urbihw.buses.errors import Unavailable
 from urbihw.buses.mailbox import Mailbox
 

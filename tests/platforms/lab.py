@@ -16,7 +16,8 @@ from fakes.console import Command, Console
 from fakes.device import Answer, Device
 from urbihw.buses import messages as m
 from urbihw.buses.clock import SimClock as BusClock
-from urbihw.buses.engine import Engine, driver_of
+from urbihw.buses.driver import driver_of
+from urbihw.buses.engine import Engine
 from urbihw.buses.link import Context
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.pipe import PipeEnd

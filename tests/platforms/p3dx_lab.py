@@ -9,6 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from lab import HandWorker, RobotLab
+from motions import Kind, Motion, Numbers
 
 from fakes.console import Console
 from fakes.device import Device
@@ -17,7 +18,8 @@ from fakes.p3dx.kit import P3dx as Kit
 from fakes.p3dx.world import World
 from urbihw.buses import messages as m
 from urbihw.buses.clock import SimClock
-from urbihw.buses.engine import Engine, driver_of
+from urbihw.buses.driver import driver_of
+from urbihw.buses.engine import Engine
 from urbihw.buses.link import Context
 from urbihw.buses.pipe import PipeEnd
 
@@ -149,3 +151,44 @@ class Lab(RobotLab):
 def lab() -> Lab:
     """For the contract of all platforms."""
     return Lab.ready()
+
+
+def _body(lab: Lab) -> tuple[Numbers, Numbers]:
+    body = lab.kit.body
+    return (body.forward.speed, body.turning.speed), body.pose
+
+
+def _on_map(lab: Lab, folder: Path) -> None:
+    lab.say(f'P3dx.planner.mapFileName = "{lab.write_map(folder)}";')
+    for _ in range(3):
+        lab.thought()
+        lab.run(0.1)
+    assert lab.look("P3dx.planner.ready") == "true"
+
+
+_PATH = "P3dx.moveTo([5, 0, 90deg]);"
+
+MOTION = Motion(
+    make=lab,
+    look=_body,
+    slot="P3dx",
+    unplug=lambda lab: lab.robot_line.end.unplug(),
+    plug=lambda lab: lab.robot_line.end.replug(),
+    revive="P3dx.body.load = 1",
+    standstill=1.1,
+    kinds={
+        "speed": Kind("P3dx.body.x.speed = 0.3;", 0.2, lead=1.5),
+        "turn": Kind("P3dx.body.yaw.speed = 0.5;", 0.4),
+        "trajectory": Kind("P3dx.body.yaw.speed = 0 sin:4s ampli:0.5,", 0.3, lead=4.3, live=True),
+        "at": Kind(
+            "trip!;", 0.2, lead=1.5, live=True,
+            prepare="if (!Global.hasLocalSlot(\"trip\")) var Global.trip = Event.new|;"
+            " at (trip?) loop { P3dx.body.yaw.speed = 0.4; sleep(400ms); P3dx.body.yaw.speed = -0.4; sleep(800ms) };",
+        ),
+        "go": Kind("robot.go(2);", 0.1, error=True),
+        "turn by an angle": Kind("robot.turn(20);", 0.3, error=True),
+        "planner": Kind(_PATH, 0.1, lead=3.0, ready=_on_map),
+        "planner that plans": Kind(_PATH, 0.1, lead=0.0, ready=_on_map),
+        "remote": Kind("P3dx.body.yaw.speed = 0.5", 0.4, remote=True),
+    },
+)  # fmt: skip

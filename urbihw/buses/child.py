@@ -15,7 +15,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from types import FrameType
 
-from urbihw.buses.engine import Engine, driver_of
+from urbihw.buses.driver import driver_of
+from urbihw.buses.engine import Engine
 from urbihw.buses.link import Context
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import Begin

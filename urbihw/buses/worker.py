@@ -39,7 +39,8 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from urbihw.buses.engine import Engine, driver_of
+from urbihw.buses.driver import driver_of
+from urbihw.buses.engine import Engine
 from urbihw.buses.errors import BadValue, LinkGone
 from urbihw.buses.link import Context, Url
 from urbihw.buses.mailbox import Mailbox

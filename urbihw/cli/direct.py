@@ -14,7 +14,7 @@ from queue import Empty, SimpleQueue
 from typing import Final
 
 from urbihw import buses, platforms
-from urbihw.buses.engine import Driver, driver_of
+from urbihw.buses.driver import Driver, driver_of
 from urbihw.buses.errors import BadUrl, BadValue, Unavailable
 from urbihw.buses.link import Url
 from urbihw.buses.messages import Begin, Configure, Found, FromWorker, LinkState, Stopped

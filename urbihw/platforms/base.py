@@ -18,7 +18,7 @@ from functools import partial
 from typing import Any, ClassVar, Final, Protocol
 
 from urbihw.buses import messages as m
-from urbihw.buses.engine import driver_of
+from urbihw.buses.driver import driver_of
 from urbihw.buses.errors import BadUrl, BadValue, LinkGone
 from urbihw.buses.supervisor import Supervisor
 from urbihw.kernel.uobject import (
@@ -82,7 +82,7 @@ class WiredRobot(Robot):
     """
 
     family: ClassVar[str]
-    """What drives the wire: a row of ``urbihw.buses.engine.FAMILIES``, or "module:Class"."""
+    """What drives the wire: a row of ``urbihw.buses.driver.FAMILIES``, or "module:Class"."""
     robot_name: ClassVar[str]
     """What it is called in the log."""
 

@@ -24,7 +24,7 @@ from urbihw.buses.can.drive import BEAT, MASTER, PATIENCE, Drive
 from urbihw.buses.can.network import PortNetwork
 from urbihw.buses.can.port import can_port
 from urbihw.buses.clock import Clock, RealClock
-from urbihw.buses.engine import Driver, never
+from urbihw.buses.driver import Driver, never
 from urbihw.buses.errors import BadValue, BusTimeout, Unavailable
 from urbihw.buses.link import Port
 from urbihw.buses.messages import (
@@ -63,7 +63,7 @@ class _Wait:
 
 
 class DrivesDriver(Driver):
-    """See the head of this file, and `urbihw.buses.engine.Driver` for who calls what."""
+    """See the head of this file, and `urbihw.buses.driver.Driver` for who calls what."""
 
     slow_verbs: frozenset[str] = frozenset({"read", "write"})
 

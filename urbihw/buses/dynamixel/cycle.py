@@ -25,7 +25,7 @@ from urbihw.buses.dynamixel import packet, plan
 from urbihw.buses.dynamixel.bus import DynamixelBus
 from urbihw.buses.dynamixel.device import Device
 from urbihw.buses.dynamixel.health import Change
-from urbihw.buses.dynamixel.member import PLACE, Member, Question
+from urbihw.buses.dynamixel.member import FIRED, PLACE, WATCHDOG, Member, Question
 from urbihw.buses.dynamixel.plan import Block, Run
 from urbihw.buses.dynamixel.scan import identify
 from urbihw.buses.dynamixel.status import Status, state_of
@@ -47,11 +47,13 @@ class Tick:
         values: device -> item -> raw count.
         times: device -> when its answer was in.
         changes: (device, change of its health) in order.
+        fired: devices whose bus watchdog has stopped them.
     """
 
     values: dict[int, dict[str, int]] = field(default_factory=dict)
     times: dict[int, float] = field(default_factory=dict)
     changes: list[tuple[int, Change]] = field(default_factory=list)
+    fired: list[int] = field(default_factory=list)
 
 
 class Cycle:
@@ -259,14 +261,18 @@ class Cycle:
         values = block.unpack(status.params)
         if PLACE in values:
             member.place, member.place_at = values[PLACE], self.bus.clock.now()
+        if WATCHDOG in values:
+            _look_at_watchdog(member, values, tick)
         if error or member.state:
             state = state_of(error, status.protocol)
             if state != member.state:
                 member.state = values[STATE_ITEM] = state
         if number in tick.values:
             tick.values[number].update(values)
-        else:
+        elif values:
             tick.values[number] = values
+        else:
+            return
         tick.times[number] = self.bus.clock.now()
 
     def _missed(self, member: Member, reason: str, tick: Tick) -> None:
@@ -301,6 +307,17 @@ class Cycle:
         change = member.health.probed(self.bus.clock.now(), True)
         if change is not None:
             tick.changes.append((number, change))
+
+
+def _look_at_watchdog(member: Member, values: dict[str, int], tick: Tick) -> None:
+    """What the watchdog says, which concerns nobody but us unless it was asked for."""
+    left = values[WATCHDOG] if member.is_watched(WATCHDOG) else values.pop(WATCHDOG)
+    if left == FIRED:
+        tick.fired.append(member.device.id)
+    if member.armed and left <= 0:
+        # It fired, or never heard that it was to be armed, or was without power: as long as it is to turn, try again.
+        member.armed = False
+        member.rearm()
 
 
 def _request_was_damaged(status: Status) -> bool:

@@ -10,16 +10,16 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from typing import Any
 
+from urbihw.buses.driver import Driver, never
 from urbihw.buses.dynamixel.bus import DynamixelBus
 from urbihw.buses.dynamixel.cycle import Cycle, Tick
 from urbihw.buses.dynamixel.device import Device, DeviceInfo, Scan
 from urbihw.buses.dynamixel.item import Motion
-from urbihw.buses.dynamixel.member import GOAL, Member
+from urbihw.buses.dynamixel.member import FIRED, GOAL, WATCHDOG, WATCHDOG_COUNTS, Member
 from urbihw.buses.dynamixel.options import Options
 from urbihw.buses.dynamixel.plan import TORQUE
 from urbihw.buses.dynamixel.scan import identify, scan
 from urbihw.buses.dynamixel.stop import safe_stop, stop_what_moves
-from urbihw.buses.engine import Driver, never
 from urbihw.buses.errors import BadValue, BusError, LinkGone
 from urbihw.buses.link import Port, byte_link
 from urbihw.buses.messages import (
@@ -42,7 +42,7 @@ _GONE = "it does not answer"
 
 
 class DynamixelDriver(Driver):
-    """The Dynamixel half of a worker; see `urbihw.buses.engine.Driver` for who calls what.
+    """The Dynamixel half of a worker; see `urbihw.buses.driver.Driver` for who calls what.
 
     Verbs: "read", "write"; "write_all" writes the pairs (item, value) of `value` one after the other, until one is
     refused; "ping" gives the model number, "reboot" restarts a protocol 2.0 device, "scan" looks for
@@ -97,6 +97,13 @@ class DynamixelDriver(Driver):
         if not cycle.members:
             return self._look_again(cycle, now)
         tick = cycle.tick(now, meanwhile, urgent)
+        if tick.fired:
+            # They stand, and would take no goals; that nobody spoke to them for so long is a stop for all.
+            which = ", ".join(map(str, tick.fired))
+            self.halted = f"servo {which} stopped by itself: nobody spoke to it for {WATCHDOG_COUNTS * 0.02:g} s"
+            _clear_watchdogs(cycle, tick.fired)
+        back = [number for number, change in tick.changes if change.new == "back"]
+        _clear_watchdogs(cycle, [number for number in back if _has_fired(cycle.members[number].device)])
         return self._newly_found(cycle, tick) + _report(tick)
 
     def targets(self, message: Targets) -> list[FromWorker]:
@@ -201,6 +208,7 @@ class DynamixelDriver(Driver):
             change = cycle.members[device.id].health.declare_lost(now, _GONE)
             if change is not None:
                 messages.append(DeviceState(device.id, change.old, change.new, change.reason))
+        _clear_watchdogs(cycle, [device.id for device in outcome.devices if _has_fired(device)])
         for number in self._moved & cycle.members.keys():
             cycle.members[number].moved = True
         for (device_id, item), period in list(self._watches.items()):
@@ -253,6 +261,29 @@ class DynamixelDriver(Driver):
         return value
 
 
+def _has_fired(device: Device) -> bool:
+    return device.setup.get(WATCHDOG) == FIRED
+
+
+def _clear_watchdogs(cycle: Cycle, numbers: Iterable[int]) -> None:
+    """Let servos that their bus watchdog has stopped take goals again.  Raises LinkGone.
+
+    Whether such a servo still has its last goal the sheet does not say, so one that turns is given 0 right behind it.
+    """
+    for number in numbers:
+        member = cycle.members[number]
+        mode = member.device.mode
+        try:
+            _write(cycle.bus, member, WATCHDOG, 0)
+            if mode is not None and mode.motion is Motion.RATE:
+                _write(cycle.bus, member, mode.effector, 0)
+        except LinkGone:
+            raise
+        except BusError:
+            # It does not answer: it will be lost, and met again.
+            continue
+
+
 def _write(bus: DynamixelBus, member: Member, name: str, value: int) -> int:
     """Write an item, until the device has confirmed it where it does such things.
 
@@ -262,6 +293,8 @@ def _write(bus: DynamixelBus, member: Member, name: str, value: int) -> int:
     item = member.table.item(name)
     if item.access != "RW":
         raise BadValue(f"{item.name} of {member.table.name} can only be read")
+    if value and member.must_arm(name):
+        _write(bus, member, WATCHDOG, WATCHDOG_COUNTS)
     try:
         bus.write(member.device.id, item.address, item.pack(value), member.device.answers_writes)
     except BusError as error:

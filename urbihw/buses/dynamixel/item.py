@@ -128,9 +128,9 @@ class Table:
 
     @property
     def setup_items(self) -> tuple[str, ...]:
-        """What the gateway reads once of each device: mode, position limits, to what it answers."""
+        """What the gateway reads once of each device: mode, position limits, to what it answers, its bus watchdog."""
         limits = {name for mode in self.modes.values() for name in mode.limits}
-        wanted = {*self.mode_items, *limits, "status_return_level"}
+        wanted = {*self.mode_items, *limits, "status_return_level", "bus_watchdog"}
         return tuple(name for name in self.items if name in wanted)
 
     @property

@@ -1,4 +1,10 @@
-"""One device as the cycle sees it: its health, what is read of it and when, what was written to it."""
+"""One device as the cycle sees it: its health, what is read of it and when, what was written to it.
+
+A servo of the X series that turns goes on turning when worker, daemon and adapter are dead. Its bus watchdog (register
+98) ends that: it is armed in front of the first value other than 0 that makes the servo turn, and runs on until
+somebody clears it. The sheet does not say whether instructions to others keep it quiet (unconfirmed), so an armed servo
+that is not read anyway is looked at every WATCHDOG_LOOK.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +22,13 @@ from urbihw.buses.errors import BadValue
 
 PLACE: Final = "present_position"
 GOAL: Final = "goal_position"
+WATCHDOG: Final = "bus_watchdog"
+WATCHDOG_COUNTS: Final = 25
+"""Of 20 ms: after half a second without an instruction a servo of the X series that turns stops by itself."""
+WATCHDOG_LOOK: Final = 0.2
+"""Seconds between two looks at an armed watchdog: a look is also what keeps it quiet, if nothing else is read."""
+FIRED: Final = -1
+"""What the watchdog reads when it has stopped the servo; the servo takes no goals until 0 is written."""
 
 
 @dataclass(slots=True)
@@ -47,6 +60,7 @@ class Member:
         place: the present position as last read, raw; None before that.
         place_at: when that was.
         state: the lasting error bits of its answers as last reported.
+        armed: its bus watchdog runs.
     """
 
     def __init__(self, device: Device) -> None:
@@ -59,6 +73,8 @@ class Member:
         self.place: int | None = None
         self.place_at = -math.inf
         self.state = 0
+        self.armed = device.setup.get(WATCHDOG, 0) > 0
+        self._look_due = 0.0
         self._rhythms: list[_Rhythm] = []
         self._questions: dict[tuple[str, ...], tuple[Question, ...]] = {}
 
@@ -85,6 +101,7 @@ class Member:
     def meet(self, device: Device) -> None:
         """Take in what the device says of itself now: it may be in another mode, or another device."""
         self.device = device
+        self.armed = device.setup.get(WATCHDOG, 0) > 0
         if device.table is not self._table:
             self._table = device.table
             self._questions.clear()
@@ -100,11 +117,26 @@ class Member:
             self.pending.pop(name, None)
         else:
             self.pending[name] = raw
+            if raw and self.must_arm(name):
+                self.pending[WATCHDOG] = WATCHDOG_COUNTS
+
+    def must_arm(self, name: str) -> bool:
+        """Whether the watchdog is to be armed before this item is given a value other than 0: the servo then turns."""
+        mode = self.device.mode
+        turns = mode is not None and mode.motion is Motion.RATE and name == mode.effector
+        return turns and not self.armed and WATCHDOG in self.table.items
+
+    def rearm(self) -> None:
+        """The watchdog does not run: arm it with the next tick if the servo was told to turn."""
+        if any(raw and self.must_arm(name) for name, raw in self.written.items()):
+            self.pending[WATCHDOG] = WATCHDOG_COUNTS
 
     def sent(self) -> None:
         """Note that the pending targets are on the wire."""
         if not self.moved:
             self.moved = any(map(self.moves, self.pending))
+        # Not among what is written: a stop forgets that, and the watchdog runs on.
+        self.armed = self.armed or bool(self.pending.pop(WATCHDOG, 0))
         self.written.update(self.pending)
         self.pending.clear()
 
@@ -113,6 +145,8 @@ class Member:
         self.moved = self.moved or self.moves(name)
         self.written[name] = raw
         self.pending.pop(name, None)
+        if name == WATCHDOG:
+            self.armed = raw > 0
         if name in self.table.setup_items:
             self.device = replace(self.device, setup={**self.device.setup, name: raw})
 
@@ -151,7 +185,15 @@ class Member:
                 if rhythm.due <= now:
                     # Late: go on from here, reading twice at once makes nothing fresher.
                     rhythm.due = now + rhythm.period
+        if self.armed and self._look_due <= now + tolerance:
+            # At the same tick for all, so that they are asked together.
+            self._look_due = math.floor((now + tolerance) / WATCHDOG_LOOK + 1) * WATCHDOG_LOOK
+            names = (*names, *(() if WATCHDOG in names else (WATCHDOG,)))
         return names
+
+    def is_watched(self, name: str) -> bool:
+        """Whether anybody wants to hear of an item."""
+        return any(name in rhythm.names for rhythm in self._rhythms)
 
     def questions(self, names: tuple[str, ...]) -> tuple[Question, ...]:
         """Return how to ask for `names`; computed once."""

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from urbihw.buses.engine import Driver, never
+from urbihw.buses.driver import Driver, never
 from urbihw.buses.errors import BadFrame, BadValue, BusError, BusTimeout, LinkGone, Unavailable
 from urbihw.buses.link import Port, byte_link
 from urbihw.buses.messages import (
@@ -57,7 +57,7 @@ class FoundBrick:
 
 
 class NxtDriver(Driver):
-    """See ``urbihw.buses.engine.Driver`` for who calls what."""
+    """See ``urbihw.buses.driver.Driver`` for who calls what."""
 
     def __init__(self) -> None:
         self._settings = Configure()

@@ -1,4 +1,4 @@
-"""What drives the wire of a Pioneer's controller: a family for ``urbihw.buses.engine``.
+"""What drives the wire of a Pioneer's controller: a family for ``urbihw.buses.driver``.
 
 Devices and their items, all raw:
 
@@ -18,7 +18,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
 
-from urbihw.buses.engine import Driver, never
+from urbihw.buses.driver import Driver, never
 from urbihw.buses.errors import BadFrame, BadValue, LinkGone
 from urbihw.buses.link import Link, Port, byte_link
 from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, Request, Samples, Targets, Watch
@@ -48,7 +48,7 @@ Values = dict[Any, dict[str, Any]]
 
 
 class ArcosDriver(Driver):
-    """See the head of this file, and ``urbihw.buses.engine.Driver``."""
+    """See the head of this file, and ``urbihw.buses.driver.Driver``."""
 
     def __init__(self) -> None:
         self._link: Link | None = None

@@ -1,4 +1,4 @@
-"""What drives the wire of a SICK LMS200: a family for ``urbihw.buses.engine``.
+"""What drives the wire of a SICK LMS200: a family for ``urbihw.buses.driver``.
 
 The device "laser" has the items ``ranges`` (m, right to left, inf where nothing was measured), ``unit`` (m per count)
 and ``dirty`` (polluted window).  It takes no targets.  The laser wakes up at 9600 baud and is brought to the speed of
@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
-from urbihw.buses.engine import Driver, never
+from urbihw.buses.driver import Driver, never
 from urbihw.buses.errors import BadFrame, LinkGone, Unavailable
 from urbihw.buses.link import Link, Port, byte_link
 from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, Request, Samples, Targets, Watch
@@ -40,7 +40,7 @@ class LaserInfo:
 
 
 class SickDriver(Driver):
-    """See the head of this file, and ``urbihw.buses.engine.Driver``."""
+    """See the head of this file, and ``urbihw.buses.driver.Driver``."""
 
     def __init__(self) -> None:
         self._link: Link | None = None
