@@ -2,13 +2,14 @@
 
 The firmware side is here (registers, limits, alarms), the motion in `xmotion`, the numbers in `xtables`.
 
-Choices where the sheet is silent: turning the torque on, or changing the mode, sets the goals to "stay where you are";
-the range of Goal Position is +-256 turns in extended position mode, in position mode the limits 48 and 52 count (data
-limit error); a fired bus watchdog stops the servo where it is and refuses goals until 0 is written; an error that the
-Shutdown mask does not name shows in register 70 as well. Not covered: I and D gains and feedforward (the loop has no
-lasting droop at constant speed, but sags under load by its P gain), time-based profiles' exact shape (same duration,
-trapezoid), drive mode "torque on by goal update" beyond turning torque on, startup configuration, backup, protocol
-type 1, boot time.
+Choices where the sheet is silent: turning the torque on, or changing the mode, sets the goals to "stay where you
+are"; the range of Goal Position is +-256 turns in extended position mode, in position mode the limits 48 and 52 count
+(data limit error); a fired bus watchdog stops the servo where it is, with its speed, PWM and current goals at 0, and
+refuses goals until 0 is written, and any other value of register 98; only instructions to this servo keep it quiet,
+those in the list of a sync or bulk instruction among them; an error that the Shutdown mask does not name shows in
+register 70 as well. Not covered: I and D gains and feedforward (the loop has no lasting droop at constant speed, but
+sags under load by its P gain), time-based profiles' exact shape (same duration, trapezoid), drive mode "torque on by
+goal update" beyond turning torque on, startup configuration, backup, protocol type 1, boot time.
 """
 
 from __future__ import annotations
@@ -142,7 +143,7 @@ class XSeries(Unit2):
             return None if low <= value <= high else Refusal.LIMIT
         if name == "operating_mode" and value not in self.model.modes:
             return Refusal.RANGE
-        if name == "bus_watchdog" and value < 0:
+        if name == "bus_watchdog" and (value < 0 or (value > 0 > get("bus_watchdog"))):
             return Refusal.RANGE
         if name == "torque_enable" and value and get("hardware_error") & get("shutdown"):
             # Only REBOOT brings the torque back.
@@ -252,6 +253,9 @@ class XSeries(Unit2):
             self._go(max(0.0, elapsed - (until - fires)))
             self.registers.put("bus_watchdog", -1)
             self._stay()
+            driven = {PWM: "goal_pwm", CURRENT: "goal_current"}.get(self.mode)
+            if driven is not None:
+                self.registers.put(driven, 0)
             elapsed = min(elapsed, until - fires)
         self._go(elapsed)
 

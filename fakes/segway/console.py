@@ -31,6 +31,14 @@ def commands(base: SegwayRmp) -> Mapping[str, Command]:
         base.body.lift()
         return "ok"
 
+    def blink(words: list[str]) -> str:
+        base.blink = int(words[0]) if words else 1
+        return "ok"
+
+    def lose(words: list[str]) -> str:
+        base.lose(None if words[0] == "any" else int(words[0], 16), int(words[1]) if len(words) > 1 else 1)
+        return "ok"
+
     def show(words: list[str]) -> str:
         body = base.body
         motors = "motors on" if base.motors else "motors off"
@@ -41,6 +49,8 @@ def commands(base: SegwayRmp) -> Mapping[str, Command]:
         "push": Command("DEGREES", "lean on the body", push),
         "battery": Command("VOLTS", "charge or empty the battery", battery),
         "estop": Command("on|off", "press or release the emergency stop", estop),
+        "blink": Command("[FRAMES]", "motors off for that many servo frames (1)", blink),
+        "lose": Command("ID|any [EVERY]", "leave out a frame, in each (or every so many-th) cycle; 0 sends all", lose),
         "lift": Command("", "put a fallen base upright", lift),
         "show": Command("", "mode, speeds, way and battery", show),
     }

@@ -16,6 +16,8 @@ too old, are guesses.
 
 from __future__ import annotations
 
+from random import Random
+
 from fakes.can.node import CanFrame, CanNode, Timed
 from fakes.errors import UnknownRequest
 from fakes.segway import frames as f
@@ -45,6 +47,7 @@ class SegwayRmp(CanNode):
         heard: commands heard so far.
         refused: configurations that made no sense.
         turn_factor: counts of turn command for 1 rad/s; published values differ.
+        blink: servo frames for which the motors are off, from the next one on; then they are on again by themselves.
 
     Raises:
         UnknownRequest: no such model.
@@ -69,6 +72,10 @@ class SegwayRmp(CanNode):
         self.powered = True
         self.frames = 0
         self.heard = self.refused = 0
+        self.blink = 0
+        self._off = False
+        self._lost: dict[int | None, int] = {}
+        self._chance = Random(0)
         self.start_mode = mode
         self._forget()
         self._zero = dict.fromkeys((_RIGHT, _LEFT, _YAW, _FORWARD), 0)
@@ -117,6 +124,18 @@ class SegwayRmp(CanNode):
             sent += [Timed(self._next, frame) for frame in self._said()]
             self._next += STEP
         return sent
+
+    def lose(self, identifier: int | None, every: int = 1) -> None:
+        """Send a frame no more in every so many-th cycle; None for one of the frames, another each time. 0: send all.
+
+        Raises:
+            UnknownRequest: no such frame, or a number below 0.
+        """
+        if identifier is not None and identifier not in (*f.CYCLE, f.STATUS):
+            raise UnknownRequest(f"frame {identifier:#x}: say one of 0x400 to 0x407 or 0x680")
+        if every < 0:
+            raise UnknownRequest(f"every {every} cycles: say 1 or more, or 0 for never")
+        self._lost[identifier] = every
 
     def power_off(self, now: float) -> None:
         """The base goes off; a balancing one falls."""
@@ -191,11 +210,12 @@ class SegwayRmp(CanNode):
     @property
     def motors(self) -> bool:
         """Whether the motors are on."""
-        able = self.powered and not self.estop and not self.body.fallen
+        able = self.powered and not self.estop and not self.body.fallen and not self._off
         return able and self.mode in (f.TRACTOR, f.BALANCE)
 
     def _move(self, now: float) -> None:
         self.frames = (self.frames + 1) & 0xFFFF
+        self._off, self.blink = self.blink > 0, max(0, self.blink - 1)
         if self._commanded is not None and now - self._commanded > LIFETIME:
             self._velocity = self._turn = 0
             self._commanded = None
@@ -217,7 +237,13 @@ class SegwayRmp(CanNode):
         frames = (m.old_cycle if self.old_firmware else m.cycle)(reading, self.model)
         if not self.old_firmware:
             frames += [m.status(*self.status_words()), m.box_heartbeat(self.box_volts)]
-        return frames
+        lost = self._lost_now([frame.id for frame in frames])
+        return [frame for frame in frames if frame.id not in lost]
+
+    def _lost_now(self, identifiers: list[int]) -> set[int]:
+        """Which frames of this cycle are not sent."""
+        due = [identifier for identifier, every in self._lost.items() if every and self.frames % every == 0]
+        return {self._chance.choice(identifiers) if identifier is None else identifier for identifier in due}
 
     def reading(self) -> m.Reading:
         """What the base measures now."""

@@ -90,6 +90,21 @@ def test_the_answer_to_a_repeated_question_answers_no_other(rig: Rig) -> None:
     assert bus.read(6, 0, 1) == b"\x0c"
 
 
+@pytest.mark.parametrize("moment", [0.0045, 0.006, 0.0071, 0.0072, 0.00725, 0.0074, 0.02])
+def test_nor_does_it_come_between_a_later_question_and_its_answer(rig: Rig, moment: float) -> None:
+    bus = rig.bus()
+    for _ in range(30):
+        bus.ping(6)
+    rig.kit.faults.start("late", 6, amount=0.004, times=2)
+    begin = rig.clock.now()
+    assert bus.read(6, 3, 1) == b"\x06"
+    assert bus.counters.retried == 1
+    # The answer to the second try comes 7.3 ms after the beginning; a question and its answer take 0.15 ms.
+    rig.clock.sleep_until(begin + moment)
+    assert bus.read(6, 0, 1) == b"\x0c"
+    assert bus.read(6, 3, 1) == b"\x06"
+
+
 def test_a_late_answer_of_another_size_is_no_answer(rig: Rig) -> None:
     bus = rig.bus()
     for _ in range(30):

@@ -213,6 +213,30 @@ def test_a_single_miss_is_tried_again_in_the_same_tick(rig: Rig) -> None:
     assert cycle.bus.counters.retried == 1
 
 
+def test_a_damaged_answer_in_a_group_is_asked_for_again_and_no_miss(x_rig: Rig) -> None:
+    cycle = start(x_rig, X_ITEMS, protocol=2)
+    run(x_rig, cycle, 0.1)
+    x_rig.sent()
+    x_rig.kit.faults.start("checksum", 6, times=1)
+    tick = cycle.tick(x_rig.clock.now())
+    assert set(tick.values) == set(cycle.members)
+    assert tick.changes == []
+    # The group and one READ, to the one whose answer was damaged.
+    group, single = x_rig.sent()
+    assert single.startswith("FF FF FD 00 06 07 00 02 7E 00 0A 00")
+
+
+def test_a_silence_in_a_group_is_a_miss_of_the_first_and_a_question_to_those_behind_it(x_rig: Rig) -> None:
+    cycle = start(x_rig, X_ITEMS, protocol=2)
+    run(x_rig, cycle, 0.1)
+    x_rig.sent()
+    x_rig.kit.faults.start("silence", 16, times=1)
+    tick = cycle.tick(x_rig.clock.now())
+    assert set(tick.values) == set(cycle.members) - {16}
+    assert [(number, change.new) for number, change in tick.changes] == [(16, "suspect")]
+    assert [line.split()[4] for line in x_rig.sent()] == ["FE", "11", "12"]
+
+
 def test_targets_of_a_lost_servo_are_forgotten(rig: Rig) -> None:
     cycle = start(rig)
     cycle.aim(6, "goal_position", 300)

@@ -198,6 +198,29 @@ def test_what_is_no_place_is_not_led_anywhere(rig: Rig) -> None:
     assert rig.steps(0.2, WHEEL) == []
 
 
+def test_a_speed_that_was_still_rising_when_its_device_was_lost_is_not_taken_up_by_itself(rig: Rig) -> None:
+    rig.points.limit({WHEEL: Limit(rate=100.0)})
+    rig.take(1000, WHEEL)
+    assert rig.steps(0.5, WHEEL)
+    rig.points.returned(WHEEL[0], rig.now)
+    assert rig.steps(0.5, WHEEL) == []
+
+
+def test_a_movement_whose_writer_was_held_up_is_led_back_to_its_course(rig: Rig) -> None:
+    swing(rig, 3.0)
+    rig.now += 1.0
+    rig.places[KEY] = 512.0
+    assert rig.points.take({KEY: 600}, rig.now, rig.now, {KEY}) == {}
+    first, second, *_ = rig.steps(0.1)
+    assert 512 < first < second < 540
+
+
+def test_a_program_that_writes_now_and_then_is_never_held_up(rig: Rig) -> None:
+    for value in (500, 600, 500):
+        rig.now += 1.0
+        assert rig.points.take({KEY: value}, rig.now, rig.now, {KEY}) == {KEY: value}
+
+
 def test_only_the_device_that_is_back_is_led(rig: Rig) -> None:
     other: Key = (5, KEY[1])
     rig.places[other] = 100.0

@@ -12,12 +12,14 @@ from typing import TypeVar
 import pytest
 
 from fakes.bioloid import Bioloid
+from urbihw import buses
 from urbihw.buses import messages as m
 from urbihw.buses.clock import SimClock
+from urbihw.buses.driver import driver_of
 from urbihw.buses.dynamixel.device import DeviceInfo
-from urbihw.buses.engine import Engine, driver_of
+from urbihw.buses.engine import Engine
 from urbihw.buses.errors import BadUrl, BadValue, LinkGone
-from urbihw.buses.link import Context
+from urbihw.buses.link import Context, Port
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import FromWorker, ToWorker
 from urbihw.buses.worker import Worker
@@ -243,6 +245,34 @@ def test_a_link_that_never_was_is_reported_once(bench: Bench) -> None:
     bench.rig.end.unplug()
     (state,) = of(m.LinkState, bench.run(5.0))
     assert (state.up, state.reason) == (False, "pipe robot is unplugged")
+
+
+def test_a_link_that_stays_away_is_tried_ever_more_rarely(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[float] = []
+    really = buses.open
+
+    def tell(url: str, context: Context) -> Port:
+        tried.append(bench.rig.clock.now())
+        return really(url, context)
+
+    monkeypatch.setattr(buses, "open", tell)
+    bench.rig.end.unplug()
+    bench.run(10.0)
+    # Twice the wait each time, and never more than 2 s; a try waits for the next tick.
+    assert gaps(tried) == pytest.approx([0.2, 0.4, 0.8, 1.6, 2.0, 2.0, 2.0], abs=0.011)
+    bench.tell(m.Watch(6, ITEMS))
+    bench.rig.end.replug()
+    bench.run(3.0)
+    tried.clear()
+    bench.rig.end.unplug()
+    bench.run(2.0)
+    # A link that was there begins anew with short waits.
+    assert gaps(tried) == pytest.approx([0.4, 0.8], abs=0.011)
+
+
+def gaps(times: list[float]) -> list[float]:
+    """Seconds between one time and the next."""
+    return [later - earlier for earlier, later in zip(times, times[1:], strict=False)]
 
 
 def test_the_end_of_the_pipe_stops_the_robot_and_ends(bench: Bench) -> None:

@@ -17,6 +17,7 @@ import pytest
 from fakes.bioloid import Bioloid
 from fakes.endpoint import PtyEndpoint
 from urbihw.buses import messages as m
+from urbihw.buses.errors import LinkGone
 from urbihw.buses.messages import FromWorker
 from urbihw.buses.worker import Worker
 
@@ -156,7 +157,10 @@ def test_a_worker_that_is_killed_is_reported(robot: PtyEndpoint) -> None:
     heard.wait(m.Found)
     (child,) = children()
     os.kill(child, signal.SIGKILL)
-    assert "exit status -9" in heard.wait(m.Ended).reason
+    assert heard.wait(m.Ended).reason == f"the bus worker of {robot.url} was ended by SIGKILL"
+    assert not children()
+    with pytest.raises(LinkGone, match="has ended"):
+        worker.send(m.Alive())
     worker.stop()
 
 

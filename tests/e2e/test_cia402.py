@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -39,7 +40,9 @@ def daemon(tmp_path: Path, end: SlcanPty) -> Iterator[Daemon]:
 
 def worker_of(daemon: Daemon) -> int:
     """The process that owns the wire."""
-    children = Path(f"/proc/{daemon.process.pid}/task/{daemon.process.pid}/children").read_text("ascii").split()
+    # A worker belongs to the thread that started it, and a new one is started by the thread that missed the old one.
+    threads = Path(f"/proc/{daemon.process.pid}/task").glob("*/children")
+    children = [child for thread in threads for child in thread.read_text("ascii").split()]
     lines = {int(child): Path(f"/proc/{child}/cmdline").read_bytes() for child in children}
     (found,) = [child for child, line in lines.items() if b"urbihw.buses.child" in line]
     return found
@@ -53,10 +56,23 @@ def test_a_drive_turns_and_brakes_by_itself_when_the_worker_is_killed(daemon: Da
     until(lambda: client.ask("drive5.load;") == "1")
     client.say("drive5.speed = 6|;")
     until(lambda: drive.machine.speed > 3900)
-    os.kill(worker_of(daemon), signal.SIGKILL)
+    killed = worker_of(daemon)
+    os.kill(killed, signal.SIGKILL)
     until(lambda: drive.machine.speed == 0.0, 3)
     assert drive.machine.state != "operation enabled"
-    assert client.ask("cia402.link;") == "false"
+    # Another worker is there, and the drive stays off until a client wants it on.
+    until(lambda: client.ask("cia402.link;") == "true")
+    assert worker_of(daemon) != killed
+    assert "was ended by SIGKILL; another one is started" in daemon.log()
+    place = drive.machine.position
+    time.sleep(0.5)
+    assert (drive.machine.position, drive.machine.speed) == (place, 0.0)
+    assert client.ask("drive5.load;") == "0"
+    client.say("drive5.load = 1|;")
+    until(lambda: drive.machine.state == "operation enabled")
+    until(lambda: client.ask("drive5.load;") == "1")
+    client.say("drive5.speed = 6|;")
+    until(lambda: drive.machine.speed > 3900)
 
 
 def test_a_drive_without_power_is_two_lines_in_the_log(daemon: Daemon, drive: Drive, end: SlcanPty) -> None:

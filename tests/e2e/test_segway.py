@@ -87,7 +87,12 @@ def test_it_drives_over_every_kind_of_link_and_stops_with_its_connection(
     assert float(client.ask("rmp.forward;")) > 0.01
     client.close()
     until(lambda: speed(end) == 0.0, 3)
-    assert "the connection that drove it is closed" in daemon.log()
+    until(lambda: "is closed, which moved it" in daemon.log(), 3)
+    place = end.call(lambda: base_of(end).body.forward)
+    time.sleep(0.5)
+    # It stays where it is, under the commands that go on.
+    assert speed(end) == 0.0
+    assert end.call(lambda: base_of(end).body.forward) == place
 
 
 def test_a_killed_daemon_leaves_a_stopped_base(serve: Callable[..., Daemon]) -> None:

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from lab import RobotLab
+from motions import Kind, Motion, Numbers
 
 from fakes.bioloid import Bioloid as Kit
 from fakes.bioloid_console import commands
 from fakes.console import Console
+from fakes.dynamixel.ax12 import DEGREES, Ax12
+from fakes.dynamixel.xseries import XSeries
+from fakes.dynamixel.xtables import STEPS
+from urbihw.buses.dynamixel.device import DeviceInfo
 from urbihw.buses.link import Context
 from urbihw.buses.pipe import PipeEnd
 
@@ -50,3 +56,63 @@ class Lab(RobotLab):
 def lab() -> Lab:
     """For the contract of all platforms."""
     return Lab.ready()
+
+
+def _body(lab: Lab) -> tuple[Numbers, Numbers]:
+    lab.kit.tick(lab.bus_clock.now())
+    seen = [
+        (unit.motor.speed * _X_STEP, unit.motor.position * _X_STEP)
+        if isinstance(unit, XSeries)
+        else (unit.speed * _AX_STEP, unit.position * _AX_STEP)
+        for unit in lab.kit
+        if isinstance(unit, XSeries | Ax12)
+    ]
+    return tuple(speed for speed, _ in seen), tuple(place for _, place in seen)
+
+
+def _found(lab: Lab) -> tuple[DeviceInfo, ...]:
+    """A worker that takes the place of another looks only at the numbers."""
+    return tuple(DeviceInfo(unit.id, 12, "AX-12", "AX", 24, 1, "joint") for unit in lab.kit)
+
+
+def _x_lab() -> Lab:
+    return Lab.ready(Kit.x_series(2, baud=BAUD))
+
+
+_AX_STEP, _X_STEP = math.radians(DEGREES), math.tau / STEPS
+_X_WHEEL = "motor2.cwLimit = motor2.ccwLimit = 0;"
+_WHEEL = "motor7.cwLimit = motor7.ccwLimit = 0;"
+
+MOTION = Motion(
+    make=lambda: Lab.ready(Kit(servos=(6, 7), sensors=(), baud=BAUD)),
+    look=_body,
+    slot="bioloid",
+    unplug=lambda lab: lab.end.unplug(),
+    plug=lambda lab: lab.end.replug(),
+    standstill=0.15,
+    grain=0.05,
+    found=_found,
+    kinds={
+        "joint": Kind("motor6.val = 100deg;", 0.3, prepare="motor6.speed = 0.5;"),
+        "wheel": Kind("motor7.speed = 1;", 0.5, prepare=_WHEEL),
+        "trajectory": Kind("motor6.val = 0 sin:1s ampli:20deg,", 1.0, lead=2.3, live=True),
+        "trajectory to a place": Kind(
+            "motor6.val = 140deg time:8s,", 0.2, lead=2.5, live=True, again="motor6.val = -100deg time:8s,"
+        ),
+        "trajectory of a wheel": Kind("motor7.speed = 0 sin:2s ampli:1,", 0.5, prepare=_WHEEL, lead=2.3, live=True),
+        "at": Kind(
+            "trip!;", 0.5, lead=2.5, live=True,
+            prepare="if (!Global.hasLocalSlot(\"trip\")) var Global.trip = Event.new|; motor6.speed = 1|;"
+            " at (trip?) loop { motor6.val = 60deg; sleep(200ms); motor6.val = -60deg; sleep(400ms) };",
+        ),
+        "switch of mode": Kind(f"{_WHEEL} motor7.speed = 1;", 0.5, lead=0.0),
+        "switch of mode on its way": Kind(f"{_WHEEL} motor7.speed = 1;", 0.5, lead=0.01),
+        "switch of mode just done": Kind(f"{_WHEEL} motor7.speed = 1;", 0.5, lead=0.03),
+        "X joint": Kind("motor1.val = 100deg;", 0.3, prepare="motor1.speed = 0.5;", make=_x_lab),
+        "X wheel": Kind("motor2.speed = 1;", 0.5, prepare=_X_WHEEL, make=_x_lab),
+        "X trajectory": Kind("motor1.val = 0 sin:1s ampli:20deg,", 1.0, lead=2.3, live=True, make=_x_lab),
+        "X switch of mode": Kind(f"{_X_WHEEL} motor2.speed = 1;", 0.5, lead=0.01, make=_x_lab),
+        "X switch of mode just done": Kind(f"{_X_WHEEL} motor2.speed = 1;", 0.5, lead=0.03, make=_x_lab),
+        "remote": Kind("motor6.val = 1.7", 0.3, prepare="motor6.speed = 0.5;", remote=True),
+    },
+)  # fmt: skip

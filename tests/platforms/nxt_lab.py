@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
 from lab import RobotLab
+from motions import Kind, Motion, Numbers
 
 from fakes.console import Console
 from fakes.nxt.console import commands
@@ -55,3 +57,34 @@ class Lab(RobotLab):
         self.device.tick(at)
         for answer in self.device.feed(data, at):
             self.end.send(answer.data, answer.at)
+
+
+def _body(lab: Lab) -> tuple[Numbers, Numbers]:
+    motors = [lab.brick.motor(port) for port in "ABC"]
+    return tuple(math.radians(one.speed) for one in motors), tuple(math.radians(one.position) for one in motors)
+
+
+MOTION = Motion(
+    make=lambda: Lab.ready(TriBot(4.0)),
+    look=_body,
+    slot="nxt",
+    unplug=lambda lab: lab.unplug(),
+    plug=lambda lab: lab.end.replug(),
+    standstill=0.4,
+    kinds={
+        "wheels": Kind("wheels.speed = 50;", 5.0),
+        "goal": Kind("claw.val = 100000;", 5.0),
+        "goal at once": Kind("claw.val = 100000;", 5.0, lead=0.0),
+        "trajectory": Kind("wheels.speed = 0 sin:2s ampli:50,", 5.0, lead=2.3, live=True),
+        "trajectory of places": Kind("claw.val = 0 sin:2s ampli:200,", 3.0, lead=4.3, live=True),
+        "at": Kind(
+            "trip!;", 3.0, lead=1.5, live=True,
+            prepare="if (!Global.hasLocalSlot(\"trip\")) var Global.trip = Event.new|;"
+            " at (trip?) loop { wheels.speed = 40; sleep(200ms); wheels.speed = -40; sleep(400ms) };",
+        ),
+        "go": Kind("robot.go(2);", 3.0, error=True),
+        "turn": Kind("robot.turn(20);", 0.5, error=True),
+        "remote": Kind("wheelL.speed = 50", 5.0, remote=True),
+        "remote goal": Kind("claw.val = 100000", 5.0, remote=True),
+    },
+)  # fmt: skip

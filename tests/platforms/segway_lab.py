@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from lab import SpeakingLab
+from motions import Kind, Motion, Numbers
 
 from fakes.can.device import CanDevice, Codec
 from fakes.can.records import Records
@@ -50,3 +51,34 @@ class CanLab(Lab):
 def lab() -> Lab:
     """A base that is open, for the contract of all robots."""
     return Lab.ready()
+
+
+def _body(lab: Lab) -> tuple[Numbers, Numbers]:
+    body = lab.base.body
+    return (body.speed, body.turn), (body.forward, body.yaw)
+
+
+MOTION = Motion(
+    make=lab,
+    look=_body,
+    slot="segway",
+    unplug=lambda lab: lab.end.unplug(),
+    plug=lambda lab: lab.end.replug(),
+    standstill=0.35,
+    kinds={
+        "speed": Kind("rmp.forwardSpeed = 0.5;", 0.4),
+        "turn": Kind("robot.body.yaw.speed = 0.5;", 0.4),
+        "trajectory": Kind("rmp.forwardSpeed = 0 sin:2s ampli:0.3,", 0.2, lead=2.3, live=True),
+        "at": Kind(
+            "trip!;", 0.2, lead=1.5, live=True,
+            prepare="if (!Global.hasLocalSlot(\"trip\")) var Global.trip = Event.new|;"
+            " at (trip?) loop { rmp.forwardSpeed = 0.3; sleep(200ms); rmp.forwardSpeed = -0.3; sleep(400ms) };",
+        ),
+        "switch of mode": Kind(
+            'rmp.mode = "tractor"; rmp.forwardSpeed = 0.5;', 0.4, lead=0.02, again="rmp.forwardSpeed = 0.5;"
+        ),
+        "go": Kind("robot.go(2);", 0.15, error=True),
+        "turn by an angle": Kind("robot.turn(20);", 0.3, error=True),
+        "remote": Kind("rmp.forwardSpeed = 0.5", 0.4, remote=True),
+    },
+)  # fmt: skip

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, TypeVar
 
-from fakes.can.node import CanFrame
+from fakes.can.node import CanFrame, Timed
 from fakes.segway.rmp import SegwayRmp
 from urbihw.buses import messages as m
 from urbihw.buses.can.frame import Frame
@@ -27,6 +28,7 @@ class RigPort(CanPort):
         dead: everything raises LinkGone.
         full: nobody acknowledges.
         deaf: what the base says is lost.
+        lost: which of its frames are lost.
         others: frames that others put on the bus, to be read next.
     """
 
@@ -35,6 +37,7 @@ class RigPort(CanPort):
         self.base = base
         self.sent: list[tuple[float, Frame]] = []
         self.dead = self.full = self.deaf = False
+        self.lost: Callable[[Frame], bool] = lambda frame: False
         self.others: list[Frame] = []
 
     def _open(self) -> None:
@@ -54,13 +57,17 @@ class RigPort(CanPort):
     def receive(self, limit: int, deadline: float) -> list[Frame]:
         if self.dead:
             raise LinkGone("unplugged")
-        said = [Frame(*frame) for _, frame in self.base.tick(self.clock.now())]
+        said = [frame for frame in map(_plain, self.base.tick(self.clock.now())) if not self.lost(frame)]
         others, self.others = self.others, []
         return [] if self.deaf else [*others, *said][:limit]
 
 
+def _plain(timed: Timed) -> Frame:
+    return Frame(*timed.frame)
+
+
 class Rig:
-    """``rig.run(1)`` lets a second pass; what the driver said is in ``news``."""
+    """``rig.run(1)`` lets a second pass; what the driver said is in ``news``, why it stopped by itself in ``halts``."""
 
     def __init__(self, base: SegwayRmp | None = None, **settings: Any) -> None:
         self.base = base if base is not None else SegwayRmp()
@@ -69,6 +76,7 @@ class Rig:
         self.driver = RmpDriver()
         self.driver.configure(m.Configure(rate=1 / TICK, **settings))
         self.news: list[m.FromWorker] = []
+        self.halts: list[str] = []
         self.driver.watch(m.Watch(BASE, ()), START)
         self.attach()
 
@@ -81,6 +89,11 @@ class Rig:
         """Let time pass in ticks."""
         for _ in range(round(seconds / tick)):
             self.news += self.driver.tick(self.clock.now(), lambda: None)
+            if self.driver.halted:
+                # As the engine does it.
+                self.halts.append(self.driver.halted)
+                self.driver.halted = ""
+                self.driver.safe_stop()
             self.clock.sleep_until(self.clock.now() + tick)
 
     def aim(self, **counts: int) -> None:

@@ -384,6 +384,55 @@ def test_silence_is_a_lost_link() -> None:
         bench.run(3.0)
 
 
+@pytest.mark.parametrize("fault", ["checksum", "cut", "silence"])
+def test_bytes_without_packets_are_no_sign_of_life(fault: str) -> None:
+    bench, kit = ready()
+    bench.aim("vel", 200)
+    bench.run(1.0)
+    assert kit.body.forward.speed == pytest.approx(0.2)
+    kit.robot.faults.start(fault)
+    bench.run(0.4)
+    assert kit.body.forward.speed == pytest.approx(0.2)
+    assert bench.driver.halted == ""
+    stops = len(orders(kit, 29))
+    # Half a second from the last good packet, which is up to 0.1 s older than the fault.
+    bench.run(0.12)
+    assert bench.driver.halted == "the robot has said nothing for 0.5 s"
+    assert len(orders(kit, 29)) == stops + 1
+    bench.run(1.0)
+    assert not kit.body.moving
+    with pytest.raises(LinkGone, match="silent for 2 s"):
+        bench.run(0.5)
+    assert not kit.body.moving
+
+
+def test_a_speed_that_is_asked_of_a_blind_robot_is_not_sent() -> None:
+    bench, kit = ready()
+    bench.aim("vel", 200)
+    bench.run(1.0)
+    kit.robot.faults.start("checksum")
+    bench.run(1.5)
+    where = kit.body.pose
+    driven = len(orders(kit, 11))
+    for _ in range(20):
+        bench.aim("vel", 200)
+        bench.run(TICK)
+    assert {*orders(kit, 11)[driven:]} <= {0}
+    assert kit.body.pose == where
+
+
+def test_a_good_packet_in_time_keeps_it_driving() -> None:
+    bench, kit = ready()
+    bench.aim("vel", 200)
+    bench.run(1.0)
+    for _ in range(8):
+        # Four damaged ones, then a good one.
+        kit.robot.faults.start("checksum", times=4)
+        bench.run(0.5)
+    assert bench.driver.halted == ""
+    assert kit.body.forward.speed == pytest.approx(0.2)
+
+
 def test_a_reset_is_a_lost_link() -> None:
     bench, kit = ready()
     bench.line.end.send(b"".join(answer.data for answer in kit.robot.reset(bench.clock.now())), bench.clock.now())

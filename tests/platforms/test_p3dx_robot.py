@@ -160,6 +160,31 @@ def test_garbage_on_the_line_is_counted() -> None:
     assert lab.look("P3dx.link") == "true"
 
 
+def test_a_robot_whose_packets_are_all_damaged_stops_and_comes_back_standing(caplog: pytest.LogCaptureFixture) -> None:
+    lab = driving()
+    lab.say("P3dx.body.x.speed = 0.2;", 2)
+    assert lab.kit.body.forward.speed == pytest.approx(0.2)
+    lab.console().line("checksum")
+    lab.run(1.5)
+    # Blind for half a second, then it brakes; the link is still up.
+    assert not lab.kit.body.moving
+    assert lab.look("P3dx.link") == "true"
+    where = lab.where()
+    lab.run(1.0)
+    assert lab.look("P3dx.link") == "false"
+    assert "silent for 2 s" in warnings(caplog)[0]
+    lab.run(5)
+    assert lab.where() == where
+    lab.console().line("heal")
+    lab.until(lambda: lab.look("P3dx.link") == "true")
+    lab.run(3)
+    assert lab.where() == where
+    assert "is back" in warnings(caplog)[-1]
+    lab.say("P3dx.body.load = 1;", 0.5)
+    lab.say("P3dx.body.x.speed = 0.2;", 2)
+    assert lab.kit.body.forward.speed == pytest.approx(0.2)
+
+
 # --- the STOP button, walls -------------------------------------------------------------------------------------------
 
 

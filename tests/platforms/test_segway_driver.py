@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import random
+from typing import Any
+
 import pytest
 from segway_rig import START, TICK, Rig
 
@@ -12,7 +15,7 @@ from urbihw.buses.can.frame import Frame
 from urbihw.buses.errors import BadValue, LinkGone
 from urbihw.platforms.segway import protocol as p
 from urbihw.platforms.segway.driver import BASE, SPACING, BaseInfo
-from urbihw.platforms.segway.monitor import SETTLING, Monitor
+from urbihw.platforms.segway.monitor import SETTLING, Monitor, missing_words
 
 
 def test_the_base_is_found_when_it_is_heard_and_nothing_is_sent_before() -> None:
@@ -184,14 +187,262 @@ def test_the_oldest_firmware_is_understood() -> None:
     assert "mode" not in rig.values()
 
 
-def test_a_cycle_with_a_lost_frame_does_not_count() -> None:
+FRAMES = (*range(0x400, 0x408), 0x680)
+
+
+def without(rig: Rig, *identifiers: int, seconds: float = 1.0) -> None:
+    """Let time pass in which the base's frames of these numbers are lost."""
+    rig.port.lost = lambda frame: frame.id in identifiers
+    rig.run(seconds)
+
+
+@pytest.mark.parametrize("identifier", FRAMES)
+def test_a_frame_that_stays_out_takes_its_own_values_and_no_others(identifier: int) -> None:
+    rig = Rig()
+    rig.run(0.1)
+    rig.aim(velocity=329)
+    rig.run(1.0)
+    everything = set(rig.values())
+    rig.take(m.DeviceState)
+    without(rig, identifier)
+    own = {name for name, _, _ in p.MONITOR[identifier]}
+    assert set(rig.values()) == everything - own
+    assert missing_words(rig.values()["missing"]) == f"0x{identifier:04X}"
+    # The others are those of now.
+    assert rig.values().get("velocity", 329) == 329
+    assert rig.values().get("servo_frames", rig.base.frames) == pytest.approx(rig.base.frames, abs=3)
+    assert rig.values().get("forward", rig.base.reading().forward_count) == pytest.approx(
+        rig.base.reading().forward_count, abs=2500
+    )
+    assert rig.base.body.speed == pytest.approx(1.0, abs=0.01)
+    without(rig, seconds=0.1)
+    assert set(rig.values()) == everything
+    assert rig.values()["missing"] == 0
+    assert [message for message in rig.news if isinstance(message, m.DeviceState | m.Happened)] == []
+    assert rig.driver.halted == ""
+
+
+def test_a_frame_missing_now_and_then_takes_nothing() -> None:
+    rig = Rig()
+    rig.run(0.1)
+    rig.aim(velocity=329)
+    rig.run(0.5)
+    everything = set(rig.values())
+    rig.take(m.DeviceState)
+    chance = random.Random(1)
+    cycle = [0, 0]
+
+    def lost(frame: Frame) -> bool:
+        # One frame of every third cycle, at random.
+        if frame.id == 0x400:
+            cycle[:] = [cycle[0] + 1, chance.choice(FRAMES)]
+        return cycle[0] % 3 == 0 and frame.id == cycle[1]
+
+    rig.port.lost = lost
+    rig.run(5.0)
+    samples = [message for message in rig.news if isinstance(message, m.Samples)]
+    assert len(samples) == pytest.approx(250, abs=2)
+    assert all(set(sample.values[BASE]) == everything for sample in samples)
+    assert {sample.values[BASE]["missing"] for sample in samples} == {0}
+    frames = [sample.values[BASE]["servo_frames"] for sample in samples]
+    assert max(later - earlier for earlier, later in zip(frames, frames[1:], strict=False)) <= 4
+    assert rig.take(m.DeviceState) == []
+    assert rig.base.body.speed == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize("only", FRAMES)
+def test_one_kind_of_frame_alone_keeps_the_base_there(only: int) -> None:
+    rig = Rig()
+    rig.run(0.5)
+    rig.take(m.DeviceState)
+    without(rig, *(identifier for identifier in FRAMES if identifier != only), seconds=2.0)
+    own = {name for name, _, _ in p.MONITOR[only]}
+    assert set(rig.values()) == {*own, "resets", "missing"}
+    assert rig.take(m.DeviceState) == []
+
+
+@pytest.mark.parametrize("identifier", FRAMES)
+def test_a_base_that_never_sends_a_frame_is_found(identifier: int) -> None:
+    rig = Rig()
+    without(rig, identifier)
+    (found,) = [message for message in rig.news if isinstance(message, m.Found)]
+    assert found == m.Found((BaseInfo(0 if identifier == 0x400 else 2032, False),))
+    assert rig.take(m.DeviceState) == []
+
+
+def test_a_line_opened_in_the_middle_of_a_cycle_waits_for_a_beginning() -> None:
     monitor = Monitor()
     base = SegwayRmp()
-    for step in range(3):
-        for _, frame in base.tick(step / 100):
-            if step != 1 or frame.id != 0x403:
-                monitor.take(Frame(*frame), float(step))
-        assert monitor.heard_at == (0.0, 0.0, 2.0)[step]
+    frames = [Frame(*frame) for step in range(3) for _, frame in base.tick(step / 100)]
+    for frame in frames[3:8]:
+        monitor.take(frame, 0.0)
+    assert monitor.cycle_at is None
+    assert monitor.latest == {}
+    for frame in frames[8:]:
+        monitor.take(frame, 0.01)
+    assert monitor.cycle_at == 0.01
+    assert not monitor.old
+
+
+def test_the_way_goes_on_over_counters_that_were_missing() -> None:
+    rig = Rig()
+    rig.run(0.1)
+    rig.aim(velocity=329)
+    rig.run(1.0)
+    without(rig, 0x404, seconds=2.0)
+    assert "forward" not in rig.values()
+    rig.aim(velocity=0)
+    without(rig, seconds=2.0)
+    assert rig.values()["forward"] == rig.base.reading().forward_count
+
+
+def test_the_oldest_firmware_may_lose_a_frame_too() -> None:
+    rig = Rig(SegwayRmp(old_firmware=True))
+    rig.run(0.5)
+    rig.take(m.DeviceState)
+    without(rig, 0x400)
+    assert missing_words(rig.values()["missing"]) == "0x0400"
+    assert "battery" not in rig.values() and "forward" in rig.values()
+    assert rig.take(m.DeviceState) == []
+
+
+# ---------------------------------------------------------------- motors that were off
+
+
+def driving(base: SegwayRmp | None = None, **settings: Any) -> Rig:
+    """A rig whose base goes 1 m/s."""
+    rig = Rig(base if base is not None else SegwayRmp(mode=f.TRACTOR), **settings)
+    rig.run(0.1)
+    rig.aim(velocity=329)
+    rig.run(1.0)
+    assert rig.base.body.speed == pytest.approx(1.0, abs=0.01)
+    return rig
+
+
+def stays(rig: Rig) -> bool:
+    """Whether the base, its motors on, does not move for two seconds."""
+    assert rig.base.motors
+    place = rig.base.body.forward
+    rig.run(2.0)
+    return rig.base.motors and rig.base.body.forward == pytest.approx(place, abs=0.001)
+
+
+def test_motors_switched_off_by_hand_come_back_at_zero() -> None:
+    rig = driving()
+    rig.base.estop = True
+    rig.run(2.0)
+    assert rig.halts == ["the motors of the base were switched off"]
+    rig.base.estop = False
+    assert rig.ask("write", "mode", f.TRACTOR).ok
+    assert stays(rig)
+
+
+def test_a_base_that_fell_stands_when_it_is_lifted() -> None:
+    rig = driving(SegwayRmp())
+    rig.base.body.fallen = True
+    rig.run(2.0)
+    rig.base.body.lift()
+    rig.run(0.02)
+    assert stays(rig)
+    assert rig.ask("write", "mode", f.BALANCE).ok
+    assert stays(rig)
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.01])
+@pytest.mark.parametrize("behind", [0.0, 0.01, 0.02])
+@pytest.mark.parametrize("fault", ["estop", "fallen", "mode"])
+def test_a_switch_off_of_one_cycle_is_noticed(fault: str, behind: float, phase: float) -> None:
+    rig = driving()
+    for _, frame in rig.base.tick(rig.clock.now() + phase):
+        rig.port.others.append(Frame(*frame))
+    if fault == "estop":
+        rig.base.estop = True
+    elif fault == "fallen":
+        rig.base.body.fallen = True
+    else:
+        rig.base.mode = f.DISABLED
+    said = rig.base.tick(rig.clock.now() + phase + 0.01)
+    rig.port.others += [Frame(*frame) for _, frame in said]
+    assert {frame.id for _, frame in said} >= {0x400, 0x680}
+    rig.base.estop = rig.base.body.fallen = False
+    rig.base.mode = f.TRACTOR
+    # The cycles behind it, in which all is well again, are read in the same tick.
+    rig.clock.sleep_until(rig.clock.now() + phase + 0.01 + behind)
+    rig.run(TICK)
+    assert rig.halts == ["the motors of the base were switched off"]
+    rig.run(1.0)
+    assert rig.base.body.speed == 0.0
+    assert stays(rig)
+
+
+@pytest.mark.parametrize("mode", [f.TRACTOR, f.BALANCE])
+def test_a_mode_without_motors_and_back_on_request(mode: int) -> None:
+    rig = driving()
+    assert rig.ask("write", "mode", f.DISABLED).ok
+    # The command that asks for it carries no speed any more.
+    assert p.command(0, 0, 16, f.DISABLED) in [frame.data for _, frame in rig.port.sent]
+    rig.run(1.0)
+    assert rig.ask("write", "mode", mode).ok
+    assert stays(rig)
+
+
+def test_a_mode_without_motors_and_back_in_one_breath() -> None:
+    rig = driving()
+    rig.driver.request(m.Request(1, "write", BASE, "mode", f.DISABLED))
+    rig.driver.request(m.Request(2, "write", BASE, "gain", 1))
+    rig.driver.request(m.Request(3, "write", BASE, "mode", f.TRACTOR))
+    rig.run(1.5)
+    # The stop does not take the orders with it that were given beside it.
+    assert [(reply.reply_id, reply.ok) for reply in rig.take(m.Reply)] == [(1, True), (2, True), (3, True)]
+    assert stays(rig)
+
+
+def test_a_stop_that_also_switches_off_leaves_a_mode_that_was_asked_for() -> None:
+    rig = driving(torque_off_on_stop=True)
+    assert rig.ask("write", "mode", f.DISABLED).ok
+    assert rig.ask("write", "mode", f.TRACTOR).ok
+    assert stays(rig)
+
+
+def test_speeds_for_motors_that_are_off_are_refused_once_and_forgotten() -> None:
+    rig = driving()
+    rig.base.estop = True
+    rig.run(0.1)
+    for _ in range(10):
+        rig.aim(velocity=329)
+        rig.run(TICK)
+    assert rig.take(m.Refused) == [m.Refused(BASE, "velocity", "the motors of the base are off")]
+    rig.base.estop = False
+    assert rig.ask("write", "mode", f.TRACTOR).ok
+    # What still ramps towards a speed that was refused ends too.
+    assert rig.halts == ["the motors of the base were switched off", "the motors of the base were switched on"]
+    assert stays(rig)
+    rig.aim(velocity=329)
+    rig.run(1.0)
+    assert rig.base.body.speed == pytest.approx(1.0, abs=0.01)
+
+
+def test_from_one_mode_with_motors_to_the_other_it_goes_on_if_it_was_asked_for() -> None:
+    rig = driving()
+    assert rig.ask("write", "mode", f.BALANCE).ok
+    assert rig.base.body.speed == pytest.approx(1.0, abs=0.01)
+    assert rig.halts == []
+    rig.base.mode = f.TRACTOR
+    rig.run(2.0)
+    assert rig.halts == ["the base went into another mode"]
+    assert rig.base.body.speed == 0.0
+
+
+def test_a_base_that_was_off_for_a_moment_stands() -> None:
+    rig = driving()
+    rig.run(2.0)
+    rig.base.power_off(rig.clock.now())
+    rig.base.power_on(rig.clock.now())
+    rig.base.frames = 0
+    rig.run(0.1)
+    assert rig.take(m.DeviceState) == []
+    rig.run(1.0)
+    assert stays(rig)
 
 
 def test_commands_of_somebody_else_are_noticed_and_our_own_echo_is_not() -> None:

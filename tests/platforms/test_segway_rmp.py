@@ -339,6 +339,142 @@ def test_the_dead_man_cannot_be_switched_off() -> None:
     assert lab.robot._wanted.dead_man == 0.4  # type: ignore[attr-defined]
 
 
+# ---------------------------------------------------------------- motors that were off
+
+
+def driving(mode: int = f.TRACTOR) -> Lab:
+    """A base that goes 1 m/s, because somebody has said so once."""
+    lab = Lab.ready(SegwayRmp(mode=mode))
+    lab.say("rmp.forwardSpeed = 1;", 2.0)
+    assert lab.base.body.speed == pytest.approx(1.0, abs=0.01)
+    return lab
+
+
+def assert_stands(lab: Lab) -> None:
+    """Its motors are on, it does not move by itself, and it does when it is told to."""
+    assert lab.base.motors
+    place = lab.base.body.forward
+    lab.run(3.0)
+    assert lab.base.body.forward == pytest.approx(place, abs=0.001)
+    lab.say("rmp.forwardSpeed = 1;", 2.0)
+    assert lab.base.body.speed == pytest.approx(1.0, abs=0.01)
+
+
+def test_the_emergency_stop_of_the_base_ends_what_it_was_told() -> None:
+    lab = driving()
+    console = lab.console()
+    console.line("estop on")
+    lab.run(2.0)
+    assert lab.base.body.speed == 0.0
+    console.line("estop off")
+    lab.run(0.5)
+    lab.say('rmp.mode = "tractor";', 0.5)
+    assert_stands(lab)
+
+
+def test_a_base_that_was_lifted_stands() -> None:
+    lab = driving(f.BALANCE)
+    console = lab.console()
+    lab.base.body.fallen = True
+    lab.run(2.0)
+    console.line("lift")
+    lab.say('rmp.mode = "balance";', 0.5)
+    assert_stands(lab)
+
+
+@pytest.mark.parametrize("mode", ["tractor", "balance"])
+def test_a_mode_without_motors_and_back(mode: str) -> None:
+    lab = driving()
+    lab.say('rmp.mode = "disabled";', 1.0)
+    assert not lab.base.motors
+    lab.say(f'rmp.mode = "{mode}";', 0.5)
+    assert_stands(lab)
+
+
+def test_both_modes_in_one_breath() -> None:
+    lab = driving()
+    lab.say('rmp.mode = "disabled"; rmp.mode = "tractor";', 2.0)
+    assert_stands(lab)
+
+
+def test_motors_that_were_off_for_one_cycle_only() -> None:
+    for steps in range(1, 3):
+        lab = driving()
+        for _ in range(steps):
+            lab.step()
+        lab.console().line("blink")
+        lab.run(2.0)
+        assert lab.base.body.speed == 0.0
+        assert lab.robot.motion.reason == "the motors of the base were switched off"
+        assert_stands(lab)
+
+
+def test_a_speed_for_motors_that_are_off_does_not_wait_for_them(caplog: pytest.LogCaptureFixture) -> None:
+    lab = driving()
+    console = lab.console()
+    console.line("estop on")
+    lab.run(1.0)
+    lab.say("rmp.forwardSpeed = 1;", 0.5)
+    assert "the motors of the base are off" in caplog.text
+    console.line("estop off")
+    lab.say('rmp.mode = "tractor";', 0.5)
+    assert_stands(lab)
+
+
+# ---------------------------------------------------------------- frames that are missing
+
+
+@pytest.mark.parametrize("identifier", (*range(0x400, 0x408), 0x680))
+def test_a_frame_that_stays_out_is_marked_and_the_rest_goes_on(identifier: int) -> None:
+    lab = driving()
+    lab.console().line(f"lose {identifier:x}")
+    lab.run(1.0)
+    assert lab.say("segway.state; rmp.state; rmp.stale;") == '"ok"\n"ok"\nfalse'
+    assert lab.say("rmp.missing;") == f'"0x{identifier:04X}"'
+    own = {
+        0x401: ("pitch", "pitchRate", "roll", "rollRate"),
+        0x402: ("forwardSpeed", "yawSpeed", "leftSpeed", "rightSpeed"),
+        0x403: ("left", "right"),
+        0x404: ("forward", "yaw"),
+        0x405: ("leftTorque", "rightTorque"),
+        0x406: ("voltage", "boxVoltage", "remain"),
+    }
+    for frame, slots in own.items():
+        assert [math.isnan(lab.number(f"rmp.{slot}")) for slot in slots] == [frame == identifier] * len(slots)
+    assert lab.say("rmp.mode;") == ('""' if identifier == 0x406 else '"tractor"')
+    assert lab.say("rmp.motors;") == ("false" if identifier == 0x680 else "true")
+    assert lab.say("rmp.fault;") == ('"not known: the base does not send its status"' if identifier == 0x680 else '""')
+    assert lab.base.body.speed == pytest.approx(1.0, abs=0.01)
+    lab.console().line(f"lose {identifier:x} 0")
+    lab.run(0.1)
+    assert lab.say("rmp.missing; rmp.mode; rmp.motors; rmp.fault;") == '""\n"tractor"\ntrue\n""'
+    assert lab.number("rmp.forward") == pytest.approx(lab.base.body.forward, abs=0.1)
+
+
+def test_a_frame_missing_in_every_third_cycle_is_not_seen() -> None:
+    lab = driving()
+    lab.console().line("lose any 3")
+    lab.say('at (rmp.state != "ok" || rmp.missing != "" || rmp.stale || !rmp.motors) echo("seen");')
+    lab.say("rmp.forwardSpeed = 0.5;", 5.0)
+    assert lab.heard() == ""
+    assert lab.base.body.speed == pytest.approx(0.5, abs=0.01)
+    assert lab.number("rmp.forward") == pytest.approx(lab.base.body.forward, abs=0.05)
+
+
+def test_a_way_by_counters_that_are_missing_ends() -> None:
+    lab = Lab.ready()
+    lab.say("robot.go(100) | echo(1),", 2.0)
+    assert lab.base.body.speed > 0.1
+    lab.console().line("lose 404")
+    lab.run(3.0)
+    assert "the base does not tell its way: 0x0404 missing" in lab.heard()
+    assert lab.base.body.speed == 0.0
+    assert "0x0404" in lab.say("rmp.odometry;")
+    lab.console().line("lose 404 0")
+    lab.run(0.5)
+    assert lab.number("rmp.odometry[0]") == pytest.approx(lab.base.body.forward, abs=0.05)
+
+
 # ---------------------------------------------------------------- losing and finding
 
 

@@ -18,16 +18,15 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 from urbihw import buses
-from urbihw.buses.authority import STALE, Authority
+from urbihw.buses.authority import Authority
 from urbihw.buses.control import ESTOP, RELEASE, STOP, SUBSCRIBE, ControlSocket, Order
 from urbihw.buses.driver import Driver
 from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
-from urbihw.buses.guards import Guards
+from urbihw.buses.gate import Gate
 from urbihw.buses.link import Context, Port
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import (
@@ -54,7 +53,6 @@ from urbihw.buses.messages import (
     ToWorker,
     Watch,
 )
-from urbihw.buses.setpoints import SetPoints
 from urbihw.buses.ticker import Ticker
 
 _FIRST_BACK_OFF = 0.2
@@ -110,8 +108,7 @@ class Engine:
         self._pulse_at = now
         control = Path(begin.control) if begin.control else None
         self._authority = Authority(begin.epoch, control.with_suffix(".estop") if control is not None else None)
-        self._set_points = SetPoints(driver)
-        self._guards = Guards()
+        self._gate = Gate(driver, self._authority)
         driver.configure(begin.settings)
         driver.expect(begin.devices)
         for watch in begin.watches:
@@ -174,7 +171,7 @@ class Engine:
 
     def _tick(self) -> None:
         now = self._clock.now()
-        given = self._set_points.step(now)
+        given = self._gate.set_points.step(now)
         if given:
             self._post_all(self._driver.targets(Targets(given)))
         news = self._driver.tick(now, self._post_unposted, self._is_urgent)
@@ -191,15 +188,13 @@ class Engine:
 
     def _look_at(self, samples: Samples) -> None:
         """Act on values that have gone too far."""
-        targets, news = self._guards.look(samples)
-        if not news:
+        measures = self._gate.look(samples)
+        if measures is None:
             return
-        held = tuple(device for device in self._guards.held if any(one.device == device for one in news))
-        if held:
-            self._set_points.forget(held)
-            self._guarded(lambda: self._driver.safe_stop(held))
-        self._guarded(lambda: self._post_all(self._driver.targets(Targets(targets))))
-        self._post_all([*news])
+        if measures.stopped:
+            self._guarded(lambda: self._driver.safe_stop(measures.stopped))
+        self._guarded(lambda: self._post_all(self._driver.targets(Targets(measures.targets))))
+        self._post_all(measures.news)
 
     def _device_back(self, device: Any) -> None:
         """A device is back: it stays where it is, and its movement is taken up from there."""
@@ -209,9 +204,9 @@ class Engine:
     def _take_up(self, device: Any) -> None:
         """The movements of a device, None for all, go on from where it is; or they are over."""
         if self._settings.resume:
-            self._set_points.returned(device, self._clock.now())
+            self._gate.set_points.returned(device, self._clock.now())
         else:
-            self._set_points.forget(None if device is None else (device,))
+            self._gate.set_points.forget(None if device is None else (device,))
 
     def _post_unposted(self) -> None:
         """Post what the last tick brought: right after it, or, when the next one is due, while its wire is busy."""
@@ -293,8 +288,7 @@ class Engine:
             case Release():
                 self._release(message.who)
             case Limits():
-                self._set_points.limit(message.table)
-                self._guards.set(message.thresholds)
+                self._gate.limit(message)
             case Configure():
                 self._settings = message
                 self._driver.configure(message)
@@ -303,34 +297,16 @@ class Engine:
                 pass
 
     def _targets(self, message: Targets, now: float) -> None:
-        refusal = self._authority.refusal(message.epoch)
-        values = message.values
-        if refusal:
-            moves = self._driver.moves
-            values = {key: value for key, value in values.items() if not moves(*key, value)}
-            if refusal is not STALE:
-                self._post_all([Refused(*key, refusal) for key in message.values if key not in values])
-        held = self._guards.held
-        if held:
-            still = {key for key, value in values.items() if key[0] in held and self._driver.moves(*key, value)}
-            self._post_all([Refused(*key, f"held by {held[key[0]]}") for key in still])
-            values = {key: value for key, value in values.items() if key not in still}
-        given = self._set_points.take(values, now, message.time)
-        self._post_all([*self._set_points.news()])
+        given, news = self._gate.targets(message, now)
+        self._post_all(news)
         if given:
             self._guarded(lambda: self._post_all(self._driver.targets(Targets(given))))
 
     def _take_request(self, message: Request) -> None:
-        refusal = self._authority.refusal(message.epoch)
-        if message.device in self._guards.held:
-            refusal = refusal or f"held by {self._guards.held[message.device]}"
-        if refusal and self._driver.request_moves(message):
-            self._post_all([Reply(message.reply_id, False, error=refusal)])
-            return
-        if message.verb == "write":
-            message = replace(message, value=self._set_points.clamp(message.device, message.item, message.value))
-            self._post_all([*self._set_points.news()])
-        self._requests.append(message)
+        request, news = self._gate.request(message)
+        self._post_all(news)
+        if request is not None:
+            self._requests.append(request)
 
     def _watch_master(self, now: float) -> None:
         patience = self._settings.dead_man
@@ -343,7 +319,7 @@ class Engine:
     def _stop(self, reason: str, epoch: int | None = None) -> None:
         """Stop the robot now, or as soon as the link is back; what was asked for before counts no more."""
         self._authority.advance(epoch)
-        self._set_points.forget()
+        self._gate.set_points.forget()
         self._requests, stale = [], self._requests
         for request in stale:
             self._take_request(request)
@@ -353,7 +329,7 @@ class Engine:
 
     def _stop_some(self, message: Stop) -> None:
         """Stop some devices.  Those whose link is down are at rest when it is back: nothing of theirs is kept."""
-        self._set_points.forget(message.devices)
+        self._gate.set_points.forget(message.devices)
         if self._link is not None:
             self._guarded(lambda: self._driver.safe_stop(message.devices))
         self._post_all([Stopped(message.reason, self._authority.epoch, message.devices)])

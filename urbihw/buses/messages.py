@@ -27,12 +27,14 @@ class Targets:
     is forgotten: a robot never moves by itself because a plug went back in.
 
     `epoch` is that of the robot's motion when they were written: those of an older one that would move it are dropped.
-    `time` is when they were written, in seconds of the writer's clock: a movement is as fast as these say.
+    `time` is when they were written, in seconds of the writer's clock: a movement is as fast as these say. `resumed`
+    are those of a movement whose writer was held up: the device has not gone on meanwhile.
     """
 
     values: Mapping[tuple[Any, str], Any]
     epoch: int = 0
     time: float | None = None
+    resumed: frozenset[tuple[Any, str]] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ got to meanwhile: the movement is taken up from there, no faster than it goes by
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any, Final, Protocol
 
 from urbihw.buses.messages import Limit, Limited
@@ -46,11 +46,13 @@ class _Course:
         self._fastest = self._before = 0.0
         self._since = -math.inf
 
-    def ask(self, value: float, now: float, written: float) -> None:
-        """A target came, ``written`` at a time of its writer's clock."""
+    def ask(self, value: float, now: float, written: float, resumed: bool = False) -> None:
+        """A target came, ``written`` at a time of its writer's clock; ``resumed``: who was held up."""
         place, begun = self._from
         elapsed = written - begun
-        if now - self.asked_at > LIVE or elapsed > LIVE or elapsed < 0:
+        if resumed:
+            self._from = value, written
+        elif now - self.asked_at > LIVE or elapsed > LIVE or elapsed < 0:
             self._fastest = self._before = 0.0
             self._since = written
             self._from = value, written
@@ -108,10 +110,17 @@ class SetPoints:
                 del self._courses[key]
                 self._under_way.pop(key, None)
 
-    def take(self, values: Mapping[Key, Any], now: float, written: float | None = None) -> dict[Key, Any]:
+    def take(
+        self,
+        values: Mapping[Key, Any],
+        now: float,
+        written: float | None = None,
+        resumed: Collection[Key] = (),
+    ) -> dict[Key, Any]:
         """Targets are asked for: what the driver gets at once.  The rest comes from ``step``.
 
-        ``written`` is when they were, by the clock of who did; as it is now, if that is not known.
+        ``written`` is when they were, by the clock of who did; as it is now, if that is not known.  ``resumed`` are
+        those of movements whose writer was held up: they are taken up like those of a device that was lost.
         """
         given: dict[Key, Any] = {}
         for key, raw in values.items():
@@ -123,7 +132,10 @@ class SetPoints:
                 course = self._courses[key] = _Course()
             limit = self._limits.get(key)
             wanted = float(raw) if limit is None else self._limited(key, course, limit, raw)
-            course.ask(wanted, now, now if written is None else written)
+            held_up = key in resumed and course.speed() > 0
+            course.ask(wanted, now, now if written is None else written, held_up)
+            if held_up:
+                self._take_up(key, course, now)
             if key in self._under_way:
                 continue
             if limit is not None and limit.rate < math.inf and self._begin(key, course, now):
@@ -146,11 +158,16 @@ class SetPoints:
             if device not in (None, key[0]):
                 continue
             place = self._wire.pose(*key)
-            if place is None or not course.is_live(now):
+            if not course.is_live(now) or (place is None and key not in self._under_way):
+                # Nobody moves it any more; what was still on its way to a target is not taken up by itself.
+                self._under_way.pop(key, None)
+                course.given = math.nan
                 continue
-            course.given, course.returning = place, True
-            self._under_way[key] = None
-            self._stepped_at = now
+            if place is None:
+                # A speed begins at zero, where the stop on return has left it.
+                course.given, self._stepped_at = 0.0, now
+            else:
+                self._take_up(key, course, now)
 
     def step(self, now: float) -> dict[Key, Any]:
         """A tick: the targets of what is still on its way to what was asked."""
@@ -194,6 +211,16 @@ class SetPoints:
 
     def _raw(self, key: Key, raw: Any, wanted: float) -> Any:
         return raw if self._wire.signed(*key, raw) == wanted else self._wire.raw_of(*key, wanted)
+
+    def _take_up(self, key: Key, course: _Course, now: float) -> None:
+        """Lead a device from where it is to its course, no faster than that goes."""
+        place = self._wire.pose(*key)
+        if place is None:
+            return
+        course.given, course.returning = place, True
+        if not self._under_way:
+            self._stepped_at = now
+        self._under_way[key] = None
 
     def _begin(self, key: Key, course: _Course, now: float) -> bool:
         """Let a target be reached step by step; false if it is there already."""

@@ -8,10 +8,13 @@ none is a setting.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 from urbihw.buses.messages import Reply, Request, Targets, ToWorker, Watch
 from urbihw.kernel.uobject import Motion, Origin
+
+HELD_UP: Final = 0.06
+"""Seconds without a target after which a movement that writes more often has been held up."""
 
 Done = Callable[[Reply], None]
 
@@ -31,6 +34,7 @@ class Wire:
         self._send = send
         self._motion = motion
         self._targets: dict[tuple[Any, str], tuple[Any, Origin | None]] = {}
+        self._written: dict[tuple[Any, str], tuple[Origin | None, float, float]] = {}
         self._outbox: list[ToWorker] = []
         self._waiting: dict[int, Done] = {}
         self._unsettled: dict[Settles, None] = {}
@@ -72,11 +76,24 @@ class Wire:
             live = self._motion.is_live
             values = {key: raw for key, (raw, origin) in targets.items() if origin is None or live(origin)}
             if values:
-                self._send(Targets(values, self._motion.epoch, self._motion.now()))
+                now = self._motion.now()
+                resumed = frozenset(key for key in values if self._was_held_up(key, targets[key][1], now))
+                self._send(Targets(values, self._motion.epoch, now, resumed))
         if self._outbox:
             outbox, self._outbox = self._outbox, []
             for message in outbox:
                 self._send(message)
+
+    def _was_held_up(self, key: tuple[Any, str], origin: Origin | None, now: float) -> bool:
+        """Whether a movement goes on after its statement could not write for a while: its targets leap then."""
+        last, written, interval = self._written.get(key, (None, now, 0.0))
+        if origin is None or origin is not last:
+            self._written[key] = origin, now, 0.0
+            return False
+        gap = now - written
+        held_up = interval > 0 and gap > max(HELD_UP, 3 * interval)
+        self._written[key] = origin, now, interval if held_up else gap
+        return held_up
 
     def lost(self, reason: str) -> None:
         """The worker is gone: nobody will answer what it was asked."""

@@ -237,6 +237,9 @@ class Drive:
         if state == c.FAULT:
             return self._reset_word()
         if self._quick:
+            if not self.heard:
+                # What it does is not known yet; one that is off takes this, too.
+                return c.QUICK
             self._quick = state in (c.ENABLED, c.QUICK_STOP)
             return c.QUICK if self._quick else None
         if self.wanted is None:

@@ -177,7 +177,8 @@ class DrivesDriver(Driver):
         for drive in self._living():
             if devices is not None and drive.info.id not in devices:
                 continue
-            if self._off_on_stop:
+            if self._off_on_stop or drive.wanted is None:
+                # One that was set up anew may still do what it was told before.
                 drive.quick_stop()
             elif drive.wanted:
                 self._tried(drive.halt)

@@ -265,9 +265,13 @@ class Device(UObject):
 
     def restore(self) -> None:
         """Set again what urbiscript had set, for the device may have been without power; nothing that moves it."""
-        for item, raw in self.settings.items():
+        for item, raw in self.lasting().items():
             self.wire.aim(self.number, item, raw)
         self.start_reading()
+
+    def lasting(self) -> dict[str, int]:
+        """What urbiscript had set and may be set again."""
+        return self.settings
 
     def show_alarm(self, words: str) -> None:
         """Say what is wrong with the device; "" for nothing."""

@@ -295,6 +295,11 @@ class AX12(Servo):
         on = self.raw.get("torque_enable") == 1 and self.raw.get("torque_limit") != 0
         self.load.sense(float(on), stamp)
 
+    def lasting(self) -> dict[str, int]:
+        """The speed that was set for a joint would drive a wheel."""
+        wheel = bool(self.wheel.sensed)
+        return {item: raw for item, raw in self.settings.items() if not (wheel and item == "moving_speed")}
+
     def plan_on(self) -> list[Step]:
         """Goal where it is (an old goal must not move it), torque limit back after an alarm, torque on."""
         steps = []

@@ -10,6 +10,7 @@ its opcode on and gives the reply from its opcode on; ("brick", "silent", bytes)
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -88,6 +89,7 @@ class NxtDriver(Driver):
         now = port.clock.now()
         self._exchange = exchange
         self._pending = None
+        self._rotations = self._look_where_motors_are(exchange)
         self._plan.restart(now)
         self._keep_alive_at = now + KEEP_ALIVE
         return [Found((found,))]
@@ -228,6 +230,15 @@ class NxtDriver(Driver):
         return FoundBrick(
             info.name, info.address, _dotted(version.firmware), _dotted(version.protocol), info.free, limit / 1000
         )
+
+    def _look_where_motors_are(self, exchange: Exchange) -> dict[str, int]:
+        """The counts of degrees of the motors that we have moved: they may have run on while the link was lost."""
+        found = {}
+        for number, port in enumerate(p.OUTPUTS):
+            if port in self._moved:
+                with contextlib.suppress(BusTimeout, BadFrame, p.Refused):
+                    found[port] = p.parse_output_state(_patiently(exchange, p.output_state(number))).rotation
+        return found
 
     def _hold(self, exchange: Exchange, ports: Iterable[str], *, silence: bool) -> None:
         ports = list(ports)

@@ -4,9 +4,9 @@ The base obeys a command for about 0.4 s and then ramps to zero by itself (Segwa
 commands of a standing robot are zeros, and when this process dies the base stops. Nothing is sent before the base was
 heard: on a bus with other devices 0x0413 may mean something else.
 
-Motors that were off come back at zero: what was switched off, by hand, by a fault, by a change of mode, is told to the
-engine as a stop (`halted`), however short it was; while the motors are off no speed is taken; and the command that
-asks for another mode carries zeros.
+Motors that were off come back at zero: that they were switched off, by hand, by a fault, by a mode, is told to the
+engine as a stop (`halted`), however short it was; and while they are off no speed is taken. So is a change between the
+modes with motors, unless it was asked for here.
 
 Two commands are never less than SPACING apart, whatever the ticks do (the maker asks for 10 ms at least): a tick that
 comes too soon after a late one sends nothing.
@@ -25,7 +25,7 @@ from typing import Any, Final
 
 from urbihw.buses.can.frame import Frame
 from urbihw.buses.clock import Clock, RealClock
-from urbihw.buses.engine import Driver, never
+from urbihw.buses.driver import Driver, never
 from urbihw.buses.errors import BadValue, BusTimeout
 from urbihw.buses.link import Port
 from urbihw.buses.messages import (
@@ -43,7 +43,7 @@ from urbihw.buses.messages import (
 )
 from urbihw.platforms.segway import protocol as p
 from urbihw.platforms.segway.line import Line, line_over
-from urbihw.platforms.segway.monitor import MOVING_MODES, Monitor
+from urbihw.platforms.segway.monitor import MOVING_MODES, OTHER_MODE, Monitor
 from urbihw.platforms.segway.orders import Orders
 
 BASE: Final = "base"
@@ -71,7 +71,7 @@ class BaseInfo:
 
 
 class RmpDriver(Driver):
-    """See the head of this file, and `urbihw.buses.engine.Driver` for who calls what."""
+    """See the head of this file, and `urbihw.buses.driver.Driver` for who calls what."""
 
     def __init__(self) -> None:
         self._clock: Clock = RealClock()
@@ -83,6 +83,7 @@ class RmpDriver(Driver):
         # Items whose targets were refused since the motors went off.
         self._refused: set[str] = set()
         self._stops_itself = False
+        self._asked_mode: int | None = None
         self._attached_at = 0.0
         self._sent_at = -math.inf
         self._unsent = 0
@@ -196,6 +197,7 @@ class RmpDriver(Driver):
         mine, self._stops_itself = self._stops_itself, False
         if not mine:
             self._owed += self._orders.drop("the robot was stopped")
+        self._refused.clear()
         if self._line is None or not self._known:
             return
         if self._fall_on_stop and not mine:
@@ -245,8 +247,10 @@ class RmpDriver(Driver):
             number = p.CONFIGURATIONS[name][0]
             if name == "reset":
                 self._monitor.reset(parameter, now)
-            elif name == "mode" and parameter != self._monitor.latest.get("mode"):
-                self._stop_by_itself("another mode was asked for")
+            elif name == "mode":
+                self._asked_mode = parameter
+                if parameter not in MOVING_MODES:
+                    self._stop_by_itself("a mode without motors was asked for")
         # The speeds go with every configuration: with zeros the base would jerk.
         self._send(Frame(p.COMMAND, p.command(self._aim["velocity"], self._aim["turn"], number, parameter)))
         # Looked at afterwards: on a busy machine some time may have passed since the tick began.
@@ -283,7 +287,7 @@ class RmpDriver(Driver):
             news.append(Happened(BASE, "restarted"))
             self._stop_by_itself("the base was switched off and on")
         switched = self._monitor.take_switched()
-        if switched:
+        if switched and not (switched == OTHER_MODE and self._monitor.mode == self._asked_mode):
             self._stop_by_itself(switched)
         latest = self._monitor.latest
         news += self._orders.check(latest, now)

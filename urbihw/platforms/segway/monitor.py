@@ -29,12 +29,23 @@ _OLD = range(p.FIRST, p.LAST_OLD + 1)
 _CYCLE = range(p.FIRST, p.LAST + 1)
 _ALL = frozenset(_CYCLE)
 _MODE = 0x406
+_BITS = (*_CYCLE, p.STATUS)
 MOVING_MODES: Final = (p.MODES.index("tractor"), p.MODES.index("balance"))
 """Modes in which the motors are on."""
 RESET_BITS: Mapping[str, int] = {"right": 1, "left": 2, "yaw": 4, "forward": 8}
 SWITCHED_OFF: Final = "the motors of the base were switched off"
 SWITCHED_ON: Final = "the motors of the base were switched on"
 OTHER_MODE: Final = "the base went into another mode"
+
+
+def missing_words(bits: int) -> str:
+    """The frames of a number "missing", such as "0x0403, 0x0680"; "" for none."""
+    return ", ".join(f"0x{identifier:04X}" for bit, identifier in enumerate(_BITS) if bits >> bit & 1)
+
+
+def status_missing(bits: int) -> bool:
+    """Whether the status words are among the frames of a number "missing"."""
+    return bool(bits >> _BITS.index(p.STATUS) & 1)
 
 
 class Monitor:
@@ -46,8 +57,10 @@ class Monitor:
         off_at: when the user interface box last said that the base is off; None if never.
         old: the base has the oldest firmware.
         restarts: how often the base was found to have begun anew.
+        mode: as it last told; None before it did.
 
-    A cycle also has "resets", how often the counters were reset: across one of those, differences mean nothing.
+    A cycle also has "resets", how often the counters were reset: across one of those, differences mean nothing; and
+    "missing", the frames that stay out (see `missing_words`).
     """
 
     def __init__(self) -> None:
@@ -72,7 +85,7 @@ class Monitor:
         self._resets = 0
         self._first = b""
         self._on: bool | None = None
-        self._mode: int | None = None
+        self.mode: int | None = None
         self._switched = ""
 
     def take(self, frame: Frame, now: float) -> None:
@@ -106,6 +119,7 @@ class Monitor:
         if self.cycle_at is None:
             return {}
         known = dict(self._values)
+        known["missing"] = sum(1 << _BITS.index(identifier) for identifier in self.missing)
         for identifier in self.missing:
             for name, _, _ in p.MONITOR[identifier]:
                 known.pop(name, None)
@@ -127,7 +141,7 @@ class Monitor:
         """Whether the base is known not to drive: its motors are off, or its mode is one without."""
         missing = self.missing
         off = self._on is False and p.STATUS not in missing
-        return off or (self._mode not in (None, *MOVING_MODES) and _MODE not in missing)
+        return off or (self.mode not in (None, *MOVING_MODES) and _MODE not in missing)
 
     def take_switched(self) -> str:
         """What was switched since the last call, however short: "" if nothing was."""
@@ -146,13 +160,22 @@ class Monitor:
 
     def _look_at_motors(self, on: bool) -> None:
         before, self._on = self._on, on
-        if before is not None and before != on and self._switched != SWITCHED_OFF:
-            self._switched = SWITCHED_ON if on else SWITCHED_OFF
+        if before is not None and before != on:
+            self._note_switch(on)
 
     def _look_at_mode(self, mode: int) -> None:
-        before, self._mode = self._mode, mode
-        if before is not None and before != mode and not self._switched:
+        before, self.mode = self.mode, mode
+        if before is None or before == mode:
+            return
+        drives = mode in MOVING_MODES
+        if drives != (before in MOVING_MODES):
+            self._note_switch(drives)
+        elif drives and not self._switched:
             self._switched = OTHER_MODE
+
+    def _note_switch(self, on: bool) -> None:
+        if self._switched != SWITCHED_OFF:
+            self._switched = SWITCHED_ON if on else SWITCHED_OFF
 
     # ---------------------------------------------------------------- cycles
 

@@ -4,6 +4,8 @@ Raw counts come in with each sample and leave with each command; outside everyth
 count), which ``usegway.u`` sets for the model.  Those of the manual are for what the base measures; ``velocityCoeff``
 and ``turnCoeff`` are for what it is told, because firmware counts these two differently (README.md, "Quirks").
 
+What the base does not tell any more is ``nan``, or "" for a word; ``missing`` names the frames that stay out.
+
 Several RMPs may be made of one base: each shows all, and of two that drive it the last one counts.
 """
 
@@ -18,6 +20,7 @@ from urbihw.kernel.uobject import EffectorDevice, Motion, Origin, UVar, event, f
 from urbihw.platforms.base import LimitTable, Named
 from urbihw.platforms.limits import DeviceLimits
 from urbihw.platforms.segway import protocol as p
+from urbihw.platforms.segway.monitor import missing_words, status_missing
 
 BASE: Final = "base"
 PER_RADIAN: Final = 446.9071
@@ -40,6 +43,8 @@ _SCALED: Final = {
     "right": "right",
 }
 """Slot -> item; the coefficient is the slot with ``Coeff`` behind it."""
+_WAY: Final = frozenset({"forward", "yaw"})
+"""Items that the odometry needs."""
 _ANGLES: Final = {"pitch": "pitch", "pitchRate": "pitch_rate", "roll": "roll", "rollRate": "roll_rate"}
 _SHARES: Final = {
     "speedScale": ("velocity_scale", FULL_SCALE),
@@ -107,6 +112,7 @@ class RMP(EffectorDevice):
     remain = reading(math.nan)
     motors = reading(False)
     fault = reading("")
+    missing = reading("")
     mode = owned("")
     gain = owned("")
     speedScale = owned(1.0)  # noqa: N815
@@ -151,7 +157,12 @@ class RMP(EffectorDevice):
 
     @function
     def odometry(self) -> list[float]:
-        """Where the base is since the first reading: x and y in m, heading in rad, counter-clockwise."""
+        """Where the base is since the first reading: x and y in m, heading in rad, counter-clockwise.
+
+        An error while the base does not tell it: whoever goes a way by it must not wait for its end.
+        """
+        if self._raw and not self._raw.keys() >= _WAY:
+            raise ValueError(f"the base does not tell its way: {missing_words(self._raw['missing'])} missing")
         return list(self._place)
 
     # ---------------------------------------------------------------- written
@@ -257,32 +268,35 @@ class RMP(EffectorDevice):
             return
         coefficient = {name: var.value for name, var in self.variables.items() if name.endswith("Coeff")}
         for name, item in _SCALED.items():
-            self.variables[name].sense(raw[item] * coefficient[f"{name}Coeff"], stamp)
-        mean = (raw["left_speed"] + raw["right_speed"]) / 2
+            self.variables[name].sense(raw.get(item, math.nan) * coefficient[f"{name}Coeff"], stamp)
+        mean = (raw.get("left_speed", math.nan) + raw.get("right_speed", math.nan)) / 2
         self.forwardSpeed.sense(mean * coefficient["forwardSpeedCoeff"], stamp)
-        self.yawSpeed.sense(raw["yaw_rate"] * coefficient["yawSpeedCoeff"], stamp)
+        self.yawSpeed.sense(raw.get("yaw_rate", math.nan) * coefficient["yawSpeedCoeff"], stamp)
         for name, item in _ANGLES.items():
-            self.variables[name].sense(raw[item] / PER_RADIAN, stamp)
+            self.variables[name].sense(raw.get(item, math.nan) / PER_RADIAN, stamp)
         self._show_rest(raw, coefficient["torqueCoeff"], stamp)
 
     def _show_rest(self, raw: Mapping[str, int], per_torque: float, stamp: float | None) -> None:
         """What old firmware does not tell, or only part of it."""
-        if "left_torque" in raw:
-            self.leftTorque.sense(raw["left_torque"] * per_torque, stamp)
-            self.rightTorque.sense(raw["right_torque"] * per_torque, stamp)
-        if "battery" in raw:
-            volts = raw["battery"] / 4
-            self.voltage.sense(volts, stamp)
-            self.remain.sense(min(max((volts - EMPTY) / (FULL - EMPTY), 0.0), 1.0), stamp)
-        if "box_battery" in raw:
-            self.boxVoltage.sense(1.4 + 0.0125 * raw["box_battery"], stamp)
+        self.leftTorque.sense(raw.get("left_torque", math.nan) * per_torque, stamp)
+        self.rightTorque.sense(raw.get("right_torque", math.nan) * per_torque, stamp)
+        volts = raw.get("battery", math.nan) / 4
+        self.voltage.sense(volts, stamp)
+        share = (volts - EMPTY) / (FULL - EMPTY)
+        self.remain.sense(share if math.isnan(share) else min(max(share, 0.0), 1.0), stamp)
+        self.boxVoltage.sense(1.4 + 0.0125 * raw.get("box_battery", math.nan), stamp)
         for name, words in _NAMED.items():
-            if name in raw:
-                number = raw[name]
-                self.variables[name].sense(words[number] if number < len(words) else f"unknown {number}", stamp)
+            number = raw.get(name, -1)
+            known = words[number] if 0 <= number < len(words) else f"unknown {number}"
+            self.variables[name].sense(known if name in raw else "", stamp)
+        missing = raw["missing"]
+        self.missing.sense(missing_words(missing))
         if "status1" in raw:
             self.motors.sense(p.motors_on(raw["status1"]))
             self._show_fault(p.fault_words(raw["status1"], raw["status2"]))
+        elif status_missing(missing):
+            self.motors.sense(False)
+            self._show_fault("not known: the base does not send its status")
 
     def _show_fault(self, words: str) -> None:
         if words != self.fault.sensed:
@@ -292,6 +306,9 @@ class RMP(EffectorDevice):
 
     def _travel(self, raw: Mapping[str, int]) -> None:
         """Add the way since the last cycle to the place."""
+        if not raw.keys() >= _WAY:
+            # What was gone meanwhile is added when the counters are there again.
+            return
         forward, yaw = self.forward.sensed, self.yaw.sensed
         last, self._last = self._last, (raw["resets"], forward, yaw)
         if last is None or last[0] != raw["resets"]:

@@ -1,0 +1,87 @@
+"""How soon a robot stands when something goes wrong: `python -m bench.safety [--rig NXT] [--event SIGTERM] [--write]`.
+
+Real daemons, with their workers, before robots in software in this process, on real transports. Each robot is set
+moving; then something happens, and the body of the robot is looked at every few milliseconds: when it last moved, how
+far it has come since, whether it then stands for three seconds, and what the client has read that had set it moving.
+With `--write` the tables go into docs/safety.md, between the two markers.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import platform
+import re
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.append(str(ROOT / "tests" / "e2e"))
+
+from faults_lab import EVENTS, Event, Outcome, run  # noqa: E402
+from moving_robots import RIGS, Rig  # noqa: E402
+
+PAGE = ROOT / "docs" / "safety.md"
+BEGIN, END = "<!-- measured -->", "<!-- /measured -->"
+EMPTY = f"# Safety\n\n{BEGIN}\n{END}\n"
+HEAD = "| What happens | stands after | moved | stays so for 3 s | the client reads |\n|---|---|---|---|---|"
+LONGEST = 140
+
+
+def row(rig: Rig, event: Event, outcome: Outcome) -> str:
+    """A line of the table of a robot."""
+    if math.isfinite(outcome.standstill):
+        after, stays = f"{outcome.standstill * 1000:.0f} ms", "yes"
+    elif rig.live and "pulled" in event.name:
+        ratio = outcome.peaks[1] / outcome.peaks[0]
+        after, stays = "-", f"goes on when it is back, at {ratio:.2f} times its speed"
+    else:
+        after, stays = "not at all", "no"
+    reads = re.sub(r"\w+://\S+", "(url)", outcome.reads).replace("|", "\\|")
+    reads = reads if len(reads) <= LONGEST else reads[:LONGEST] + " ..."
+    way = f"{outcome.moved * 100:.1f} cm" if rig.unit == "m" else f"{outcome.moved:.0f} {rig.unit}"
+    way = way if after != "-" else after
+    return f"| {event.name} | {after} | {way} | {stays} | {reads or 'nothing'} |"
+
+
+def tables(rigs: Iterable[Rig], events: Iterable[Event]) -> Iterator[str]:
+    """The tables, line by line, as they are measured."""
+    events = tuple(events)
+    yield f"Measured with Python {platform.python_version()} on {os.cpu_count()} cores, with the robots in software."
+    for rig in rigs:
+        yield f"\n### {rig.name}\n\n`{rig.go}`\n\n{HEAD}"
+        for event in events:
+            yield row(rig, event, run(rig, event))
+
+
+def put(text: str) -> None:
+    """Replace what stands between the markers of the page."""
+    page = PAGE.read_text("utf-8") if PAGE.exists() else EMPTY
+    if BEGIN not in page:
+        page = f"{page.rstrip()}\n\n{BEGIN}\n{END}\n"
+    inner = f"{BEGIN}\n{text.strip()}\n{END}"
+    PAGE.write_text(re.sub(f"{BEGIN}.*?{END}", lambda found: inner, page, flags=re.S), "utf-8")
+
+
+def main() -> None:
+    """Measure, print, and write if asked to."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rig", default="", metavar="NAME", help="only robots with this in their name")
+    parser.add_argument("--event", default="", metavar="NAME", help="only events with this in their name")
+    parser.add_argument("--write", action="store_true", help=f"put the tables into {PAGE.relative_to(ROOT)}")
+    wanted = parser.parse_args()
+    rigs = [rig for rig in RIGS if wanted.rig.lower() in rig.name.lower()]
+    events = [event for event in EVENTS if wanted.event.lower() in event.name.lower()]
+    lines = []
+    for line in tables(rigs, events):
+        print(line)
+        sys.stdout.flush()
+        lines.append(line)
+    if wanted.write:
+        put("\n".join(lines))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,107 @@
+"""The robots in software whose bodies are looked at when something goes wrong: see ``faults_lab``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from fakes.bioloid import Bioloid
+from fakes.can.device import CanDevice
+from fakes.can.slcan import Slcan
+from fakes.can.slcan_pty import SlcanPty
+from fakes.cia402.node import Drive
+from fakes.dynamixel.ax12 import DEGREES
+from fakes.endpoint import PtyEndpoint
+from fakes.nxt.stream import NxtDevice
+from fakes.nxt.tribot import TriBot
+from fakes.nxt.usb_endpoint import UsbEndpoint
+from fakes.p3dx.kit import P3dx
+from fakes.p3dx.start import TwoPtys
+from fakes.segway.rmp import SegwayRmp
+from fakes.segway.start import UsbPty
+from fakes.segway.usb import UsbLink
+from fakes.serving import Endpoint
+
+Look = Callable[[], float]
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A robot in software, and one way to move it.
+
+    Attributes:
+        make: the robot on its transport, and the greatest speed of its body, in degrees/s or m/s (``unit``).
+        prepare: what is said before, and until what holds; go: what sets it moving, faster than ``moving``.
+        rest: the speed below which it stands.
+        live: a movement that goes on by itself, also when the adapter is back.
+    """
+
+    name: str
+    platform: str
+    make: Callable[[], tuple[Endpoint, Look]]
+    go: str
+    moving: float
+    prepare: str = ""
+    until: str = "true"
+    rest: float = 0.5
+    unit: str = "deg"
+    live: bool = False
+
+
+
+def _bioloid(number: int) -> tuple[Endpoint, Look]:
+    kit = Bioloid(servos=(6, 7), sensors=(), baud=1_000_000)
+    end = PtyEndpoint(kit)
+
+    def look() -> float:
+        kit.tick(end.clock())
+        return abs(kit.servo(number).speed) * DEGREES
+
+    return end, look
+
+
+def _nxt() -> tuple[Endpoint, Look]:
+    robot = TriBot(4.0)
+    end = UsbEndpoint(NxtDevice(robot))
+
+    def look() -> float:
+        end.device.tick(end.clock())
+        return max(abs(robot.brick.motor(port).speed) for port in "ABC")
+
+    return end, look
+
+
+def _segway() -> tuple[Endpoint, Look]:
+    base = SegwayRmp()
+    return UsbPty(CanDevice(base, UsbLink())), lambda: abs(base.body.speed)
+
+
+def _p3dx() -> tuple[Endpoint, Look]:
+    kit = P3dx()
+    return TwoPtys(kit.robot, kit.laser), lambda: abs(kit.body.forward.speed)
+
+
+def _cia402() -> tuple[Endpoint, Look]:
+    drive = Drive(5)
+    end = SlcanPty(CanDevice(drive, Slcan()))
+    return end, lambda: abs(drive.machine.speed) * 360 / drive.machine.increments
+
+
+RIGS = (
+    Rig(
+        "Bioloid, a wheel", "bioloid", lambda: _bioloid(7), "motor7.speed = 2;", 60,
+        prepare="motor7.cwLimit = motor7.ccwLimit = 0;", until="motor7.wheel",
+    ),
+    Rig("Bioloid, a joint that swings", "bioloid", lambda: _bioloid(6), "motor6.val = 0 sin:1s ampli:20deg,", 60,
+        live=True),
+    Rig("NXT", "nxt", _nxt, "wheels.speed = 50;", 300),
+    Rig("Segway RMP", "segway", _segway, "rmp.forwardSpeed = 0.5;", 0.4, rest=0.005, unit="m"),
+    Rig(
+        "Pioneer 3-DX", "p3dx", _p3dx, "P3dx.body.x.speed = 0.3;", 0.25,
+        prepare="P3dx.body.load = 1;", until="P3dx.body.load == 1", rest=0.005, unit="m",
+    ),
+    Rig(
+        "CiA 402 drive", "cia402", _cia402, "drive5.speed = 6;", 300,
+        prepare="drive5.load = 1;", until="drive5.load == 1",
+    ),
+)  # fmt: skip

@@ -1,0 +1,171 @@
+"""What every platform owes to whoever stops its robot: its body stands, soon, and stays so.
+
+All platforms, all kinds of motion, all events that can be had in simulated time.  A platform takes part by the
+``MOTION`` of its ``<name>_lab.py``; see ``motions``.  The rest, with real processes: ``tests/e2e/test_faults.py``.
+"""
+
+from __future__ import annotations
+
+import importlib
+import re
+from pathlib import Path
+
+import pytest
+from motions import DEAD_MAN, Motion, Scene
+
+from urbihw.platforms import folders
+
+STAY = 5.0
+"""Seconds for which a body that stands is looked at."""
+GAP = 0.3
+"""Seconds in which a worker is replaced."""
+LOST = 1.0
+"""Seconds without a link."""
+FASTER = 1.1
+"""How much faster than itself a movement may be that goes on after a lost link."""
+_ENDED = re.compile(r"!!! .* was stopped after this statement had begun: (.*)")
+_HELD = re.compile(r"!!! .* is held by an emergency stop \(.+\): release it first")
+
+
+def motion_of(platform: str) -> Motion:
+    """What a platform says of its motion."""
+    found: Motion = importlib.import_module(f"{platform}_lab").MOTION
+    return found
+
+
+def _cases() -> list[object]:
+    return [
+        pytest.param((motion, kind), id=f"{platform}-{name.replace(' ', '-')}")
+        for platform in (folder.name for folder in folders())
+        for motion in [motion_of(platform)]
+        for name, kind in motion.kinds.items()
+    ]
+
+
+@pytest.fixture(params=_cases())
+def scene(request: pytest.FixtureRequest, tmp_path: Path) -> Scene:
+    """Each kind of motion of each platform, ready to begin."""
+    motion, kind = request.param
+    return Scene(motion, kind, tmp_path, request.node.user_properties)
+
+
+def stands(scene: Scene, since: float, more: float = 0.0) -> None:
+    """The body stands within the time of its platform (and ``more``) since then, and stays so."""
+    within = more + scene.motion.standstill
+    scene.run(max(0.0, since + within - scene.now()) + STAY)
+    stood = max(scene.moved_last(), since)
+    scene.measured.append(("standstill", round(stood - since, 3)))
+    assert stood - since <= within, f"it moves {stood - since:.2f} s after the event"
+    assert scene.drift(stood) <= scene.motion.drift
+
+
+def errors_of(scene: Scene) -> list[str]:
+    """The errors that the client has read, without the ways to them."""
+    return [line for line in scene.heard().split("\n") if "!!!" in line and "called from" not in line]
+
+
+def complains(scene: Scene, reason: str) -> None:
+    """The client reads why its statement ended, once; it reads nothing if that was over before."""
+    errors = errors_of(scene)
+    ended = [found[1] for line in errors if (found := _ENDED.fullmatch(line))]
+    if scene.kind.complains:
+        assert len(ended) == 1 and reason in ended[0], errors
+    else:
+        assert errors == []
+
+
+def goes_again(scene: Scene) -> None:
+    """A statement that begins now moves the body."""
+    scene.lab.look(scene.motion.revive)
+    scene.run(1.0)
+    scene.heard()
+    scene.go(scene.kind.again)
+    since = scene.now()
+    scene.run(max(scene.kind.lead, 3.0))
+    assert scene.peak(since) > scene.kind.goes, f"it does not move again: {scene.heard()}"
+
+
+def test_a_stop(scene: Scene) -> None:
+    scene.begin()
+    since = scene.now()
+    scene.stop()
+    stands(scene, since)
+    complains(scene, "stop asked by")
+    goes_again(scene)
+
+
+def test_a_stop_at_once(scene: Scene) -> None:
+    scene.go()
+    since = scene.now()
+    scene.stop()
+    stands(scene, since)
+    assert scene.peak(since) <= scene.motion.rest, "it moved after the stop"
+
+
+def test_an_emergency_stop_holds_until_it_is_released(scene: Scene) -> None:
+    scene.begin()
+    since = scene.now()
+    scene.estop()
+    stands(scene, since)
+    complains(scene, "emergency stop by")
+    assert scene.lab.look(f"{scene.motion.slot}.estop") == "true"
+    before = scene.now()
+    scene.go()
+    scene.run(1.0)
+    errors = errors_of(scene)
+    assert scene.kind.remote or (errors and all(_HELD.fullmatch(line) for line in errors)), errors
+    scene.lab.look(f"{scene.motion.slot}.estop = false")
+    scene.run(1.0)
+    assert scene.peak(before) <= scene.motion.rest
+    assert scene.lab.look(f"{scene.motion.slot}.estop") == "false"
+    goes_again(scene)
+
+
+def test_a_kernel_that_stands_still(scene: Scene) -> None:
+    scene.watch_master()
+    scene.begin()
+    since = scene.now()
+    scene.silence(3.0)
+    stands(scene, since, DEAD_MAN)
+    complains(scene, "no sign of life from the master")
+    goes_again(scene)
+
+
+def test_a_client_that_is_gone(scene: Scene) -> None:
+    scene.begin()
+    since = scene.now()
+    scene.client_gone()
+    stands(scene, since)
+    scene.new_client()
+    goes_again(scene)
+
+
+def test_a_worker_that_was_killed(scene: Scene) -> None:
+    scene.begin()
+    since = scene.now()
+    scene.worker_killed(GAP)
+    stands(scene, since, GAP)
+    complains(scene, "it was killed; another one is started")
+    goes_again(scene)
+
+
+def test_a_link_that_was_lost(scene: Scene) -> None:
+    scene.begin()
+    lost = scene.now()
+    before = scene.pace(lost - scene.kind.lead)
+    scene.link_lost(LOST)
+    back = scene.now()
+    if scene.kind.live:
+        scene.run(STAY)
+        after = scene.pace(back)
+        scene.measured.append(("faster", round(after / before, 3)))
+        assert after <= FASTER * before + scene.motion.grain
+    else:
+        stands(scene, back)
+    goes_again(scene)
+
+
+def test_a_stop_while_the_link_is_lost(scene: Scene) -> None:
+    scene.begin()
+    scene.link_lost(LOST, scene.stop)
+    stands(scene, scene.now())
