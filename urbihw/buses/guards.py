@@ -64,7 +64,7 @@ class Guards:
         else:
             return
         targets.update({(threshold.device, item): raw for item, raw in wanted})
-        news.append(Guarded(threshold.device, threshold.name, threshold.item, value, not passed))
+        news.append(Guarded(threshold.device, threshold.name, threshold.item, value, not passed, threshold.holds))
 
     def _find_held(self) -> None:
         self.held = {threshold.device: threshold.name for threshold in self._passed if threshold.holds}

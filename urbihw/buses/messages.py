@@ -270,13 +270,14 @@ class Limited:
 
 @dataclass(frozen=True, slots=True)
 class Guarded:
-    """A threshold was passed, or (`passed` False) left again, at a value in raw counts."""
+    """A threshold was passed, or (`passed` False) left again, at a raw value; `holds`: as `Threshold.holds`."""
 
     device: Any
     name: str
     item: str
     value: float
     passed: bool
+    holds: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -118,7 +118,21 @@ def ask(paths: Sequence[Path], verb: str, who: str) -> list[Answer]:
     end = time.monotonic() + TIMEOUT
     line = json.dumps({"do": verb, "who": who[:_LONGEST_NAME]}).encode() + b"\n"
     calls = [_Call(path, line) for path in paths]
-    return [call.answer(end) for call in calls]
+    answers = [call.answer(end) for call in calls]
+    if verb == "estop":
+        answers = [_hold_anyway(path, answer, who) for path, answer in zip(paths, answers, strict=True)]
+    return answers
+
+
+def _hold_anyway(path: Path, answer: Answer, who: str) -> Answer:
+    """A worker that hangs is replaced by another, which looks for the latch before it does anything."""
+    if not answer.problem or answer.gone:
+        return answer
+    try:
+        path.with_suffix(".estop").write_text(f"{who}\n", "utf-8")
+    except OSError:
+        return answer
+    return answer._replace(problem=f"{answer.problem}; whatever serves it next will hold it until: urbihw release")
 
 
 class _Call:

@@ -96,6 +96,10 @@ class Service:
         for number in ENDING:
             asyncio.get_running_loop().remove_signal_handler(number)
             signal.signal(number, interrupter)
+        # Python would complain of a signal that comes while a job holds the loop and its wake-up pipe is full.
+        descriptor = signal.set_wakeup_fd(-1)
+        if descriptor >= 0:
+            signal.set_wakeup_fd(descriptor, warn_on_full_buffer=False)
 
     def stop(self) -> None:
         """End the service, in order."""

@@ -45,6 +45,13 @@ class TooDeep(Raised):
         super().__init__("Scheduling", TOO_DEEP, None)
 
 
+class Refused(Raised):
+    """Something may not move now; a write that fails by it is taken back."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__("Primitive", message, None)
+
+
 TOO_DEEP = "statement too deeply nested"
 
 

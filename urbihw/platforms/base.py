@@ -12,6 +12,7 @@ by whoever holds it.  A platform says in ``on_halt`` what its own code still mea
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import partial
@@ -37,6 +38,10 @@ from urbihw.kernel.uobject import (
 from urbihw.platforms.limits import DeviceLimits, LimitSettings
 from urbihw.platforms.wire import Wire
 
+SAME_STOP: Final = 0.5
+"""Seconds within which a second stop of a robot that was not moved since is the same one."""
+REFUSED_AGAIN: Final = 10.0
+"""Seconds after which the same refusal is logged again."""
 ALIVE: Final = 0.5
 """Seconds between signs of life."""
 PATIENCE: Final = 2.0
@@ -116,6 +121,10 @@ class WiredRobot(Robot):
         self._worker: Handle | None = None
         self._opened: Opened | None = None
         self._missed_link = False
+        self._resume = True
+        self._stop_asked_at = -math.inf
+        self._refusals: dict[tuple[Any, ...], float] = {}
+        self._unknown_limits: set[str] = set()
         self._heard_at = 0.0
         self.notify_change(self.estop, self._estop_written)
 
@@ -129,6 +138,7 @@ class WiredRobot(Robot):
         self.url.sense(settings.url)
         self.motion.keep = settings.keep_motion
         self.limits = LimitSettings.of(settings.limits)
+        self._resume = settings.resume
         try:
             self._worker = self.start_worker(
                 settings.url, post=self._post, settings=_for_worker(settings), family=self.family,
@@ -150,6 +160,7 @@ class WiredRobot(Robot):
             raise BadConfig(f"{self.robot_name}: {error}") from error
         self.motion.keep = settings.keep_motion
         self.limits = LimitSettings.of(settings.limits)
+        self._resume = settings.resume
         self.tell(message)
         self.send_limits()
 
@@ -182,11 +193,18 @@ class WiredRobot(Robot):
 
     def _estop_written(self) -> None:
         who = str(self.motion.origin())
+        if not isinstance(self.estop.value, bool):
+            raise ValueError("this slot takes true or false")
+        # What is told to the worker arrives in order, so both count from here on.
         if self.estop.value:
-            self.halt_all(f"emergency stop by {who}")
+            self._halted(f"emergency stop by {who}")
+            self.motion.renew()
+            self.motion.latched = who
             self.tell(m.EmergencyStop(who))
         else:
+            self.motion.latched = ""
             self.tell(m.Release(who))
+        self.estop.sense(self.estop.value)
 
     # ---------------------------------------------------------------- what a subclass calls
 
@@ -201,6 +219,12 @@ class WiredRobot(Robot):
 
     def halt_all(self, reason: str) -> None:
         """Stop the robot; whoever asks for it, in the running job, may move it again."""
+        now = self.host.now()
+        if self.motion.at_rest and now - self._stop_asked_at < SAME_STOP:
+            # A program that asks again and again: nothing was begun since.
+            self.motion.renew()
+            return
+        self._stop_asked_at = now
         self._halted(reason)
         self.motion.renew()
         self.tell(m.Stop(self.motion.epoch, reason))
@@ -249,15 +273,21 @@ class WiredRobot(Robot):
             return
         table: dict[tuple[Any, str], m.Limit] = {}
         thresholds: list[m.Threshold] = []
-        names = set()
+        names: dict[str, None] = {}
         for name, device in self.limited_devices().items():
-            names.add(name)
+            names[name] = None
             limits, own = device.limits_in_counts(self.limits.device(name), partial(self.limits.named, name))
             table.update(limits)
             thresholds += own
         for name in self.limits.unknown(names):
-            self.log.warning("limits.%s: there is no such device; there are: %s", name, ", ".join(sorted(names)))
+            if name not in self._unknown_limits:
+                self._unknown_limits.add(name)
+                self.log.warning("limits.%s: there is no such device; there are: %s", name, ", ".join(names))
         self.tell(m.Limits(table, tuple(thresholds)))
+
+    def rate_words(self) -> str:
+        """The rate of the bus for ``status``, "" before it is known."""
+        return f", {self.rate.sensed:.0f} Hz" if self.rate.sensed else ""
 
     # ---------------------------------------------------------------- hooks
 
@@ -299,13 +329,20 @@ class WiredRobot(Robot):
 
     def on_guarded(self, message: m.Guarded) -> None:
         """A measured value went too far, or is back."""
+        if message.holds and message.passed:
+            self.motion.held[message.device] = message.name
+        elif message.holds:
+            self.motion.held.pop(message.device, None)
         what = "passed" if message.passed else "is back from"
         self.log.warning("%s: %s %s %s", message.device, message.item, what, message.name)
         self.guarded.emit(str(message.device), message.name, message.passed)
 
     def on_refused(self, message: m.Refused) -> None:
-        """A target or watch made no sense."""
-        self.log.warning("%s: %s: %s", message.device, message.item, message.reason)
+        """A target or watch made no sense, or may not be now; the same again and again is logged now and then."""
+        key, now = (message.device, message.item, message.reason), self.host.now()
+        if now - self._refusals.get(key, -math.inf) >= REFUSED_AGAIN:
+            self._refusals = {old: at for old, at in self._refusals.items() if now - at < REFUSED_AGAIN} | {key: now}
+            self.log.warning("%s: %s: %s", *key)
 
     # ---------------------------------------------------------------- the worker
 
@@ -331,6 +368,8 @@ class WiredRobot(Robot):
             case m.Found():
                 self.on_found(message)
             case m.DeviceState():
+                if message.new == "lost" and not self._resume:
+                    self._end_movements(message.device, f"it was lost: {message.reason}")
                 self.on_device_state(message)
             case m.LinkState():
                 self._link_state(message)
@@ -353,9 +392,14 @@ class WiredRobot(Robot):
             case m.Pulse():
                 pass
 
+    def _end_movements(self, device: Hashable, reason: str) -> None:
+        """What moves a device is over (``on_lost = "end"``)."""
+        self.motion.end(device, reason)
+        self.on_halt(reason, (device,))
+
     def _stopped(self, message: m.Stopped) -> None:
-        which = self.robot_name if message.devices is None else f"{self.robot_name} ({_names(message.devices)})"
-        self.log.info("%s stopped: %s", which, message.reason)
+        if message.devices is None:
+            self.log.info("%s stopped: %s", self.robot_name, message.reason)
         if message.devices is None and message.epoch > self.motion.epoch:
             self._halted(message.reason, message.epoch)
         self.on_stopped(message.reason)
@@ -400,6 +444,8 @@ class WiredRobot(Robot):
                 self.linkBack.emit()
             return
         self._missed_link = True
+        if not self._resume:
+            self._halted(f"the link was lost: {message.reason}")
         self.log.warning("link lost: %s; trying again until it is back", message.reason)
         self.on_link_down(message.reason)
         self.linkLost.emit(message.reason)

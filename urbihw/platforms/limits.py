@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Self
 
@@ -72,9 +72,9 @@ class LimitSettings:
         """The limits of a device by the name of its slot."""
         return DeviceLimits(**{**self._general, **self._devices.get(name, {})})
 
-    def unknown(self, names: set[str]) -> list[str]:
+    def unknown(self, names: Collection[str]) -> list[str]:
         """The devices of the table that are none of these."""
-        return sorted(self._devices.keys() - names)
+        return [name for name in self._devices if name not in names]
 
     def named(self, device: str, kind: str) -> str:
         """How the settings call a limit, for messages."""

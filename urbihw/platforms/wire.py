@@ -74,7 +74,7 @@ class Wire:
         if self._targets:
             targets, self._targets = self._targets, {}
             live = self._motion.is_live
-            values = {key: raw for key, (raw, origin) in targets.items() if origin is None or live(origin)}
+            values = {key: raw for key, (raw, origin) in targets.items() if origin is None or live(origin, key[0])}
             if values:
                 now = self._motion.now()
                 resumed = frozenset(key for key in values if self._was_held_up(key, targets[key][1], now))

@@ -8,6 +8,8 @@ from typing import Any, Literal, Self
 
 from urbihw.buses.errors import BadValue
 
+_LAST_ID = 252
+
 
 @dataclass(frozen=True)
 class Options:
@@ -31,6 +33,8 @@ class Options:
             raise BadValue(f'protocol must be 1, 2 or "auto", not {protocol!r}')
         if ids is not None and not (isinstance(ids, list | tuple) and all(isinstance(number, int) for number in ids)):
             raise BadValue(f"ids must be a list of numbers, such as [1, 2, 100], not {ids!r}")
+        if ids is not None and not all(0 <= number <= _LAST_ID for number in ids):
+            raise BadValue(f"ids are 0 to {_LAST_ID}, not {next(n for n in ids if not 0 <= n <= _LAST_ID)}")
         fast_read = options.get("fast_read", True)
         if not isinstance(fast_read, bool):
             raise BadValue(f"fast_read must be true or false, not {fast_read!r}")

@@ -245,6 +245,9 @@ class Hooked(Executable):
         if isinstance(error, ValueError):
             self._target = before
             raise errors.primitive(str(error), self.name) from error
+        if isinstance(error, errors.Refused):
+            self._target = before
+            raise error
         self._failed(callback, error)
 
     def _limited(self, value: Any) -> Any:

@@ -43,6 +43,7 @@ class Origin:
         place: where the statement stands, such as ``3.1-20``; "" where no program of a user's is.
         time: when the statement first wrote this effector, in seconds of the kernel's clock.
         lease: the lobby, None for the robot itself.
+        mark: tells what was written before a device was stopped alone from what came after it.
     """
 
     epoch: int
@@ -51,6 +52,7 @@ class Origin:
     place: str
     time: float
     lease: Any = None
+    mark: int = 0
 
     def __str__(self) -> str:
         tag = f", tag {self.tag}" if self.tag else ""
@@ -66,6 +68,8 @@ class Motion:
         reason: why it was last stopped.
         latched: why an emergency stop holds, "" if none does.
         keep: motion goes on when the client that asked for it is gone.
+        held: device -> why it may not move at present.
+        at_rest: nothing was let through since the last stop.
     """
 
     def __init__(self, world: World, name: str, release: Callable[[tuple[Hashable, ...], str], None]) -> None:
@@ -78,8 +82,11 @@ class Motion:
         self.reason = ""
         self.latched = ""
         self.keep = False
+        self.held: dict[Hashable, str] = {}
+        self.at_rest = False
         self._mark = 0
-        self._held: dict[Hashable, Origin] = {}
+        self._ended: dict[Hashable, tuple[int, str]] = {}
+        self._moved_by: dict[Hashable, Origin] = {}
         world.client_gone.append(self._client_gone)
 
     def close(self) -> None:
@@ -103,7 +110,14 @@ class Motion:
         self._mark = scheduler.epoch
         self.reason = reason
         self.stops += 1
-        self._held.clear()
+        self.at_rest = True
+        self._moved_by.clear()
+
+    def end(self, device: Hashable, reason: str) -> None:
+        """The movements of one device are over: statements that began before may not move it any more."""
+        self._world.scheduler.epoch += 1
+        self._ended[device] = self._world.scheduler.epoch, reason
+        self._moved_by.pop(device, None)
 
     def renew(self) -> None:
         """The running job knows of the stop: what it does from now on is new."""
@@ -117,7 +131,7 @@ class Motion:
         if job is not None and job.epoch < self._mark:
             job.epoch = self._world.scheduler.epoch
             why = f"{self._name} was stopped after this statement had begun: {self.reason}"
-            raise errors.primitive(why, None)
+            raise errors.Refused(why)
 
     # ---------------------------------------------------------------- writing
 
@@ -133,20 +147,34 @@ class Motion:
         before the last stop, an emergency stop holds, or the client is gone.
         """
         self.check()
-        if self.latched:
-            why = f"{self._name} is held by an emergency stop ({self.latched}): release it first"
-            raise errors.primitive(why, None)
+        self.check_device(device)
         origin = last
         if origin is None or origin.epoch != self.epoch or statement is None:
             origin = self.origin()
         if not self._lease_lasts(origin):
-            raise errors.primitive(f"the connection of {origin.client} is closed, so it cannot move {self._name}", None)
-        self._held[device] = origin
+            raise errors.Refused(f"the connection of {origin.client} is closed, so it cannot move {self._name}")
+        self._moved_by[device] = origin
+        self.at_rest = False
         return origin
 
-    def is_live(self, origin: Origin) -> bool:
-        """Whether what carries this origin may still move the robot."""
-        return origin.epoch == self.epoch and not self.latched and self._lease_lasts(origin)
+    def check_device(self, device: Hashable) -> None:
+        """Raise the error of what may not move this device now: an emergency stop, its heat, its loss."""
+        if self.latched:
+            why = f"{self._name} is held by an emergency stop ({self.latched}): release it first"
+            raise errors.Refused(why)
+        if device in self.held:
+            raise errors.Refused(f"{device} is held by {self.held[device]}")
+        job = self._world.scheduler.current
+        mark, reason = self._ended.get(device, (0, ""))
+        if job is not None and job.epoch < mark:
+            job.epoch = self._world.scheduler.epoch
+            raise errors.Refused(f"the movement of {device} is over: {reason}")
+
+    def is_live(self, origin: Origin, device: Hashable = None) -> bool:
+        """Whether what carries this origin may still move the robot, or this device of it."""
+        if origin.epoch != self.epoch or self.latched or not self._lease_lasts(origin):
+            return False
+        return device not in self._ended or origin.mark >= self._ended[device][0]
 
     def now(self) -> float:
         """The time of the present round, in seconds of the kernel's clock."""
@@ -154,7 +182,8 @@ class Motion:
 
     def own(self) -> Origin:
         """The origin of what the robot does by itself now."""
-        return Origin(self.epoch, ROBOT, "", "", self._world.scheduler.clock.now())
+        scheduler = self._world.scheduler
+        return Origin(self.epoch, ROBOT, "", "", scheduler.clock.now(), None, scheduler.epoch)
 
     def _lease_lasts(self, origin: Origin) -> bool:
         return self.keep or origin.lease is None or bool(getattr(origin.lease, "connected", True))
@@ -167,22 +196,23 @@ class Motion:
         stack = current_stack()
         # The statement itself, rather than the function that it has come to.
         place = str((stack.calls[-1].location if stack.calls else stack.location) or "")
-        now = self._world.scheduler.clock.now()
-        return Origin(self.epoch, _client(self._world, job.context), _tag(job), place, now, job.context)
+        scheduler = self._world.scheduler
+        client, now = _client(self._world, job.context), scheduler.clock.now()
+        return Origin(self.epoch, client, _tag(job), place, now, job.context, scheduler.epoch)
 
     # ---------------------------------------------------------------- leases
 
     def forget(self, device: Hashable) -> None:
         """Nobody moves a device any more."""
-        self._held.pop(device, None)
+        self._moved_by.pop(device, None)
 
     def _client_gone(self, lease: Any) -> None:
         if self.keep:
             return
-        devices = tuple(device for device, origin in self._held.items() if origin.lease is lease)
+        devices = tuple(device for device, origin in self._moved_by.items() if origin.lease is lease)
         if devices:
             for device in devices:
-                del self._held[device]
+                del self._moved_by[device]
             self.stops += 1
             self._release(devices, f"the connection of {_client(self._world, lease)} is closed, which moved it")
 

@@ -55,6 +55,7 @@ class Servo(Device, EffectorDevice):
         self.cw_limit, self.ccw_limit = self.variables["cwLimit"], self.variables["ccwLimit"]
         self._off = False
         self._switches = 0
+        self._fastest = math.inf, ""
         self._deferred: dict[str, Origin] = {}
         self._limits_wanted: dict[str, float] = {}
         self._goal_guard = self.guard(self.motion, self.number, self.val)
@@ -145,6 +146,8 @@ class Servo(Device, EffectorDevice):
         else:
             self.settings[item] = raw
             self.wire.aim(self.number, item, raw)
+            if value > self._fastest[0]:
+                self.limit_applied(*self._fastest)
 
     # ---------------------------------------------------------------- limits of the settings
 
@@ -155,11 +158,16 @@ class Servo(Device, EffectorDevice):
         if math.isfinite(limits.torque):
             self._set(row, min(strongest, self.raw.get(row.item, strongest)))
         made = ServoLimits(self.number, limits, named)
+        self._fastest = limits.speed, named("speed")
         if self.wheel.sensed:
             table = made.wheel(*self.wheel_scale())
         else:
             table = made.joint(self.table.item(self.goal))
         return table | made.torque(row.item, strongest), made.thresholds(row.item, strongest)
+
+    def released(self) -> None:
+        """The worker has switched it off: it stays off until ``load`` is written."""
+        self._off = True
 
     def _torque_share(self, row: Slot, torque: float) -> float:
         return min(row.view.take(torque, self.facts), units.limits_si(self.table.item(row.item))[1])
@@ -190,7 +198,10 @@ class Servo(Device, EffectorDevice):
     # ---------------------------------------------------------------- load
 
     def _load_written(self) -> None:
-        self._off = number(self.load) == 0
+        off = number(self.load) == 0
+        if not off:
+            self.motion.check_device(self.number)
+        self._off = off
         self._switch([("torque_enable", 0)] if self._off else self.plan_on(), "load")
 
     def _switch(self, steps: list[Step], slot: str) -> None:
@@ -206,6 +217,8 @@ class Servo(Device, EffectorDevice):
                 self.take(dict(steps), self.host.now())
             else:
                 self.refused(slot, self.explained(reply.error))
+                # A motor that could not be switched on stays off until that is asked for again.
+                self._off = self._off or slot == "load"
                 for item, _ in steps:
                     self.wire.read(self.number, item, lambda read, item=item: self._read_again(item, read))  # type: ignore[misc]
             self._send_deferred()
@@ -256,7 +269,7 @@ class Servo(Device, EffectorDevice):
         deferred, self._deferred = self._deferred, {}
         for slot, write in (("speed", self._speed_written), ("val", self._val_written)):
             origin = deferred.get(slot)
-            if origin is not None and self.motion.is_live(origin):
+            if origin is not None and self.motion.is_live(origin, self.number):
                 write(origin)
 
     def _limits_read(self, stamp: float) -> None:
@@ -353,7 +366,11 @@ class AX12(Servo):
             return steps
         if wheel:
             return [("moving_speed", 0), *steps]
-        return [("moving_speed", 0), *steps, ("moving_speed", self.settings.get("moving_speed", 0))]
+        held = []
+        if self.raw.get("torque_enable") == 1 and "present_position" in self.raw:
+            # It would go to the goal that it had before it was a wheel.
+            held = [(self.goal, min(max(self.raw["present_position"], values[cw]), values[ccw]))]
+        return [("moving_speed", 0), *steps, *held, ("moving_speed", self.settings.get("moving_speed", 0))]
 
     def take_state(self, raw: int, stamp: float) -> None:
         """The error bits say what is wrong."""

@@ -157,6 +157,13 @@ class Bioloid(WiredRobot):
         """See ``WiredRobot``."""
         return {f"motor{number}": each for number, each in self.devices.items() if isinstance(each, Servo)}
 
+    def on_guarded(self, message: m.Guarded) -> None:
+        """See ``WiredRobot``."""
+        super().on_guarded(message)
+        device = self.devices.get(message.device)
+        if message.holds and message.passed and isinstance(device, Servo):
+            device.released()
+
     def _grown(self, problem: str) -> None:
         if problem:
             log.error("the tree of the robot is not complete: %s", problem)

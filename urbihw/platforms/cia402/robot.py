@@ -37,7 +37,7 @@ class Cia402(WiredRobot):
         if not self.link.sensed:
             return "link down"
         lost = [str(number) for number, drive in self.members.items() if drive.state.sensed == "lost"]
-        count = f"{len(self.members)} drive{'s' if len(self.members) != 1 else ''}, {self.rate.sensed:.0f} Hz"
+        count = f"{len(self.members)} drive{'s' if len(self.members) != 1 else ''}" + self.rate_words()
         return count + (f", lost: {' '.join(lost)}" if lost else "")
 
     @function

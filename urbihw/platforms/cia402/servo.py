@@ -97,7 +97,10 @@ class ServoDrive(EffectorDevice):
         self._wire.aim(self.number, item, max(-most, min(most, round(value / coefficient.value))), guard.origin)
 
     def _switch(self) -> None:
-        self._ask("enable" if _number(self.load) else "disable", "load")
+        on = bool(_number(self.load))
+        if on:
+            self._motion.check_device(self.number)
+        self._ask("enable" if on else "disable", "load")
 
     def _ask(self, verb: str, slot: str) -> None:
         def done(reply: Reply) -> None:

@@ -196,8 +196,8 @@ class NxtDriver(Driver):
         return tuple(running)
 
     def moves(self, device: Any, item: str, value: Any) -> bool:
-        """Powers and goals of motors, and tones."""
-        return (device in p.OUTPUTS and item in ("power", "goal") and value != 0) or item == "tone"
+        """Powers and goals of motors."""
+        return device in p.OUTPUTS and (item == "goal" or (item == "power" and value != 0))
 
     def request_moves(self, request: Request) -> bool:
         """A telegram that runs a motor, starts a program or plays something."""

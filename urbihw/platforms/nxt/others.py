@@ -65,8 +65,7 @@ class Beeper(UObject):
             raise ValueError(f"a beep lasts up to {longest:g} s, or 0 for ever, not {duration:g} s")
         # Less than a millisecond is not for ever.
         milliseconds = max(1, round(duration * 1000)) if duration else 0
-        origin = self.brick.motion.admit(BRICK)
-        self.brick.wire.aim(BRICK, "tone", (round(frequency), milliseconds), origin)
+        self.brick.wire.aim(BRICK, "tone", (round(frequency), milliseconds))
 
     @function
     def stop(self) -> None:

@@ -76,7 +76,7 @@ class Segway(WiredRobot):
         if self.state.sensed != "ok":
             return "base lost"
         volts = f", {self._raw['battery'] / 4:.0f} V" if "battery" in self._raw else ""
-        return f"RMP {self.model.sensed}{volts}, {self.rate.sensed:.0f} Hz"
+        return f"RMP {self.model.sensed}{volts}" + self.rate_words()
 
     # ---------------------------------------------------------------- what urbiscript calls
 
