@@ -175,7 +175,7 @@ class Trial(Scene):
         self.rng = rng
         self.due: list[tuple[float, Callable[[], None]]] = []
         self.down: dict[Any, bool] = dict.fromkeys(self.plant.devices, False)
-        self.missed = False
+        self.missed, self.linked = False, True
         self.sick = 0
         self.faulty: dict[str, float] = {}
         self.clear_at: dict[Any, float] = dict.fromkeys(self.plant.devices, 0.0)
@@ -280,11 +280,12 @@ class Trial(Scene):
         heard(message)
         match message:
             case m.LinkState() if message.up:
+                self.linked = True
                 for device in self.down:
                     self.is_back(device)
                 self.faulty.pop("link", None)
             case m.LinkState() | m.WorkerState():
-                self.missed = True
+                self.missed, self.linked = True, False
                 self.down = dict.fromkeys(self.down, True)
                 self.note(f"  (worker: {message})")
             case m.DeviceState() if message.new == "lost":

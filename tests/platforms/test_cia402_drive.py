@@ -154,7 +154,7 @@ def test_drives_by_number() -> None:
     lab = Lab.ready()
     assert lab.say("cia402.drive(5) === drive5; cia402.drives.size; robot.body.joint[0] === drive5;") == "true\n1\ntrue"
     assert "no drive 6; there are: 5" in lab.say("cia402.drive(6);")
-    assert lab.robot.status().startswith("1 drive, ")
+    assert lab.robot.status().startswith("1 drive")
 
 
 def test_nobody_there_is_not_ready() -> None:

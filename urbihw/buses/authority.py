@@ -33,13 +33,16 @@ class Authority:
         """The robot is stopped; ``epoch`` is what the master calls the time from now on."""
         self.epoch = self.epoch + 1 if epoch is None else max(self.epoch, epoch)
 
-    def latch(self, reason: str) -> None:
-        """Let nothing move the robot until ``release``."""
+    def latch(self, reason: str) -> str:
+        """Let nothing move the robot until ``release``; why the latch would not outlive this worker, or ""."""
         self.latched = " ".join(reason.split())[:_MOST] or "emergency stop"
-        if self._file is not None:
-            # The stop itself was done; that the latch does not outlive the worker is the lesser evil.
-            with contextlib.suppress(OSError):
-                self._file.write_text(self.latched + "\n", "utf-8")
+        if self._file is None:
+            return ""
+        try:
+            self._file.write_text(self.latched + "\n", "utf-8")
+        except (OSError, ValueError) as error:
+            return f"the emergency stop holds, but is not kept in {self._file}: {error}"
+        return ""
 
     def release(self) -> None:
         """Let the robot be moved again."""
@@ -57,6 +60,6 @@ class Authority:
     def _kept(self) -> str:
         if self._file is None:
             return ""
-        with contextlib.suppress(OSError, UnicodeDecodeError):
-            return self._file.read_text("utf-8").strip()[:_MOST] or "emergency stop"
+        with contextlib.suppress(OSError, UnicodeDecodeError), self._file.open(encoding="utf-8") as file:
+            return file.read(_MOST).strip() or "emergency stop"
         return ""

@@ -92,7 +92,9 @@ class _Client:
         if verb not in VERBS:
             self._complain(f'"do" must be one of {", ".join(VERBS)}')
             return None
-        return Order(verb, " ".join(str(wanted.get("who", "control socket")).split())[:100], self)
+        who = " ".join(str(wanted.get("who", "control socket")).split())[:100]
+        # JSON can name halves of characters, which no file takes.
+        return Order(verb, who.encode("utf-8", "replace").decode(), self)
 
     def _complain(self, why: str) -> None:
         self.say({"ok": False, "error": why})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from urbihw.buses.errors import BadValue
@@ -91,6 +91,10 @@ class Driver:
     def request_moves(self, request: Request) -> bool:
         """Whether this request may set something in motion."""
         raise NotImplementedError
+
+    def implied(self, request: Request) -> Mapping[tuple[Any, str], Any]:
+        """The targets that a request sets past the targets, for those that can be limited."""
+        return {}
 
     def pose(self, device: Any, item: str) -> float | None:
         """Where the device is, in the unit of the target `item`; None if that is no place, or not known."""

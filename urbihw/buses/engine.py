@@ -335,9 +335,11 @@ class Engine:
         self._post_all([Stopped(message.reason, self._authority.epoch, message.devices)])
 
     def _emergency_stop(self, who: str) -> None:
-        self._authority.latch(who)
+        problem = self._authority.latch(who)
         self._stop(f"emergency stop by {who}")
         self._post_all([Latched(self._authority.latched, who)])
+        if problem:
+            self._post_all([Refused("emergency stop", "latch", problem)])
 
     def _release(self, who: str) -> None:
         if self._authority.latched:

@@ -66,6 +66,11 @@ class Gate:
         if reason and self._driver.request_moves(message):
             return None, [Reply(message.reply_id, False, error=reason)]
         clamp = self.set_points.clamp
+        for key, value in self._driver.implied(message).items():
+            if clamp(*key, value) != value:
+                limit = self.set_points.news()[-1:]
+                why = f"it is beyond {limit[0].limit}" if limit else "it is beyond a limit"
+                return None, [Reply(message.reply_id, False, error=why)]
         if message.verb == "write":
             message = replace(message, value=clamp(message.device, message.item, message.value))
         elif message.verb == "write_all":

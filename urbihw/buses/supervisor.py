@@ -19,11 +19,16 @@ from urbihw.buses.errors import BusError, LinkGone
 from urbihw.buses.messages import (
     Begin,
     Configure,
+    EmergencyStop,
     Ended,
     Found,
     FromWorker,
+    Latched,
     Limits,
     LinkState,
+    Release,
+    Reply,
+    Request,
     Stop,
     Stopped,
     Targets,
@@ -34,7 +39,8 @@ from urbihw.buses.messages import (
 from urbihw.buses.worker import Post, Worker
 
 FIRST_BACK_OFF: Final = 1.0
-LAST_BACK_OFF: Final = 30.0
+LAST_BACK_OFF: Final = 2.0
+"""Seconds at most: a robot that moves has nobody else who stops it."""
 STEADY: Final = 10.0
 """Seconds of work after which a worker that ends is replaced at once again."""
 LAST_STOP: Final = 3.0
@@ -53,6 +59,7 @@ class Supervisor:
         self._watches: dict[tuple[Any, str], float] = {}
         self._limits: Limits | None = None
         self._epoch = begin.epoch
+        self._latched = ""
         self._link_up = False
         self._found = Found(())
         self._back_off = 0.0
@@ -72,8 +79,11 @@ class Supervisor:
         """Send a message to the worker of the moment; one that cannot take it is lost, and another will begin anew."""
         with self._lock:
             self._remember(message)
-            with contextlib.suppress(LinkGone):
+            try:
                 self._worker.send(message)
+            except LinkGone as error:
+                if isinstance(message, Request):
+                    self._post(Reply(message.reply_id, False, error=str(error)))
 
     def stop(self) -> None:
         """Let the worker stop the robot and end.  One that cannot is replaced by another that does nothing else."""
@@ -100,6 +110,10 @@ class Supervisor:
                         self._watches[message.device, item] = message.period
             case Limits():
                 self._limits = message
+            case EmergencyStop():
+                self._latched = message.who
+            case Release():
+                self._latched = ""
             case Configure():
                 self._begin = replace(self._begin, settings=message)
             case Targets() | Stop():
@@ -117,6 +131,8 @@ class Supervisor:
                 self._link_up = message.up
             case Stopped():
                 self._epoch = max(self._epoch, message.epoch)
+            case Latched():
+                self._latched = message.reason
             case WorkerState():
                 self._worker_state(message)
                 return
@@ -170,6 +186,9 @@ class Supervisor:
                 # One that is dead already says so itself.
                 with contextlib.suppress(LinkGone):
                     self._worker.send(self._limits)
+            if self._latched:
+                with contextlib.suppress(LinkGone):
+                    self._worker.send(EmergencyStop(self._latched))
 
     def _all_watches(self) -> tuple[Watch, ...]:
         """The watches of the moment, in as few messages as can be."""

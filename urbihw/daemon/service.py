@@ -40,6 +40,8 @@ log = logging.getLogger("urbihw.daemon")
 OPEN_PATIENCE = 15.0
 """Seconds that a robot may take to be found; a scan of two protocols with a slow adapter takes a few."""
 STATUS_PERIOD = 1.0
+LONGEST_SOCKET = 107
+"""Bytes of the path of a UNIX socket (``man 7 unix``)."""
 ENDING = (signal.SIGTERM, signal.SIGINT)
 """The signals that end the service."""
 
@@ -216,6 +218,12 @@ class Service:
         if config.control == "off":
             return ""
         path = Path(config.control) if config.control else control_path(config.platform, config.port or os.getpid())
+        if not path.parent.is_dir():
+            raise BadConfig(f"control: there is no folder {path.parent}; make it, or choose another path")
+        if path.exists() and not path.is_socket():
+            raise BadConfig(f"control: {path} is something else than a socket; choose another path")
+        if len(os.fsencode(path)) > LONGEST_SOCKET:
+            raise BadConfig(f"control: a path of more than {LONGEST_SOCKET} bytes cannot be a socket: {path}")
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe, contextlib.suppress(OSError):
             probe.connect(str(path))
             raise BadConfig(f"another urbihw serves its robot at {path}: stop that, or choose another control")

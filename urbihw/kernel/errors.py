@@ -52,6 +52,10 @@ class Refused(Raised):
         super().__init__("Primitive", message, None)
 
 
+class Stopped(Refused):
+    """A statement that began before a stop wants to move what was stopped; only who catches this may go on."""
+
+
 TOO_DEEP = "statement too deeply nested"
 
 

@@ -421,6 +421,9 @@ class WiredRobot(Robot):
             return
         self._halted(message.reason)
         self.wire.lost(message.reason)
+        if self._opened is not None:
+            self.log.warning("%s", message.reason)
+            return
         self._link_state(m.LinkState(False, message.reason))
 
     def _statistics(self, message: m.Statistics) -> None:

@@ -18,8 +18,8 @@ from urbihw.buses.dynamixel.item import Motion
 from urbihw.buses.dynamixel.member import FIRED, GOAL, WATCHDOG, WATCHDOG_COUNTS, Member
 from urbihw.buses.dynamixel.options import Options
 from urbihw.buses.dynamixel.plan import TORQUE
-from urbihw.buses.dynamixel.scan import identify, scan
-from urbihw.buses.dynamixel.stop import safe_stop, stop_what_moves
+from urbihw.buses.dynamixel.scan import Interrupted, identify, scan
+from urbihw.buses.dynamixel.stop import pay_stops, safe_stop, stop_what_moves
 from urbihw.buses.errors import BadValue, BusError, LinkGone
 from urbihw.buses.link import Port, byte_link
 from urbihw.buses.messages import (
@@ -59,6 +59,7 @@ class DynamixelDriver(Driver):
         self._cycle: Cycle | None = None
         self._known: dict[int, Device] = {}
         self._expected: tuple[int, ...] = ()
+        self._urgent: Callable[[], bool] = never
         self._moved: set[int] = set()
         self._watches: dict[tuple[int, str], float] = {}
         self._next_look = 0.0
@@ -80,7 +81,8 @@ class DynamixelDriver(Driver):
         bus = DynamixelBus(byte_link(port), self._options.protocol)
         outcome = scan(bus, sorted(self._known) if self._known else self._expected or self._options.ids)
         wanted = {number: Device(number, 0, 0, bus.protocol) for number in self._options.ids or ()} | self._known
-        there = {device.id for device in outcome.devices} | {*outcome.conflicts}
+        # One that was there once is kept, also when its answer was damaged: it may turn, and must be stopped.
+        there = {device.id for device in outcome.devices} | ({*outcome.conflicts} - self._known.keys())
         return self._begin(bus, outcome, [device for number, device in wanted.items() if number not in there])
 
     def detach(self) -> None:
@@ -96,7 +98,9 @@ class DynamixelDriver(Driver):
             return []
         if not cycle.members:
             return self._look_again(cycle, now)
+        self._urgent = urgent
         tick = cycle.tick(now, meanwhile, urgent)
+        pay_stops(cycle)
         if tick.fired:
             # They stand, and would take no goals; that nobody spoke to them for so long is a stop for all.
             which = ", ".join(map(str, tick.fired))
@@ -230,9 +234,14 @@ class DynamixelDriver(Driver):
         return messages if self._known else []
 
     def _rescan(self, cycle: Cycle) -> list[FromWorker]:
-        self.detach()
+        auto, protocol = cycle.bus.auto, cycle.bus.protocol
         cycle.bus.auto = self._options.protocol == "auto"
-        outcome = scan(cycle.bus, self._options.ids)
+        try:
+            outcome = scan(cycle.bus, self._options.ids, self._urgent)
+        except Interrupted:
+            cycle.bus.auto, cycle.bus.protocol = auto, protocol
+            raise
+        self.detach()
         self._known = {}
         return self._begin(cycle.bus, outcome, ())
 

@@ -57,6 +57,7 @@ class Member:
         pending: targets not yet sent, item -> raw.
         written: targets it has, item -> raw; empty when we do not know.
         moved: we have told it to move since it was last stopped.
+        stop_owed: it was to stop, and could not be told where to hold.
         place: the present position as last read, raw; None before that.
         place_at: when that was.
         state: the lasting error bits of its answers as last reported.
@@ -70,6 +71,7 @@ class Member:
         self.pending: dict[str, int] = {}
         self.written: dict[str, int] = {}
         self.moved = False
+        self.stop_owed = False
         self.place: int | None = None
         self.place_at = -math.inf
         self.state = 0
@@ -113,6 +115,8 @@ class Member:
         if item.access != "RW" or item.area != "R":
             raise BadValue(f"{name} of {self.table.name} cannot be a target (write it with a Request)")
         item.check(raw)
+        if self.moves(name):
+            self.stop_owed = False
         if self.written.get(name) == raw:
             self.pending.pop(name, None)
         else:
@@ -142,7 +146,8 @@ class Member:
 
     def wrote(self, name: str, raw: int) -> None:
         """Note that one item was written apart from the targets, so that what we know of the device stays true."""
-        self.moved = self.moved or self.moves(name)
+        if self.moves(name):
+            self.moved, self.stop_owed = True, False
         self.written[name] = raw
         self.pending.pop(name, None)
         if name == WATCHDOG:

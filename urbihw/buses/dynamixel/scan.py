@@ -10,7 +10,7 @@ traces (noise, two answers); an id with traces is pinged again, and is a conflic
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Final
 
 from urbihw.buses.dynamixel import packet
@@ -19,18 +19,22 @@ from urbihw.buses.dynamixel.device import Device, Scan
 from urbihw.buses.dynamixel.plan import read_blocks
 from urbihw.buses.dynamixel.status import Status
 from urbihw.buses.dynamixel.tables import table_of
-from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
+from urbihw.buses.errors import BadFrame, BusError, BusTimeout, DeviceRefused
 
 _SLOT: Final = 0.0010  # return delay of at most 508 us, time to think, and some jitter of the adapter
 _LAST_WAIT: Final = 0.025  # longer than the 16 ms of an FTDI adapter that was not set to low latency
 _TRIALS: Final = 3
 
 
-def scan(bus: DynamixelBus, ids: Iterable[int] | None = None) -> Scan:
+class Interrupted(BusError):
+    """There is something more urgent to do than to scan."""
+
+
+def scan(bus: DynamixelBus, ids: Iterable[int] | None = None, urgent: Callable[[], bool] = lambda: False) -> Scan:
     """Find the devices on `bus`, all ids or the given ones.
 
     With protocol "auto" 1.0 is tried first, then 2.0; the first that anybody answers becomes the bus's protocol.
-    Nothing is written to any device. Raises LinkGone.
+    Nothing is written to any device. Raises LinkGone, and Interrupted when `urgent`, which is asked between two ids.
     """
     wanted = None if ids is None else sorted(set(ids))
     bus.echo = _echoes(bus)
@@ -38,10 +42,10 @@ def scan(bus: DynamixelBus, ids: Iterable[int] | None = None) -> Scan:
         bus.protocol = protocol
         asked = range(packet.MAX_ID[protocol] + 1) if wanted is None else wanted
         possible = [device for device in asked if device <= packet.MAX_ID[protocol]]
-        heard, doubtful = _Sweep(bus).run(possible)
+        heard, doubtful = _Sweep(bus, urgent).run(possible)
         if wanted is not None and heard:
             # Those asked for by name are worth a second look.
-            again, more = _Sweep(bus).run([device for device in possible if device not in heard])
+            again, more = _Sweep(bus, urgent).run([device for device in possible if device not in heard])
             heard, doubtful = {**heard, **again}, doubtful | more
         if heard or doubtful:
             return _confirm(bus, heard, doubtful)
@@ -66,8 +70,9 @@ def _echoes(bus: DynamixelBus) -> bool:
 class _Sweep:
     """One ping per id, answers credited to whoever sent them."""
 
-    def __init__(self, bus: DynamixelBus) -> None:
+    def __init__(self, bus: DynamixelBus, urgent: Callable[[], bool]) -> None:
         self._bus = bus
+        self._urgent = urgent
         self._decoder = packet.decoder(bus.protocol)
         self._decoder.max_params = 3
         self._sent: dict[int, float] = {}
@@ -80,6 +85,10 @@ class _Sweep:
         wait = packet.OVERHEAD[bus.protocol] * bus.link.byte_time + _SLOT
         before = -1
         for device in ids:
+            if self._urgent():
+                # Nothing of ours may answer into what is said next.
+                self._listen(-1, bus.clock.now() + _LAST_WAIT)
+                raise Interrupted("the scan gave way to a stop; ask for it again")
             noise = self._decoder.noise
             ping = packet.ping_packet(bus.protocol, device)
             now = bus.clock.now()

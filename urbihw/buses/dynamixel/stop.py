@@ -18,10 +18,13 @@ from urbihw.buses.dynamixel.cycle import Cycle
 from urbihw.buses.dynamixel.item import Motion
 from urbihw.buses.dynamixel.member import GOAL, PLACE, Member
 from urbihw.buses.dynamixel.plan import TORQUE
+from urbihw.buses.dynamixel.units import unit_of
 from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
 
 # A SYNC_WRITE is confirmed by nobody, so it is said twice.
 _TIMES = 2
+ARRIVED: Final = 0.05
+"""Radians between goal and place within which a joint has arrived; a load makes it stay behind by some."""
 FRESH: Final = 0.05
 """Seconds for which a position that was read is good enough to hold at."""
 
@@ -37,15 +40,30 @@ def safe_stop(cycle: Cycle, torque_off: bool = False, devices: Collection[int] |
     for member in motors:
         member.forget()
     fresh = bus.clock.now() - FRESH
-    quick = {m.device.id: values for m in motors if (values := _zero(m) or (_hold(m) if m.place_at >= fresh else {}))}
+    held = [member for member in motors if _holds(member)]
+    quick = {m.device.id: values for m in motors if (values := _zero(m))}
+    quick |= {m.device.id: _hold(m) for m in held if m.place_at >= fresh and m.health.state == "ok"}
     _write(bus, motors, quick)
-    for member in motors:
-        if _holds(member) and member.place_at < fresh and _look(bus, member):
-            _write(bus, [member], {member.device.id: _hold(member)})
+    for member in held:
+        if member.device.id in quick:
+            member.moved = member.stop_owed = False
+        elif member.health.state != "lost" and (known := _look(bus, member)) is not None:
+            _write(bus, [member], {member.device.id: _hold(member) if known else {}})
+            member.moved = member.stop_owed = False
+        else:
+            # It does not say where it is, so it cannot be told to hold: as soon as it does.
+            member.stop_owed = True
     if torque_off:
         _write(bus, motors, {member.device.id: {TORQUE: 0} for member in motors})
     for member in motors:
-        member.moved = False
+        member.moved = member.moved and member.stop_owed
+
+
+def pay_stops(cycle: Cycle) -> None:
+    """Stop the joints that could not be told to hold when the robot was stopped, and answer again. Raises LinkGone."""
+    owed = [member for member in cycle.motors() if member.stop_owed and member.health.state == "ok"]
+    if owed:
+        safe_stop(cycle, devices=[member.device.id for member in owed])
 
 
 def stop_what_moves(cycle: Cycle) -> tuple[int, ...]:
@@ -59,8 +77,7 @@ def stop_what_moves(cycle: Cycle) -> tuple[int, ...]:
             if effector is not None:
                 goes = effector.unpack(bus.read(member.device.id, effector.address, effector.size)) != 0
             else:
-                moves = member.table.item("moving")
-                goes = bus.read(member.device.id, moves.address, moves.size) != b"\0"
+                goes = _is_on_its_way(bus, member)
         except (BusTimeout, BadFrame, DeviceRefused):
             continue
         if goes:
@@ -69,6 +86,20 @@ def stop_what_moves(cycle: Cycle) -> tuple[int, ...]:
     if moving:
         safe_stop(cycle, devices=moving)
     return tuple(moving)
+
+
+def _is_on_its_way(bus: DynamixelBus, member: Member) -> bool:
+    """Whether a joint that has torque goes to its goal: it may be slow, and then says that it does not move."""
+    number, item = member.device.id, member.table.item
+    torque, moving, goal, place = (item(name) for name in (TORQUE, "moving", GOAL, PLACE))
+    if not torque.unpack(bus.read(number, torque.address, torque.size)):
+        return False
+    if moving.unpack(bus.read(number, moving.address, moving.size)):
+        return True
+    wanted = goal.unpack(bus.read(number, goal.address, goal.size))
+    left = abs(wanted - place.unpack(bus.read(number, place.address, place.size)))
+    count = unit_of(place).to_si(1) - unit_of(place).to_si(0)
+    return left * count > ARRIVED
 
 
 def _write(bus: DynamixelBus, members: Iterable[Member], values: Mapping[int, Mapping[str, int]]) -> None:
@@ -89,26 +120,26 @@ def _zero(member: Member) -> dict[str, int]:
 
 
 def _holds(member: Member) -> bool:
-    """Whether it is a joint that we have moved, and that can be spoken to."""
+    """Whether it is a joint that we have moved."""
     mode = member.device.mode
-    return member.moved and member.health.state != "lost" and (mode is None or mode.motion is Motion.POSITION)
+    return member.moved and (mode is None or mode.motion is Motion.POSITION)
 
 
-def _look(bus: DynamixelBus, member: Member) -> bool:
-    """Read where a joint is; false if it does not say, or is limp (it may have been without power): so it stays."""
+def _look(bus: DynamixelBus, member: Member) -> bool | None:
+    """Read where a joint is; False if it is limp (it may have lost power) and stays so, None if it is silent."""
     present, torque = member.table.item(PLACE), member.table.item(TORQUE)
     try:
         if not torque.unpack(bus.read(member.device.id, torque.address, torque.size)):
             return False
         member.place = present.unpack(bus.read(member.device.id, present.address, present.size))
     except (BusTimeout, BadFrame, DeviceRefused):
-        return False
+        return None
     member.place_at = bus.clock.now()
     return True
 
 
 def _hold(member: Member) -> dict[str, int]:
-    if not _holds(member) or member.place is None:
+    if member.place is None:
         return {}
     goal = member.table.item(GOAL)
     low, high = goal.low, goal.high

@@ -300,6 +300,7 @@ class Statements(Functions):
             return
         catch, rest = catches[0], catches[1:]
         if catch.pattern is None:
+            self.emit(do(call("caught", [name(caught, p)], p), p))
             self.stmt(catch.body, dest)
             return
         hit = self.fresh()

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from urbihw.kernel.runtime.world import World
+    from urbihw.kernel.sched.job import Job
 
 MODES = ("normal", "mix", "add", "queue", "discard", "cancel")
 
@@ -38,17 +39,19 @@ class Cancelled(Exception):
 class Movement:
     """One movement that goes on; ``value`` is what it wants at present."""
 
-    __slots__ = ("_blender", "cancelled", "value")
+    __slots__ = ("_blender", "cancelled", "job", "value")
 
-    def __init__(self, blender: Blender) -> None:
+    def __init__(self, blender: Blender, job: Job) -> None:
         self._blender = blender
+        self.job = job
         self.value: float | None = None
         self.cancelled = False
 
     def write(self, value: float) -> None:
-        """What the movement wants from now on; raises Cancelled."""
+        """What the movement wants from now on; raises Cancelled, and what the guard of the place raises."""
         if self.cancelled:
             raise Cancelled
+        self._blender.admit(value)
         self.value = value
         self._blender.apply(value)
 
@@ -65,6 +68,13 @@ class Blender:
         self._waiting = 0
         self._gathered: list[float] = []
         self._ended: list[tuple[float, float]] = []
+        self.admit: Callable[[float], None] = lambda value: None
+        """Lets a movement write, or raises an error."""
+        self._since: Callable[[], int] = lambda: 0
+
+    def guard(self, admit: Callable[[float], None], since: Callable[[], int]) -> None:
+        """What lets movements write this place, and ``Job.epoch`` of the oldest that may."""
+        self.admit, self._since = admit, since
 
     @property
     def mode(self) -> str:
@@ -78,7 +88,7 @@ class Blender:
         if not self._admit(mode):
             yield None
             return
-        movement = Movement(self)
+        movement = Movement(self, self._world.scheduler.running())
         self._movements[movement] = None
         try:
             yield movement
@@ -113,7 +123,9 @@ class Blender:
         self._put(self._blended([]) if self.mode in ("mix", "add") else value)
 
     def _blended(self, more: list[float]) -> float:
-        wanted = [movement.value for movement in self._movements if movement.value is not None] + more
+        since = self._since()
+        live = [movement for movement in self._movements if movement.job.epoch >= since]
+        wanted = [movement.value for movement in live if movement.value is not None] + more
         wanted += [value for _, value in self._just_ended()]
         return sum(wanted) if self.mode == "add" else sum(wanted) / len(wanted)
 

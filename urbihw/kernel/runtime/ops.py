@@ -273,7 +273,13 @@ def _flow(world: World) -> dict[str, Any]:
         """Whether a value counts as true."""
         return bool(value)
 
-    return locals_of(thrown, match, match_payload, no_match, either, truth) | {"caught": world.caught}
+    def caught(error: BaseException) -> Any:
+        """The value of a caught error.  A program that catches its being stopped goes on as if begun anew."""
+        if isinstance(error, errors.Stopped):
+            world.scheduler.running().renew()
+        return world.caught(error)
+
+    return locals_of(thrown, match, match_payload, no_match, either, truth, caught)
 
 
 class Pace:

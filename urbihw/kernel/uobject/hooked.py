@@ -39,6 +39,11 @@ class Guard(Protocol):
         """Somebody assigns ``wanted``, of which the range leaves ``value``."""
         ...
 
+    @property
+    def since(self) -> int:
+        """``Job.epoch`` of the oldest statement that may write."""
+        ...
+
 
 class Mirror(Protocol):
     """The server's side of a variable of a process of its own."""
@@ -221,7 +226,11 @@ class Hooked(Executable):
 
     def blender(self) -> Blender | None:
         """What blends movements of this variable, None if nothing does."""
-        return blender_of(self.world, self._meta, lambda value: self.assign(self._limited(value)))
+        found = blender_of(self.world, self._meta, lambda value: self.assign(self._limited(value)))
+        if found is not None and self.effector is not None:
+            guard = self.effector
+            found.guard(lambda value: guard.admit(value, self._limited(value)), lambda: guard.since)
+        return found
 
     def _tell_owner(self, before: Any) -> None:
         """Run the owner's callbacks; a value that it refuses (ValueError) is taken back and the writer told."""

@@ -6,7 +6,7 @@ client that is gone, is dead; what carries it is dropped wherever it waits: in a
 worker.  So nobody keeps a list of what a stop has to end.
 
 A statement is as old as the moment in which it began (``Job.epoch``).  A statement that began before a stop and tries
-to move the robot after it gets an error that says why, once; a program that catches it goes on as if begun anew.
+to move the robot after it gets an error that says why; a program that catches it goes on as if begun anew.
 
 A client (a lobby) holds a *lease* on the effectors that it wrote last.  When its connection ends they are stopped.
 """
@@ -126,12 +126,10 @@ class Motion:
             job.renew()
 
     def check(self) -> None:
-        """Raise the error that a statement gets which began before the last stop; once for each job."""
+        """Raise the error that a statement gets which began before the last stop."""
         job = self._world.scheduler.current
         if job is not None and job.epoch < self._mark:
-            job.epoch = self._world.scheduler.epoch
-            why = f"{self._name} was stopped after this statement had begun: {self.reason}"
-            raise errors.Refused(why)
+            raise errors.Stopped(f"{self._name} was stopped after this statement had begun: {self.reason}")
 
     # ---------------------------------------------------------------- writing
 
@@ -157,6 +155,10 @@ class Motion:
         self.at_rest = False
         return origin
 
+    def since(self, device: Hashable) -> int:
+        """``Job.epoch`` of the oldest statement that may move a device."""
+        return max(self._mark, self._ended.get(device, (0, ""))[0])
+
     def check_device(self, device: Hashable) -> None:
         """Raise the error of what may not move this device now: an emergency stop, its heat, its loss."""
         if self.latched:
@@ -167,8 +169,7 @@ class Motion:
         job = self._world.scheduler.current
         mark, reason = self._ended.get(device, (0, ""))
         if job is not None and job.epoch < mark:
-            job.epoch = self._world.scheduler.epoch
-            raise errors.Refused(f"the movement of {device} is over: {reason}")
+            raise errors.Stopped(f"the movement of {device} is over: {reason}")
 
     def is_live(self, origin: Origin, device: Hashable = None) -> bool:
         """Whether what carries this origin may still move the robot, or this device of it."""
@@ -247,6 +248,11 @@ class Effector:
         self.origin = self._motion.admit(self.device, known, statement)
         self._statement = statement
         self._face.wrote(self, wanted, value)
+
+    @property
+    def since(self) -> int:
+        """``Job.epoch`` of the oldest statement that may move it."""
+        return self._motion.since(self.device)
 
     def limits(self) -> str:
         """The range of the slot, in words."""

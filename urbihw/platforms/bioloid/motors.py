@@ -156,7 +156,8 @@ class Servo(Device, EffectorDevice):
         row = self.row("torqueLimit")
         strongest = units.from_si(self.table.item(row.item), self._torque_share(row, limits.torque))
         if math.isfinite(limits.torque):
-            self._set(row, min(strongest, self.raw.get(row.item, strongest)))
+            # 0 is what an alarm has left: no torque limit of anybody's.
+            self._set(row, min(strongest, self.settings.get(row.item) or self.raw.get(row.item) or strongest))
         made = ServoLimits(self.number, limits, named)
         self._fastest = limits.speed, named("speed")
         if self.wheel.sensed:
@@ -377,6 +378,8 @@ class AX12(Servo):
         self.show_alarm(state_words(raw, self.protocol))
 
 
+_REBOOTS = 1.0
+"""Seconds in which a servo starts; it takes about 0.3."""
 _HARDWARE_ERRORS = {0: "input voltage", 2: "overheating", 3: "encoder", 4: "electrical shock", 5: "overload"}
 _POSITION, _VELOCITY = 3, 1
 
@@ -450,6 +453,15 @@ class XServo(Servo):
     def _rebooted(self, reply: Reply) -> None:
         if not reply.ok:
             self.refused("reboot", reply.error)
+            return
+        handle = 0
+
+        def started() -> None:
+            self.remove_timer(handle)
+            self.restore()
+
+        # Its RAM is as after power on: it gets its settings again when it listens.
+        handle = self.set_timer(_REBOOTS, started)
 
     def _take_hardware_error(self, raw: int, stamp: float) -> None:
         self.show_alarm(", ".join(word for bit, word in _HARDWARE_ERRORS.items() if raw >> bit & 1))

@@ -63,7 +63,9 @@ class ServoDrive(EffectorDevice):
             (self.watched, info.watches),
         ):
             var.sense(value)
+        self._own_coefficient = 1.0
         if math.isfinite(info.increments) and info.increments > 0:
+            self._own_coefficient = math.tau / info.increments
             self.positionCoeff.sense(math.tau / info.increments)
             self.velocityCoeff.sense(math.tau / info.increments)
         self._set_ranges()
@@ -127,8 +129,11 @@ class ServoDrive(EffectorDevice):
     # ---------------------------------------------------------------- limits of the settings
 
     def limits_in_counts(self, limits: DeviceLimits, named: Named) -> tuple[LimitTable, Sequence[m.Threshold]]:
-        """See ``platforms.base.Limited``: rad, rad/s, rad/s2 by the coefficients."""
-        place, speed = 1 / self.positionCoeff.value, 1 / abs(self.velocityCoeff.value)
+        """See ``platforms.base.Limited``: rad, rad/s, rad/s2 of the motor's own shaft, as its encoder counts.
+
+        Coefficients are for programs to change; what is limited does not change with them.
+        """
+        place = speed = 1 / self._own_coefficient
         low, high = sorted(value * place for value in limits.position)
         most = limits.speed * speed
         table = {

@@ -11,7 +11,7 @@ its opcode on and gives the reply from its opcode on; ("brick", "silent", bytes)
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -204,6 +204,14 @@ class NxtDriver(Driver):
         telegram = request.value
         return request.device == BRICK and isinstance(telegram, bytes) and telegram[:1] in p.MOVING_OPCODES
 
+    def implied(self, request: Request) -> Mapping[tuple[Any, str], Any]:
+        """The power of a telegram that runs motors."""
+        telegram = request.value
+        if request.device != BRICK or not isinstance(telegram, bytes) or telegram[:1] != b"\x04" or len(telegram) < 3:
+            return {}
+        power = int.from_bytes(telegram[2:3], "little", signed=True)
+        return {(port, "power"): power for port in p.outputs_of(b"\x00" + telegram)}
+
     def pose(self, device: Any, item: str) -> float | None:
         """The count of degrees as last read, for the goal of a motor."""
         return self._rotations.get(device) if item == "goal" else None
@@ -311,7 +319,9 @@ class NxtDriver(Driver):
     def _errand(self, exchange: Exchange, message: Request) -> Any:
         device, item, value = message.device, message.item, message.value
         if (message.verb, device, item) == ("write", BRICK, "telegram"):
-            return _patiently(exchange, p.raw(value, reply=True), tries=1)[1:]
+            raw = p.raw(value, reply=True)
+            self._moved |= p.outputs_of(raw)
+            return _patiently(exchange, raw, tries=1)[1:]
         if (message.verb, device, item) == ("write", BRICK, "silent"):
             self._tell(exchange, p.raw(value, reply=False))
             return None

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from urbihw.buses.errors import BadValue
-from urbihw.kernel.uobject import UObject, event, function, reading
+from urbihw.buses.messages import Reply
+from urbihw.kernel.uobject import Origin, UObject, event, function, reading
 from urbihw.platforms.nxt import protocol as p
 from urbihw.platforms.nxt.motion import HIGHEST_HZ, LONGEST_TONE, LOWEST_HZ
 from urbihw.platforms.nxt.ports import Gauge, brick_of
@@ -92,20 +93,34 @@ class Command(UObject):
     @function("send")
     def send_silently(self, buffer: list[Any]) -> None:
         """Send a command that wants no answer."""
-        self.brick.wire.write(BRICK, "silent", _checked(buffer), lambda reply: None)
+        body = _checked(buffer)
+        self.brick.wire.write(BRICK, "silent", body, self._done, self._origin(body))
 
     @function
     def ask(self, buffer: list[Any]) -> int:
         """Send a command that wants an answer; ``answered`` then has this number and the answer as a list, or []."""
+        body = _checked(buffer)
+        origin = self._origin(body)
         self.count += 1
         number = self.count
-        self.brick.wire.write(
-            BRICK,
-            "telegram",
-            _checked(buffer),
-            lambda reply: self.answered.emit(number, list(map(float, reply.value)) if reply.ok else []),
-        )
+
+        def answered(reply: Reply) -> None:
+            self._done(reply)
+            self.answered.emit(number, list(map(float, reply.value)) if reply.ok else [])
+
+        self.brick.wire.write(BRICK, "telegram", body, answered, origin)
         return number
+
+    def _origin(self, body: bytes) -> Origin | None:
+        """Where a command comes from that sets motors in motion; it holds the lease on them.  Raises as ``admit``."""
+        origin = None
+        for port in sorted(p.outputs_of(b"\x00" + body)):
+            origin = self.brick.motion.admit(port)
+        return origin
+
+    def _done(self, reply: Reply) -> None:
+        if not reply.ok:
+            self.brick.log.warning("Command: not sent: %s", reply.error)
 
 
 def _checked(buffer: list[Any]) -> bytes:

@@ -27,6 +27,8 @@ PER_RADIAN: Final = 446.9071
 """Counts of angles and their rates, 7.8 for a degree, on all models (libsegwayrmp, Orca)."""
 FULL_SCALE: Final = 16
 FULL_CURRENT: Final = 256
+_FULL_SPEED: Final = 3.576
+"""m/s at the largest velocity command: 8 mph (README.md, "Quirks")."""
 _QUARTERS: Final = 4  # counts of the battery for 1 V
 EMPTY, FULL = 60.0, 78.0
 """Volts between which the battery's charge is estimated, along a straight line; guessed around the nominal 72."""
@@ -216,9 +218,11 @@ class RMP(EffectorDevice):
     # ---------------------------------------------------------------- limits of the settings
 
     def limits_in_counts(self, limits: DeviceLimits, named: Named) -> tuple[LimitTable, Sequence[m.Threshold]]:
-        """See ``platforms.base.Limited``: m/s, rad/s, m/s2, by the coefficients of this RMP."""
-        forward = 1 / abs(self.velocityCoeff.value * (self._scale("velocity") or 1))
-        turn = 1 / abs(self.turnCoeff.value * (self._scale("turn") or 1))
+        """See ``platforms.base.Limited``: m/s, rad/s, m/s2, by what full scale is.
+
+        Coefficients and scales are for programs to change; what is limited does not change with them.
+        """
+        forward, turn = p.MOST_VELOCITY / _FULL_SPEED, PER_RADIAN
         most, around = limits.speed * forward, limits.turn * turn
         table = {
             (BASE, "velocity"): m.Limit(-most, most, limits.acceleration * forward, named("speed")),

@@ -131,7 +131,7 @@ class Segway(WiredRobot):
         self.wire.watch(BASE, (), period)
 
     def limited_devices(self) -> Mapping[str, Limited]:
-        """See ``WiredRobot``: the base, by the coefficients of the RMP that was made first."""
+        """See ``WiredRobot``: the base, shown by the RMP that was made first."""
         first = min(self._members, key=lambda rmp: rmp.unique_name, default=None)
         return {} if first is None else {BASE: first}
 
