@@ -69,8 +69,8 @@ class RobotLab:
     """Seconds between two looks at both clocks: a tick of the worker."""
 
     def __init__(self, **options: Any) -> None:
-        """``options`` are those of the platform; ``limits`` among them are those of the settings."""
-        limits = options.pop("limits", {})
+        """``options`` are those of the platform; ``limits`` and ``resume`` among them are those of the settings."""
+        limits, resume = options.pop("limits", {}), options.pop("resume", True)
         self.clock = SimClock()
         self.bus_clock = BusClock(START)
         self.kernel = Kernel(self.clock)
@@ -89,7 +89,7 @@ class RobotLab:
         self.robot = host.create(kind, manifest.slot)
         self.robot.start_worker = self._start
         self.robot.bus_time = self.bus_clock.now
-        settings = RobotSettings(self.url, 1 / self.tick, dead_man=0, options=options, limits=limits)
+        settings = RobotSettings(self.url, 1 / self.tick, dead_man=0, options=options, limits=limits, resume=resume)
         self.robot.open(settings, self.opened.append)
 
     def context(self) -> Context:

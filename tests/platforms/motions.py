@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from multiprocessing import Pipe
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -317,13 +317,16 @@ class Scene:
         self.run(gap)
         settings = [x for x in old.sent if isinstance(x, m.Configure)] or [m.Configure(1 / self.lab.tick, dead_man=0)]
         begin = m.Begin(settings[-1], epoch=epoch, instead="it was killed", devices=self.motion.found(self.lab))
+        kept = [x for x in old.sent if isinstance(x, m.Configure | m.Watch | m.Limits)]
+        begin = replace(begin, watches=tuple(x for x in kept if isinstance(x, m.Watch)))
         new = HandWorker(
             lambda mailbox: Engine(self.lab.url, driver_of(robot.family), mailbox, begin, self.lab.context()),
             robot._post,
         )
-        for message in old.sent:
-            if isinstance(message, m.Watch | m.Limits):
+        for message in kept:
+            if isinstance(message, m.Limits):
                 new.send(message)
+        new.sent[:0] = kept
         self._put(new)
 
     def _put(self, worker: HandWorker) -> None:

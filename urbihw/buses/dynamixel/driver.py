@@ -19,7 +19,7 @@ from urbihw.buses.dynamixel.member import FIRED, GOAL, WATCHDOG, WATCHDOG_COUNTS
 from urbihw.buses.dynamixel.options import Options
 from urbihw.buses.dynamixel.plan import TORQUE
 from urbihw.buses.dynamixel.scan import Interrupted, identify, scan
-from urbihw.buses.dynamixel.stop import pay_stops, safe_stop, stop_what_moves
+from urbihw.buses.dynamixel.stop import HERE, here, pay_stops, safe_stop, stop_what_moves
 from urbihw.buses.errors import BadValue, BusError, LinkGone
 from urbihw.buses.link import Port, byte_link
 from urbihw.buses.messages import (
@@ -45,10 +45,10 @@ class DynamixelDriver(Driver):
     """The Dynamixel half of a worker; see `urbihw.buses.driver.Driver` for who calls what.
 
     Verbs: "read", "write"; "write_all" writes the pairs (item, value) of `value` one after the other, until one is
-    refused; "ping" gives the model number, "reboot" restarts a protocol 2.0 device, "scan" looks for
-    devices on all ids (0.5 s, in which the cycle rests: not while the robot moves), posts `Found` and gives the number
-    of devices. The item "state" comes with the lasting error bits of the answers when they change
-    (`urbihw.buses.dynamixel.status.state_words` says them).
+    refused, and gives them; the value `HERE` is where the servo is at that moment; "ping" gives the model number,
+    "reboot" restarts a protocol 2.0 device, "scan" looks for devices on all ids (0.5 s, in which the cycle rests: not
+    while the robot moves; a stop ends it), posts `Found` and gives the number of devices. The item "state" comes with
+    the lasting error bits of the answers when they change (`urbihw.buses.dynamixel.status.state_words` says them).
     """
 
     slow_verbs = frozenset({"scan"})
@@ -258,9 +258,7 @@ class DynamixelDriver(Driver):
             member.forget()
             return 0
         if message.verb == "write_all":
-            for name, value in message.value:
-                _write(bus, member, name, value)
-            return len(message.value)
+            return tuple((name, _write(bus, member, name, value)) for name, value in message.value)
         if message.verb == "write":
             return _write(bus, member, message.item, message.value)
         item = member.table.item(message.item)
@@ -293,7 +291,7 @@ def _clear_watchdogs(cycle: Cycle, numbers: Iterable[int]) -> None:
             continue
 
 
-def _write(bus: DynamixelBus, member: Member, name: str, value: int) -> int:
+def _write(bus: DynamixelBus, member: Member, name: str, wanted: Any) -> int:
     """Write an item, until the device has confirmed it where it does such things.
 
     An AX servo whose goal lies outside the limits that it was just given obeys and complains, and the confirmation may
@@ -302,6 +300,9 @@ def _write(bus: DynamixelBus, member: Member, name: str, value: int) -> int:
     item = member.table.item(name)
     if item.access != "RW":
         raise BadValue(f"{item.name} of {member.table.name} can only be read")
+    if wanted == HERE:
+        wanted = here(bus, member)
+    value = int(wanted)
     if value and member.must_arm(name):
         _write(bus, member, WATCHDOG, WATCHDOG_COUNTS)
     try:

@@ -23,6 +23,8 @@ from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
 
 # A SYNC_WRITE is confirmed by nobody, so it is said twice.
 _TIMES = 2
+HERE: Final = "here"
+"""As a goal: where the servo is when that is written."""
 ARRIVED: Final = 0.05
 """Radians between goal and place within which a joint has arrived; a load makes it stay behind by some."""
 FRESH: Final = 0.05
@@ -139,12 +141,22 @@ def _look(bus: DynamixelBus, member: Member) -> bool | None:
 
 
 def _hold(member: Member) -> dict[str, int]:
-    if member.place is None:
-        return {}
+    return {} if member.place is None else {GOAL: _within_limits(member, member.place)}
+
+
+def _within_limits(member: Member, place: int) -> int:
+    """A goal outside the limits would be refused, and the servo would go on moving."""
     goal = member.table.item(GOAL)
     low, high = goal.low, goal.high
     mode, setup = member.device.mode, member.device.setup
     if mode is not None and mode.limits and all(name in setup for name in mode.limits):
-        # A goal outside the limits would be refused, and the servo would go on moving.
         low, high = (setup[name] for name in mode.limits)
-    return {goal.name: min(max(member.place, low), high)}
+    return min(max(place, low), high)
+
+
+def here(bus: DynamixelBus, member: Member) -> int:
+    """Where a servo is now, as a goal for it. Raises what `bus.read` raises."""
+    present = member.table.item(PLACE)
+    member.place = present.unpack(bus.read(member.device.id, present.address, present.size))
+    member.place_at = bus.clock.now()
+    return _within_limits(member, member.place)

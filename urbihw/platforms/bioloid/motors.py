@@ -14,12 +14,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from urbihw.buses import messages as m
 from urbihw.buses.dynamixel import units
 from urbihw.buses.dynamixel.device import DeviceInfo
 from urbihw.buses.dynamixel.status import state_words
+from urbihw.buses.dynamixel.stop import HERE
 from urbihw.buses.messages import Reply
 from urbihw.kernel.uobject import EffectorDevice, Motion, Origin, UVar, function, reading
 from urbihw.platforms.base import LimitTable, Named
@@ -30,8 +31,8 @@ from urbihw.platforms.bioloid.slots import Slot
 from urbihw.platforms.limits import DeviceLimits
 from urbihw.platforms.wire import Wire
 
-Step = tuple[str, int]
-"""One write of a switch of mode: item and raw count."""
+Step = tuple[str, Any]
+"""One write of a switch of mode: item and raw count, or ``HERE``."""
 
 
 class Servo(Device, EffectorDevice):
@@ -215,7 +216,7 @@ class Servo(Device, EffectorDevice):
         def replied(reply: Reply) -> None:
             self._switches -= 1
             if reply.ok:
-                self.take(dict(steps), self.host.now())
+                self.take(dict(reply.value), self.host.now())
             else:
                 self.refused(slot, self.explained(reply.error))
                 # A motor that could not be switched on stays off until that is asked for again.
@@ -316,9 +317,9 @@ class AX12(Servo):
 
     def plan_on(self) -> list[Step]:
         """Goal where it is (an old goal must not move it), torque limit back after an alarm, torque on."""
-        steps = []
-        if not self.wheel.sensed and "present_position" in self.raw:
-            steps.append((self.goal, self.raw["present_position"]))
+        steps: list[Step] = []
+        if not self.wheel.sensed:
+            steps.append((self.goal, HERE))
         if self.raw.get("torque_limit") == 0:
             steps.append(("torque_limit", self.settings.get("torque_limit", self.raw.get("max_torque", 1023))))
         return [*steps, ("torque_enable", 1)]
@@ -367,10 +368,8 @@ class AX12(Servo):
             return steps
         if wheel:
             return [("moving_speed", 0), *steps]
-        held = []
-        if self.raw.get("torque_enable") == 1 and "present_position" in self.raw:
-            # It would go to the goal that it had before it was a wheel.
-            held = [(self.goal, min(max(self.raw["present_position"], values[cw]), values[ccw]))]
+        # It would go to the goal that it had before it was a wheel.
+        held: list[Step] = [(self.goal, HERE)] if self.raw.get("torque_enable") == 1 else []
         return [("moving_speed", 0), *steps, *held, ("moving_speed", self.settings.get("moving_speed", 0))]
 
     def take_state(self, raw: int, stamp: float) -> None:
