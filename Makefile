@@ -30,7 +30,7 @@ types: .venv/installed-dev
 	$(BIN)/mypy
 
 check: .venv/installed-dev
-	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m 'not e2e' $(ARGS)
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal -m 'not e2e' $(ARGS)
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m e2e $(ARGS)
 
 bench: .venv/installed-dev
@@ -39,6 +39,7 @@ bench: .venv/installed-dev
 	$(BIN)/python -m bench.segway
 	$(BIN)/python -m bench.p3dx
 	$(BIN)/python -m bench.nxt
+	$(BIN)/python -m bench.stop
 
 clean:
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache build dist *.egg-info

@@ -12,8 +12,9 @@ DEAD_MAN, HUNG, RESTART = 1.5, 2.0, 3.0
 """Seconds of silence until a robot is stopped, a worker is killed, and another one is there on a busy machine."""
 BUSY = 1.5
 """Seconds that a body may need to stand, and a busy machine to come to it."""
-HURRY = 1.5
-"""A busy machine lets movements halt and hurry, with no event at all; 1.1 is held in simulated time."""
+HURRY = 2.2
+"""A leap has 3 to 8 times the speed of the swing. A busy machine lets movements halt and hurry, with no event at all;
+1.1 is held in simulated time."""
 MOTION_ENDS = "this statement had begun"
 
 

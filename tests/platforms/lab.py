@@ -18,6 +18,7 @@ from urbihw.buses import messages as m
 from urbihw.buses.clock import SimClock as BusClock
 from urbihw.buses.driver import driver_of
 from urbihw.buses.engine import Engine
+from urbihw.buses.errors import LinkGone
 from urbihw.buses.link import Context
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.pipe import PipeEnd
@@ -27,6 +28,8 @@ from urbihw.kernel.uobject import DeviceError, RobotSettings
 from urbihw.platforms import find, load
 from urbihw.platforms.base import WiredRobot
 
+MOST_UNREAD = 300
+"""Messages that a pipe takes while nobody reads."""
 START = 100.0
 """The bus begins at another time than the kernel, as in life."""
 
@@ -39,14 +42,19 @@ class HandWorker:
         self._engine = engine(Mailbox(theirs))
         self._post = post
         self.sent: list[m.ToWorker] = []
+        self._unread = 0
 
     def send(self, message: m.ToWorker) -> None:
-        """Hand a message to the engine, and remember it."""
+        """Hand a message to the engine, and remember it; as in a ``Supervisor``, targets never wait for room."""
+        self._unread += 1
+        if isinstance(message, m.Targets) and self._unread > MOST_UNREAD:
+            raise LinkGone("the worker does not read what it is told")
         self.sent.append(message)
         self.pipe.send(message)
 
     def step(self) -> None:
         """One step of the engine; what it says is posted."""
+        self._unread = 0
         self._engine.step()
         with contextlib.suppress(EOFError):
             while self.pipe.poll():

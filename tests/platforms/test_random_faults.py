@@ -3,7 +3,7 @@
 Two clients say random programs (``random_programs``); every few seconds something befalls the robot.  What is checked
 at each tick: ``random_trial``.
 
-    URBIHW_SEED     the seed; printed, and told by a failure
+    URBIHW_SEED     the seed, 1 if not said, so that each run is the same; printed, and told by a failure
     URBIHW_SECONDS  simulated seconds for each platform; 3600 is the hour
 """
 

@@ -12,11 +12,13 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
+from collections import deque
 from dataclasses import replace
 from typing import Any, Final
 
 from urbihw.buses.errors import BusError, LinkGone
 from urbihw.buses.messages import (
+    Alive,
     Begin,
     Configure,
     EmergencyStop,
@@ -36,13 +38,15 @@ from urbihw.buses.messages import (
     Watch,
     WorkerState,
 )
-from urbihw.buses.worker import Post, Worker
+from urbihw.buses.worker import Post, Worker, WorkerBusy
 
 FIRST_BACK_OFF: Final = 1.0
 LAST_BACK_OFF: Final = 2.0
 """Seconds at most: a robot that moves has nobody else who stops it."""
 STEADY: Final = 10.0
 """Seconds of work after which a worker that ends is replaced at once again."""
+MOST_WAITING: Final = 10_000
+"""Messages that may wait for a worker that does not read."""
 LAST_STOP: Final = 3.0
 """Seconds in which a worker that was started for nothing else must have stopped the robot."""
 
@@ -60,6 +64,7 @@ class Supervisor:
         self._limits: Limits | None = None
         self._epoch = begin.epoch
         self._latched = ""
+        self._backlog: deque[ToWorker] = deque()
         self._link_up = False
         self._found = Found(())
         self._back_off = 0.0
@@ -76,14 +81,28 @@ class Supervisor:
         return cls(url, post, Begin(settings, control=control), family)
 
     def send(self, message: ToWorker) -> None:
-        """Send a message to the worker of the moment; one that cannot take it is lost, and another will begin anew."""
+        """Send a message to the worker of the moment.
+
+        Targets that it has no room for are lost: newer ones will come.  Everything else waits and keeps its order.
+        """
         with self._lock:
             self._remember(message)
-            try:
-                self._worker.send(message)
-            except LinkGone as error:
-                if isinstance(message, Request):
-                    self._post(Reply(message.reply_id, False, error=str(error)))
+            self._backlog.append(message)
+            while self._backlog and self._handed_over(self._backlog[0]):
+                self._backlog.popleft()
+            if self._backlog and isinstance(self._backlog[-1], Targets | Alive):
+                self._backlog.pop()
+
+    def _handed_over(self, message: ToWorker) -> bool:
+        """Whether a message has been dealt with: the worker has it, or it is gone and the message with it."""
+        try:
+            self._worker.send(message)
+        except WorkerBusy:
+            return len(self._backlog) > MOST_WAITING
+        except LinkGone as error:
+            if isinstance(message, Request):
+                self._post(Reply(message.reply_id, False, error=str(error)))
+        return True
 
     def stop(self) -> None:
         """Let the worker stop the robot and end.  One that cannot is replaced by another that does nothing else."""
@@ -178,6 +197,8 @@ class Supervisor:
             if self._stopping.is_set():
                 return
             self._started_at = time.monotonic()
+            # What waited was for the worker that is gone; who asked it for something has been told.
+            self._backlog.clear()
             self._epoch += 1
             begin = replace(self._begin, epoch=self._epoch, instead=reason, watches=self._all_watches())
             self._worker = Worker.start(self._url, post=self._hear, begin=begin, family=self._family)

@@ -52,10 +52,14 @@ LOOK = 0.1
 """Seconds between two looks whether the worker is heard of."""
 HUNG = 2.0
 """Seconds without a word after which a worker process is killed; `Pulse` asks for more where more is right."""
-_FULL = 0.05
+_FULL = 0.005
 """Seconds to wait for room in the pipe to a worker that does not read."""
 _STOLEN = 0.3
 """Seconds that a look may come late; when it is later than that, it was this process that was held."""
+
+
+class WorkerBusy(LinkGone):
+    """There is no room in the pipe to the worker: it hangs, or does something slow."""
 
 
 class Worker:
@@ -168,7 +172,8 @@ class Worker:
         self._reader.join(HUNG)
 
     def send(self, message: ToWorker) -> None:
-        """Send a message; safe from any thread. Raises LinkGone when the worker has ended, or does not read."""
+        """Send a message; safe from any thread. Raises LinkGone when the worker has ended, WorkerBusy when it
+        does not read."""
         with self._lock:
             try:
                 # A worker that hangs must not hold up who talks to it.
@@ -179,7 +184,7 @@ class Worker:
             except OSError as error:
                 raise LinkGone(f"the bus worker of {self._url} has ended; start another one") from error
         if full:
-            raise LinkGone(f"the bus worker of {self._url} does not read what it is told")
+            raise WorkerBusy(f"the bus worker of {self._url} does not read what it is told")
         raise LinkGone(f"the bus worker of {self._url} has ended; start another one")
 
     def stop(self, timeout: float = 3.0) -> None:

@@ -174,11 +174,11 @@ class DrivesDriver(Driver):
 
     def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
         """The drives, all or those of `devices`, brake and hold, or are switched off."""
-        for drive in self._living():
-            if devices is not None and drive.info.id not in devices:
+        for number, drive in self._drives.items():
+            if devices is not None and number not in devices:
                 continue
-            if self._off_on_stop or drive.wanted is None:
-                # One that was set up anew may still do what it was told before.
+            if self._off_on_stop or drive.wanted is None or number in self._lost:
+                # One that was set up anew may still do what it was told before; one that is lost may hear us.
                 drive.quick_stop()
             elif drive.wanted:
                 self._tried(drive.halt)

@@ -244,6 +244,8 @@ class Servo(Device, EffectorDevice):
     # ---------------------------------------------------------------- limits and mode
 
     def _limit_written(self, var: UVar) -> None:
+        # A switch of mode may move it a little: not for a statement that was stopped.
+        self.motion.check()
         self._limits_wanted[var.name] = number(var)
         least, most = self._wanted()
         # A speed written behind the limits means the mode that they make.
