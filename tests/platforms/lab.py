@@ -28,7 +28,7 @@ from urbihw.kernel.uobject import DeviceError, RobotSettings
 from urbihw.platforms import find, load
 from urbihw.platforms.base import WiredRobot
 
-MOST_UNREAD = 300
+MOST_UNREAD = 100
 """Messages that a pipe takes while nobody reads."""
 START = 100.0
 """The bus begins at another time than the kernel, as in life."""
