@@ -206,8 +206,11 @@ def test_ctrl_c_reaches_a_loop_that_never_gives_way(terminal: Callable[..., Term
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_without_a_user_one_signal_ends_it(server: Callable[..., Server], number: signal.Signals) -> None:
-    started = server("-e", 'echo("busy"); loop| {};')
+    # What is said is shown when the round is over, which a loop that never gives way would prevent.
+    started = server("-e", 'echo("busy"); sleep(0.2s); loop| {};')
+    end = time.monotonic() + PATIENCE
     while "busy" not in started.log():
+        assert time.monotonic() < end, started.log()
         time.sleep(0.01)
     started.process.send_signal(number)
     assert started.process.wait(PATIENCE) == 0
