@@ -400,3 +400,16 @@ def test_a_worker_cannot_be_started_on_nonsense() -> None:
         Worker.start("/dev/ttyUSB0", post=print, family="teapot")
     with pytest.raises(BadValue, match="context"):
         Worker.start("/dev/ttyUSB0", post=print, context=Context())
+
+
+def test_an_emergency_stop_is_not_ended_by_a_release_that_was_asked_before_it(bench: Bench) -> None:
+    bench.run(0.5)
+    bench.tell(m.EmergencyStop("one"), m.Release("one"), m.EmergencyStop("two"))
+    assert of(m.Latched, bench.run(0.1))[-1].reason == "two"
+    place = bench.rig.kit.servo(6).position
+    bench.tell(m.Targets({(6, "goal_position"): 900}, epoch=9))
+    bench.run(1.0)
+    assert bench.rig.kit.servo(6).position == pytest.approx(place, abs=2)
+    bench.tell(m.Release("two"), m.Targets({(6, "goal_position"): 900}, epoch=9))
+    bench.run(1.0)
+    assert bench.rig.kit.servo(6).registers.get("goal_position") == 900

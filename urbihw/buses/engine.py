@@ -237,12 +237,23 @@ class Engine:
                 self._heard_at = self._clock.now()
                 self._stopped_for_silence = False
                 if isinstance(message, _URGENT) and getattr(message, "devices", None) is None:
+                    if isinstance(message, EmergencyStop):
+                        self._forget_releases()
                     self._urgent.append(message)
                 else:
                     self._inbox.append(message)
         if self._control is not None:
             for order in self._control.poll(ready):
+                if order.verb == ESTOP:
+                    self._forget_releases()
                 (self._urgent if order.verb in (STOP, ESTOP) else self._orders).append(order)
+
+    def _forget_releases(self) -> None:
+        """An emergency stop overtakes the releases that wait: they were asked before it, so they must not end it."""
+        self._inbox = deque(message for message in self._inbox if not isinstance(message, Release))
+        for order in [order for order in self._orders if order.verb == RELEASE]:
+            self._orders.remove(order)
+            order.answer(self._state())
 
     def _is_urgent(self) -> bool:
         """Whether a stop has come; a driver asks between two transactions."""

@@ -221,11 +221,10 @@ class Supervisor:
     def _stop_directly(self) -> None:
         """The worker is gone and may have left the robot moving: start one that stops it."""
         opened = threading.Event()
-        failed = threading.Event()
 
         def hear(message: FromWorker) -> None:
-            if isinstance(message, LinkState):
-                (opened if message.up else failed).set()
+            if isinstance(message, LinkState) and message.up:
+                opened.set()
 
         with contextlib.suppress(BusError, OSError):
             begin = replace(self._begin, epoch=self._epoch + 1, instead="the daemon ends", control="")

@@ -38,8 +38,10 @@ from urbihw.kernel.uobject import (
 from urbihw.platforms.limits import DeviceLimits, LimitSettings
 from urbihw.platforms.wire import Wire
 
-SAME_STOP: Final = 0.5
-"""Seconds within which a second stop of a robot that was not moved since is the same one."""
+SAME_STOP: Final = 0.05
+"""Seconds within which a second stop of a robot that was not moved since is the same one: no person is so quick."""
+SAID_AGAIN: Final = 1.0
+"""Seconds after which a stop for the same reason is logged again."""
 REFUSED_AGAIN: Final = 10.0
 """Seconds after which the same refusal is logged again."""
 ALIVE: Final = 0.5
@@ -398,8 +400,10 @@ class WiredRobot(Robot):
         self.on_halt(reason, (device,))
 
     def _stopped(self, message: m.Stopped) -> None:
-        if message.devices is None:
+        said, now = (message.reason, message.devices), self.host.now()
+        if message.devices is None and now - self._refusals.get(said, -math.inf) >= SAID_AGAIN:
             self.log.info("%s stopped: %s", self.robot_name, message.reason)
+            self._refusals[said] = now
         if message.devices is None and message.epoch > self.motion.epoch:
             self._halted(message.reason, message.epoch)
         self.on_stopped(message.reason)

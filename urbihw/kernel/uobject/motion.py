@@ -203,10 +203,6 @@ class Motion:
 
     # ---------------------------------------------------------------- leases
 
-    def forget(self, device: Hashable) -> None:
-        """Nobody moves a device any more."""
-        self._moved_by.pop(device, None)
-
     def _client_gone(self, lease: Any) -> None:
         if self.keep:
             return
