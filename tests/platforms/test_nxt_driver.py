@@ -139,6 +139,19 @@ def test_a_slow_link_makes_readings_rarer_and_targets_no_later_than_a_reply() ->
     assert rig.brick.motor("A").power == 50
 
 
+def test_targets_do_not_wait_for_a_lost_reply(rig: Rig) -> None:
+    rig.driver.watch(m.Watch("B", ("rotation",), 0.0), rig.clock.now())
+    aim(rig, A_power=50)
+    rig.run(2)
+    rig.device.faults.start("silence")
+    rig.run(2)
+    rig.device.faults.stop()
+    aim(rig, A_power=0)
+    rig.run(9)
+    assert rig.brick.motor("A").power == 0
+    assert rig.driver.errors()["timeouts"] == 0
+
+
 def test_a_slow_reply_is_not_taken_for_the_next(rig: Rig) -> None:
     rig.driver.watch(m.Watch("B", ("rotation",), 0.0), rig.clock.now())
     rig.brick.motor("B").count(0, 0, 77)

@@ -2,6 +2,7 @@
 
 One telegram is in flight at a time.  A reply that is not there at the end of a tick is awaited in the next, so a slow
 link (Bluetooth takes some 30 ms a reply) makes readings rarer but ticks no later; targets go out before each reading.
+When a reply is late or lost they do not wait for it: most want none themselves.
 
 Targets: see ``motion``; watches: see ``reading``.  "write" requests: ("brick", "telegram", bytes) sends a command from
 its opcode on and gives the reply from its opcode on; ("brick", "silent", bytes) sends one without a reply; (port,
@@ -109,9 +110,11 @@ class NxtDriver(Driver):
         end = now + _SHARE / self._settings.rate
         self._next_tick = now + _NEXT / self._settings.rate
         gathered = _Gathered()
+        if exchange.late:
+            self._send_targets(exchange, clock.now())
         while True:
             if not exchange.busy:
-                self._send_targets(exchange, clock.now(), gathered)
+                self._send_targets(exchange, clock.now())
                 if not self._begin(exchange, clock.now()):
                     break
                 meanwhile()
@@ -121,7 +124,7 @@ class NxtDriver(Driver):
                 break
             if clock.now() >= end:
                 if not exchange.busy:
-                    self._send_targets(exchange, clock.now(), gathered)
+                    self._send_targets(exchange, clock.now())
                 break
         return gathered.messages()
 
@@ -259,7 +262,7 @@ class NxtDriver(Driver):
 
     # ---------------------------------------------------------------- a tick
 
-    def _send_targets(self, exchange: Exchange, now: float, gathered: _Gathered) -> None:
+    def _send_targets(self, exchange: Exchange, now: float) -> None:
         for telegram in self._motion.silent(now):
             self._tell(exchange, telegram)
         if now >= self._keep_alive_at:

@@ -17,6 +17,8 @@ PATIENCE: Final = {True: 0.3, False: 1.5}
 """Seconds to wait for a reply, on links that keep packets and on others.
 
 A brick answers within a pass of its main loop of about 1 ms; Bluetooth takes some 30 ms to turn round, and stalls."""
+LATE: Final = 0.06
+"""Seconds after which a reply is late: twice what Bluetooth takes to turn round."""
 STRIKES: Final = 3
 """Requests in a row without a reply after which the brick counts as gone."""
 _MOST_LEFT_OVER = 32  # reads
@@ -50,6 +52,11 @@ class Exchange:
     def busy(self) -> bool:
         """Whether a reply is awaited."""
         return self._opcode >= 0
+
+    @property
+    def late(self) -> bool:
+        """Whether the reply that is awaited should have been there long ago."""
+        return self.busy and self.link.clock.now() >= self._give_up_at - self.patience + LATE
 
     def tell(self, telegram: bytes) -> None:
         """Send a telegram that wants no reply.  Raises LinkGone."""
