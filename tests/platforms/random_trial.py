@@ -177,6 +177,7 @@ class Trial(Scene):
         self.down: dict[Any, bool] = dict.fromkeys(self.plant.devices, False)
         self.missed, self.linked = False, True
         self.sick = 0
+        self.dark: set[Any] = set()  # devices without power: they coast, and nobody can brake them
         self.faulty: dict[str, float] = {}
         self.clear_at: dict[Any, float] = dict.fromkeys(self.plant.devices, 0.0)
         self.parts = [part for parts in self.plant.devices.values() for part in parts]
@@ -217,11 +218,12 @@ class Trial(Scene):
 
     def check(self, now: float, speeds: tuple[float, ...], place: tuple[float, ...]) -> None:
         """The property."""
+        sick = self.sick > 0 or any(self.plant.device(self.lab).faults)
         for what, healed in self.faulty.items():
-            self.faulty[what] = now if self.sick else healed
-            self.holds(bool(self.sick) or now < healed + BACK, f"{what} works again, but is not back")
+            self.faulty[what] = now if sick else healed
+            self.holds(sick or now < healed + BACK, f"{what} works again, but is not back")
         for device, parts in self.plant.devices.items():
-            if self.down[device]:
+            if self.down[device] or device in self.dark:
                 for part in parts:
                     self.unbind(part, now)
                 continue

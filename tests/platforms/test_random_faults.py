@@ -32,7 +32,6 @@ class Fate:
         self.trial, self.rng, self.plant = trial, trial.rng, trial.plant
         self.tags: list[tuple[str, int]] = []
         self.plugged = True
-        self.dark: set[object] = set()
         self.events: dict[Callable[[], None], float] = {
             self.stop: 4, self.estop: 2, self.hold: 1, self.reconnect: 3, self.unplug: 2, self.silent: 2,
             self.power: 1, self.noise: 2, self.replace: 1,
@@ -199,12 +198,13 @@ class Fate:
         device, unit = self.rng.choice(list(self.plant.units.items()))
         end = self.plant.device(trial.lab)
         now = trial.lab.bus_clock.now
-        if device in self.dark:
+        without = {device} if unit is not None else {*self.plant.devices}
+        if without & trial.dark:
             return
-        self.dark.add(device)
+        trial.dark |= without
 
         def end_of_dark() -> None:
-            self.dark.discard(device)
+            trial.dark -= without
             end.power_on(now(), unit)
 
         self.fault(
