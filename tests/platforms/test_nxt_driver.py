@@ -194,6 +194,29 @@ def test_a_brick_that_falls_silent_is_gone_after_some_tries(rig: Rig) -> None:
         rig.run(int(STRIKES * 1.6 / TICK))
 
 
+def test_a_brick_that_was_off_too_shortly_to_be_missed_has_forgotten_its_motors(rig: Rig) -> None:
+    rig.driver.watch(m.Watch("A", ("rotation",), 0.0), rig.clock.now())
+    aim(rig, A_goal=-60)
+    rig.run(300)
+    rig.device.power_off(rig.clock.now())
+    rig.run(20)
+    rig.device.power_on(rig.clock.now())
+    with pytest.raises(LinkGone, match="switched off and on"):
+        rig.run(300)
+    assert rig.brick.motor("A").power == 0
+
+
+def test_who_moves_a_motor_by_a_telegram_has_it(rig: Rig) -> None:
+    rig.driver.watch(m.Watch("A", ("rotation",), 0.0), rig.clock.now())
+    aim(rig, A_goal=-60)
+    rig.run(300)
+    coast = bytes.fromhex("04 00 00 00 00 00 00 00 00 00 00")
+    rig.driver.request(m.Request(1, "write", "brick", "silent", coast))
+    rig.brick.motor("A").count(0, 0, 30)
+    rig.run(100)
+    assert rig.brick.motor("A").power == 0
+
+
 def test_nobody_answers() -> None:
     rig = Rig()
     rig.device.faults.start("silence")

@@ -67,6 +67,7 @@ class NxtDriver(Driver):
         self._plan = Plan()
         self._motion = Motion()
         self._pending: Job | None = None
+        self._on: frozenset[str] = frozenset()
         self._moved: set[str] = set()
         self._rotations: dict[str, int] = {}
         self._keep_alive_at = 0.0
@@ -282,6 +283,7 @@ class NxtDriver(Driver):
             if self._pending is None:
                 return False
             telegram = self._pending.telegram(now)
+        self._on = self._motion.on()
         exchange.begin(telegram)
         return True
 
@@ -312,6 +314,9 @@ class NxtDriver(Driver):
         if values is not None:
             gathered.add(job.device, values, now)
             if "rotation" in values:
+                if job.device in self._on and not p.is_on(values["mode"]):
+                    # Its counts and our goals have nothing to do with each other any more.
+                    raise LinkGone(f"{exchange.link.url.text}: the brick was switched off and on, or forgot its motors")
                 self._rotations[job.device] = values["rotation"]
                 for telegram in self._motion.control(job.device, values["rotation"]):
                     self._tell(exchange, telegram)
@@ -319,14 +324,21 @@ class NxtDriver(Driver):
 
     # ---------------------------------------------------------------- requests
 
+    def _otherwise(self, telegram: bytes) -> None:
+        outputs = p.outputs_of(telegram)
+        self._moved |= outputs
+        self._motion.told_otherwise(outputs)
+
     def _errand(self, exchange: Exchange, message: Request) -> Any:
         device, item, value = message.device, message.item, message.value
         if (message.verb, device, item) == ("write", BRICK, "telegram"):
             raw = p.raw(value, reply=True)
-            self._moved |= p.outputs_of(raw)
+            self._otherwise(raw)
             return _patiently(exchange, raw, tries=1)[1:]
         if (message.verb, device, item) == ("write", BRICK, "silent"):
-            self._tell(exchange, p.raw(value, reply=False))
+            raw = p.raw(value, reply=False)
+            self._otherwise(raw)
+            exchange.tell(raw)
             return None
         if (message.verb, item) == ("write", "i2c") and device in p.INPUTS:
             data, count = value

@@ -15,7 +15,7 @@ what moves the motor at all, and within a few degrees it holds.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from typing import Any, Final
 
 from urbihw.buses.errors import BadValue
@@ -67,6 +67,16 @@ class Motion:
         self._modes.clear()
         self._endless = None
         self._renew_at = math.inf
+
+    def told_otherwise(self, devices: Iterable[str]) -> None:
+        """Somebody else's telegram has moved these motors: they follow that, not their goals."""
+        for device in devices:
+            self._powers.pop(device, None)
+            self._goals.pop(device, None)
+
+    def on(self) -> frozenset[str]:
+        """The motors that were told to run or to hold."""
+        return frozenset(device for device, power in self._powers.items() if power is not None)
 
     def silent(self, now: float) -> Iterator[bytes]:
         """The telegrams of the tick that want no reply."""

@@ -286,7 +286,12 @@ def parse_output_state(reply: bytes) -> OutputState:
 def parse_output_runs(reply: bytes) -> bool:
     """Whether the motor of a reply to GETOUTPUTSTATE is driven."""
     state = parse_output_state(reply)
-    return state.power != 0 and bool(state.mode & _MOTOR_ON) and state.run_state != _IDLE
+    return state.power != 0 and is_on(state.mode) and state.run_state != _IDLE
+
+
+def is_on(mode: int) -> bool:
+    """Whether a motor of this mode is driven or held; otherwise it is loose, as it is after power-on."""
+    return bool(mode & _MOTOR_ON)
 
 
 def parse_input_values(reply: bytes) -> InputValues:

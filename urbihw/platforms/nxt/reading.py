@@ -65,7 +65,7 @@ class OutputJob(Job):
         state = p.parse_output_state(reply)
         if state.port != p.OUTPUTS.index(self.device):
             raise BadFrame(f"the reply is about motor {state.port}, not {self.device}")
-        return {"power": state.power, "run_state": state.run_state, "rotation": state.rotation}
+        return {"power": state.power, "mode": state.mode, "run_state": state.run_state, "rotation": state.rotation}
 
 
 class InputJob(Job):
@@ -132,7 +132,7 @@ class BatteryJob(Job):
 
 
 _KINDS: Final[dict[type[Job], tuple[str, ...]]] = {
-    OutputJob: ("power", "run_state", "rotation"),
+    OutputJob: ("power", "mode", "run_state", "rotation"),
     InputJob: ("kind", "mode", "raw", "normalised", "scaled"),
     DistanceJob: ("distance",),
     BatteryJob: ("millivolts",),
