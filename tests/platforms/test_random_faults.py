@@ -203,9 +203,13 @@ class Fate:
             return
         trial.dark |= without
 
-        def end_of_dark() -> None:
+        def coasted() -> None:
             trial.dark -= without
+
+        def end_of_dark() -> None:
             end.power_on(now(), unit)
+            # It has forgotten all orders, so it goes on coasting until somebody notices.
+            self.later(self.plant.settle, coasted)
 
         self.fault(
             f"{device} has no power", self.rng.choice((0.3, 1.0, 3.0)),

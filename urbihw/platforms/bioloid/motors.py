@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 from urbihw.buses import messages as m
 from urbihw.buses.dynamixel import units
@@ -296,6 +296,10 @@ class Servo(Device, EffectorDevice):
     """Called when its mode or its limits were read anew."""
 
 
+_CRAWL: Final = 1
+"""Counts of an AX's moving_speed: 0.1 rpm of a joint, 0.1 % of the drive of a wheel."""
+
+
 class AX12(Servo):
     """An AX-12, AX-12W or AX-18."""
 
@@ -358,7 +362,11 @@ class AX12(Servo):
         return take
 
     def plan_limits(self, wheel: bool, least: float, most: float) -> list[Step]:
-        """Speed first: that of a joint would drive the wheel, and that of a wheel is no speed of a joint."""
+        """Speed first: that of a joint would drive the wheel, and that of a wheel is no speed of a joint.
+
+        Between the writes, and if the servo does not answer in the middle of them, it has the least speed there is: a
+        wheel does not turn with it, and a joint hardly moves; 0 would be full speed to a joint.
+        """
         cw, ccw = self.limits
         if wheel:
             values = {cw: 0, ccw: 0}
@@ -369,10 +377,10 @@ class AX12(Servo):
         if wheel == self.wheel.sensed or not steps:
             return steps
         if wheel:
-            return [("moving_speed", 0), *steps]
+            return [("moving_speed", _CRAWL), *steps, ("moving_speed", 0)]
         # It would go to the goal that it had before it was a wheel.
         held: list[Step] = [(self.goal, HERE)] if self.raw.get("torque_enable") == 1 else []
-        return [("moving_speed", 0), *steps, *held, ("moving_speed", self.settings.get("moving_speed", 0))]
+        return [("moving_speed", _CRAWL), *steps, *held, ("moving_speed", self.settings.get("moving_speed", 0))]
 
     def take_state(self, raw: int, stamp: float) -> None:
         """The error bits say what is wrong."""
