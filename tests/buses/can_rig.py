@@ -22,7 +22,7 @@ class RigPort(CanPort):
     """A bus with drives on it; who waits on it lets time pass."""
 
     def __init__(self, drives: list[Drive], clock: SimClock) -> None:
-        super().__init__(Url.parse("can://rig/0"), Context(clock))
+        super().__init__(Url.parse("can://pipe/rig"), Context(clock))
         self.drives = drives
         self.sent: list[Frame] = []
         self.dead = self.full = self.deaf = False

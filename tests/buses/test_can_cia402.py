@@ -16,9 +16,10 @@ from urbihw.buses import open as open_port
 from urbihw.buses.can import cia402 as c
 from urbihw.buses.can.drive import DriveInfo
 from urbihw.buses.can.drives import DrivesDriver
-from urbihw.buses.errors import BadUrl, BadValue, LinkGone, Unavailable
+from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
 from urbihw.buses.link import Context, Url
 from urbihw.buses.pipe import PipeLink
+from urbihw.settings import BadSetting
 
 from .can_rig import Rig
 
@@ -94,7 +95,7 @@ def test_only_the_configured_nodes_are_looked_for() -> None:
 def test_nobody_there_is_unavailable() -> None:
     rig = Rig()
     rig.drive.power_off(0)
-    with pytest.raises(Unavailable, match="no node answers on can://rig/0"):
+    with pytest.raises(Unavailable, match="no node answers on can://pipe/rig"):
         rig.attach()
 
 
@@ -116,7 +117,7 @@ def test_a_drive_that_tells_little_is_taken_as_it_is() -> None:
 
 @pytest.mark.parametrize("options", [{"nodes": "all"}, {"nodes": [0]}, {"nodes": [127]}, {"colour": 1}])
 def test_options_without_sense(options: dict[str, Any]) -> None:
-    with pytest.raises(BadValue, match=next(iter(options))):
+    with pytest.raises(BadSetting, match=f"^options.{next(iter(options))}: "):
         DrivesDriver().configure(m.Configure(options=options))
 
 

@@ -105,7 +105,7 @@ def test_no_libusb(monkeypatch: pytest.MonkeyPatch) -> None:
     ("url", "words"),
     [
         ("usb://nxt", "write usb://VENDOR:PRODUCT in hex"),
-        ("usb://0694:0002?speed=1", "unknown option 'speed'; known: at, backend, serial"),
+        ("usb://0694:0002?speed=1", "speed: no such parameter; there are: serial, backend, at"),
         ("usb://0694:0002?backend=nowhere:bus", "cannot make the backend 'nowhere:bus'"),
         ("usb://0694:0002?backend=math:bus", "cannot make the backend 'math:bus'"),
     ],

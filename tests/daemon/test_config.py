@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from urbihw.daemon.config import MIB, Config, configure
+from urbihw.daemon.config import MIB, Config, configure, load
 from urbihw.kernel.uobject import BadConfig
 
 SAMPLE = Path(__file__).resolve().parents[2] / "share" / "urbihw.toml"
@@ -31,38 +32,37 @@ def test_the_defaults() -> None:
 
 
 def test_a_file_fills_every_setting(file: Path) -> None:
-    file.write_text("""
-        platform = "bioloid"
-        url = "serial:///dev/ttyUSB0?baud=1000000"
-        fake = false
-        host = "0.0.0.0"
-        port = 54001
-        port_file = "/run/urbihw.port"
-        quiet = true
-        load = ["a.u", "b.u"]
-        unread_limit = 65536
-        rate = 50
-        dead_man = 0.25
-        torque_off_on_stop = true
-        on_disconnect = "keep"
-        on_lost = "end"
-        control = "/run/x.sock"
-        log_level = "debug"
-        [limits]
-        speed = 1.5
-        [options]
-        protocol = 1
-    """)
-    made = configure(file)
-    assert made == Config(
-        "bioloid", "serial:///dev/ttyUSB0?baud=1000000", False, "0.0.0.0", 54001, "/run/urbihw.port", True,
-        ("a.u", "b.u"), 65536, 50.0, 0.25, True, "keep", "end", {"speed": 1.5}, "/run/x.sock", "debug",
-        {"protocol": 1},
-    )  # fmt: skip
-    assert type(made.rate) is float
-    default, names = Config(), [each.name for each in dataclasses.fields(Config)]
-    unset = {name for name in names if getattr(made, name) == getattr(default, name)}
+    # What each setting is in a file that leaves none at its default; a new setting comes here by its rule.
+    tables = {"platform": "bioloid", "url": "/dev/ttyUSB7", "limits": {"speed": 1.5}, "options": {"protocol": 1}}
+    given = {name: tables.get(name, another(name)) for name in Config.rules() if name != "fake"}
+    file.write_text("\n".join(f"{name} = {toml(value)}" for name, value in given.items()))
+    made, default = configure(file), Config()
+    unset = {name for name in Config.rules() if getattr(made, name) == getattr(default, name)}
     assert unset == {"fake"}
+    assert {name: getattr(made, name) for name in given} == {
+        name: tuple(value) if isinstance(value, list) else value for name, value in given.items()
+    }
+    file.write_text("rate = 50")
+    assert type(configure(file).rate) is float
+
+
+def another(name: str) -> Any:
+    """A value that a setting may have, and that is not its default."""
+    rule, default = Config.rules()[name], getattr(Config(), name)
+    if rule.words:
+        return next(word for word in rule.words if word != default)
+    if isinstance(default, bool):
+        return not default
+    if isinstance(default, int | float):
+        return next(value for value in (rule.least, rule.most) if value not in (None, default))
+    return ["x"] if isinstance(default, tuple) else "x"
+
+
+def toml(value: Any) -> str:
+    """A value as TOML."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {toml(row)}" for key, row in value.items()) + "}"
+    return json.dumps(value)
 
 
 def test_flags_override_the_file(file: Path) -> None:
@@ -117,9 +117,97 @@ def test_a_mistake_in_the_file_is_one_line(file: Path, text: str, message: str) 
     assert str(caught.value) == message
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("platform = 'biolid'", "robot.toml: platform: no platform 'biolid'; did you mean bioloid?"),
+        (
+            "platform = 'bioloid'\n[options]\noffset = 3",
+            "robot.toml: options.offset: no such option of bioloid; there are: protocol, ids, fast_read",
+        ),
+        (
+            "platform = 'bioloid'\n[options]\nprotocoll = 1",
+            "robot.toml: options.protocoll: no such option of bioloid; did you mean protocol?",
+        ),
+        (
+            "platform = 'bioloid'\n[options]\nprotocol = '1'",
+            'robot.toml: options.protocol: wants 1, 2 or "auto", not "1"',
+        ),
+        (
+            "platform = 'bioloid'\n[options]\nids = [1, 253]",
+            "robot.toml: options.ids: wants a list of whole numbers from 0 to 252, such as [1, 2, 100], not [1, 253]",
+        ),
+        ("platform = 'segway'\n[options]\nmodel = 300",
+         "robot.toml: options.model: wants one of 50, 100, 200, 400, not 300"),
+        ("platform = 'nxt'\n[options]\nbattery_empty = 9.5",
+         "robot.toml: options.battery_empty: 9.5 must be fewer volts than battery_full, 8"),
+        ("platform = 'bioloid'\nurl = '/dev/ttyUSB0?boud=1'",
+         "robot.toml: url: bus url '/dev/ttyUSB0?boud=1': boud: no such parameter; did you mean baud?"),
+        ("platform = 'bioloid'\nurl = '/dev/ttyUSB0?baud=fast'",
+         "robot.toml: url: bus url '/dev/ttyUSB0?baud=fast': baud: wants a number such as 57600 or 1000000, "
+         'not "fast"'),
+        ("platform = 'bioloid'\nurl = '/dev/ttyUSB0?laser=sim'",
+         "robot.toml: url: bus url '/dev/ttyUSB0?laser=sim': laser: no such parameter; there is: baud"),
+        ("platform = 'p3dx'\nurl = '/dev/ttyUSB0?laser=/dev/ttyUSB1?boud=1'",
+         "robot.toml: url: laser: bus url '/dev/ttyUSB1?boud=1': boud: no such parameter; did you mean baud?"),
+        ("url = 'socket://host'",
+         "robot.toml: url: bus url 'socket://host': write socket://host:port, for instance socket://localhost:6000"),
+        ("[limits]\nsped = 1", "robot.toml: limits.sped: no such limit; did you mean speed?"),
+        ("[limits.motor6]\nspeed = 0", "robot.toml: limits.motor6.speed: wants a number above 0, not 0"),
+        (
+            "platform = 'bioloid'\n[limits]\nturn = 1",
+            "robot.toml: limits.turn: no device of this platform has such limit; "
+            "there are: position, speed, acceleration, torque, temperature, voltage",
+        ),
+        (
+            "platform = 'nxt'\n[limits.A]\ntorque = 1",
+            "robot.toml: limits.A.torque: A has no such limit; there are: position, speed, acceleration",
+        ),
+        ("platform = 'bioloid'\n[limits.moter6]\nspeed = 1",
+         "robot.toml: limits.moter6: no such device; did you mean motor6?"),
+        ("platform = 'bioloid'\n[limits.arm]\nspeed = 1", "robot.toml: limits.arm: no such device; there is: motorN"),
+        ("platform = 'nxt'\n[limits.D]\nspeed = 1", "robot.toml: limits.D: no such device; there are: A, B, C"),
+    ],
+)
+def test_what_the_platform_does_not_have_is_refused_with_file_and_key(file: Path, text: str, message: str) -> None:
+    file.write_text(text)
+    with pytest.raises(BadConfig) as caught:
+        configure(file)
+    assert str(caught.value) == message
+
+
+def test_what_a_platform_has_is_taken(file: Path) -> None:
+    file.write_text(
+        "platform = 'p3dx'\nurl = '/dev/ttyUSB0?baud=9600&laser=/dev/ttyUSB1?baud=500000'\n"
+        "[options]\ncell = 0.2\nsubclass = 'p3dx-sh'\n[limits]\nspeed = 1\n[limits.robot]\nvoltage = [11, 14]"
+    )
+    made = configure(file)
+    assert (made.options["cell"], made.limits["robot"]) == (0.2, {"voltage": [11, 14]})
+
+
+def test_all_mistakes_are_told_not_only_the_first(file: Path) -> None:
+    file.write_text("prot = 1\nrate = 'fast'\nplatform = 'bioloid'\n[options]\noffset = 3\n[limits]\nturn = 1")
+    told = load(file, {"port": 70000}).mistakes
+    assert [each.setting for each in told] == ["prot", "rate", "port", "options", "limits"]
+    assert all(each.line.startswith(("robot.toml: ", "--port: ")) for each in told)
+    assert len({each.line for each in told}) == len(told)
+
+
+def test_a_mistake_of_a_flag_is_told_by_its_flag(file: Path) -> None:
+    file.write_text("platform = 'bioloid'\nurl = '/dev/ttyUSB0?boud=1'")
+    lines = [each.line for each in load(file, {"url": "/dev/ttyUSB0?boud=2"}).mistakes]
+    assert lines == ["--url: bus url '/dev/ttyUSB0?boud=2': boud: no such parameter; did you mean baud?"]
+
+
+def test_options_of_another_platform_are_not_taken_when_a_flag_chooses_it(file: Path) -> None:
+    file.write_text("platform = 'bioloid'\n[options]\nprotocol = 1")
+    (mistake,) = load(file, {"platform": "cia402"}).mistakes
+    assert mistake.line == "robot.toml: options.protocol: no such option of cia402; there is: nodes"
+
+
 def test_a_name_like_nothing_lists_what_there_is(file: Path) -> None:
     file.write_text("xyzzy = 1")
-    with pytest.raises(BadConfig, match=r"^robot\.toml: xyzzy: no such setting; there are: platform, .*, options$"):
+    with pytest.raises(BadConfig, match=r"^robot\.toml: xyzzy: no such setting; there are: platform, .*, options\b"):
         configure(file)
 
 

@@ -33,7 +33,7 @@ class RigPort(CanPort):
     """
 
     def __init__(self, base: SegwayRmp, clock: SimClock) -> None:
-        super().__init__(Url.parse("can://rig/0"), Context(clock))
+        super().__init__(Url.parse("can://pipe/rig"), Context(clock))
         self.base = base
         self.sent: list[tuple[float, Frame]] = []
         self.dead = self.full = self.deaf = False

@@ -135,7 +135,7 @@ def test_the_adapter_pulled_and_put_back_during_a_swing(caplog: pytest.LogCaptur
 
 def test_scan_finds_a_new_device() -> None:
     kit = Kit(baud=BAUD)
-    lab = Lab.ready(kit, ids=None)
+    lab = Lab.ready(kit, ids=[])
     lab.say('at (bioloid.found?(var d)) echo("motor " + d.id);')
     newcomer = Ax12(30)
     newcomer.set_baud(BAUD)
@@ -189,6 +189,7 @@ def test_a_servo_that_is_expected_and_missing_is_named_and_joins(caplog: pytest.
     kit = Kit(baud=BAUD)
     kit.faults.start("silence", 6)
     lab = Lab.ready(kit, ids=[*range(1, 19), 100])
+    lab.run(0.5)
     assert "no answer from 6, which the settings expect" in caplog.text
     assert "17 servos" in lab.robot.status() and "missing: 6" in lab.robot.status()
     lab.say('at (bioloid.found?(var m)) echo("found " + m.id.asString);')

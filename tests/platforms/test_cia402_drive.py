@@ -168,5 +168,5 @@ def test_nobody_there_is_not_ready() -> None:
 
 
 def test_options_without_sense_are_bad_config() -> None:
-    with pytest.raises(BadConfig, match="nodes must be a list"):
+    with pytest.raises(BadConfig, match="options.nodes: wants a list of whole numbers from 1 to 126"):
         Lab(nodes=5)

@@ -42,7 +42,7 @@ def test_finding_reads_no_code(tmp_path: Path) -> None:
 
 def test_an_unknown_name_tells_the_known(tmp_path: Path) -> None:
     toy(tmp_path)
-    with pytest.raises(BadConfig, match="no platform 'tay'; there are: toy"):
+    with pytest.raises(BadConfig, match=r"no platform 'tay'; did you mean toy\?"):
         platforms.find("tay", tmp_path)
 
 
@@ -60,6 +60,9 @@ def test_an_unknown_name_tells_the_known(tmp_path: Path) -> None:
         (GOOD + 'library = "toy.u"\n', "library must be a list of texts"),
         (GOOD + 'library = ["toy.u"]\n', "library names 'toy.u', which is not beside the manifest"),
         (GOOD + "usb = [{ vendor = 1 }]\n", "usb must be a list of"),
+        (GOOD + 'options = 3\n', "options must be a text in quotes, not 3"),
+        (GOOD + 'limits = ["speed"]\n', "limits must be a table such as"),
+        (GOOD + '[limits]\narm = ["sped"]\n', "limits.arm: no such limit: 'sped'; there are: position, speed"),
         (GOOD + 'usb = [{ vendor = 70000, product = 1, name = "x" }]\n', "vendor must be a number from 0 to 0xffff"),
     ],
 )

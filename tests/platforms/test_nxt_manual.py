@@ -8,7 +8,7 @@ import pytest
 from nxt_lab import Lab
 
 from fakes.nxt.tribot import TriBot
-from urbihw.platforms.nxt.robot import FOLDER
+from urbihw.platforms.nxt.options import LAYOUT as BUILT_IN
 
 
 def speeds(lab: Lab) -> tuple[int, int]:
@@ -153,7 +153,7 @@ def test_using_functions() -> None:
 
 
 def test_loading_files(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("URBI_PATH", f":{FOLDER}")
+    monkeypatch.setenv("URBI_PATH", f":{BUILT_IN.parent}")
     lab = Lab.ready()
     assert lab.say('load("demo.u");', 0.1) == ""
     assert speeds(lab) == (40, 40)

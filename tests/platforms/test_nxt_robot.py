@@ -245,9 +245,9 @@ def test_closing_lets_go_and_twice_is_fine() -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"speed": 3}, "there is no option 'speed'; there are: battery_empty, battery_full, layout"),
-        ({"layout": 3}, "layout must be a file"),
-        ({"battery_empty": 9.0}, r"battery_empty \(9.0\) must be fewer volts than battery_full \(8.0\)"),
+        ({"speed": 3}, "options.speed: no such option; there are: layout, battery_empty, battery_full"),
+        ({"layout": 3}, "options.layout: wants a text, not 3"),
+        ({"battery_empty": 9.0}, "options.battery_empty: 9 must be fewer volts than battery_full, 8"),
     ],
 )
 def test_options_without_sense(options: dict[str, Any], words: str) -> None:

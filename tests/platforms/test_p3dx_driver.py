@@ -12,13 +12,14 @@ from fakes.p3dx.kit import P3dx as Kit
 from fakes.p3dx.sips import Settings
 from fakes.p3dx.world import World
 from urbihw.buses.clock import SimClock
-from urbihw.buses.errors import BadValue, LinkGone, Unavailable
+from urbihw.buses.errors import LinkGone, Unavailable
 from urbihw.buses.link import Context, Url
 from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, Request, Samples, Targets, Watch
 from urbihw.buses.pipe import PipeLink
 from urbihw.platforms.p3dx.driver import ArcosDriver
 from urbihw.platforms.p3dx.laserdriver import LaserInfo, SickDriver
 from urbihw.platforms.p3dx.protocol import command
+from urbihw.settings import BadSetting
 
 TICK = 0.01
 
@@ -168,7 +169,7 @@ def test_old_firmware_tells_no_configuration() -> None:
     "options", [{"colour": 1}, {"laser": 3}, {"host_baud": 1200}, {"localization": "gps"}, {"cell": 0}, {"cell": True}]
 )
 def test_options_without_sense(options: dict[str, Any]) -> None:
-    with pytest.raises(BadValue, match=next(iter(options))):
+    with pytest.raises(BadSetting, match=f"^options.{next(iter(options))}: "):
         ArcosDriver().configure(Configure(options=options))
 
 

@@ -498,9 +498,9 @@ def test_silence_is_not_ready_and_says_what_to_look_at() -> None:
 
 
 def test_options_without_sense_are_bad_config() -> None:
-    with pytest.raises(BadConfig, match="model must be one of"):
+    with pytest.raises(BadConfig, match="options.model: wants one of 50, 100, 200, 400, not \"300\""):
         Lab(model="300")
-    with pytest.raises(BadConfig, match="no option 'colour'"):
+    with pytest.raises(BadConfig, match="options.colour: no such option; there is: model"):
         Lab(colour="red")
 
 

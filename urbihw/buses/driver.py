@@ -25,21 +25,24 @@ class Driver:
     `attach` is handed an open port and finds the devices, or raises Unavailable (nobody answers, wrong firmware), after
     which it is tried again later; `detach` is told that the port is gone. In between come `tick`, `targets`, `watch`,
     `request` and `safe_stop`; all but `detach` may raise LinkGone. `targets`, `watch` and `request` may also come
-    while there is no port. `configure` comes first, and again for new settings; it raises BadValue. `errors` counts
-    failures since `attach`. Watches must outlive the port, targets must not. `tick` should call `meanwhile` when the
-    wire is busy, must not wait for longer than a tick lasts, and gives up between two transactions when `urgent()`.
+    while there is no port. `configure` comes first, and again for new settings; it raises BadValue or BadSetting.
+    `errors` counts failures since `attach`. Watches must outlive the port, targets must not. `tick` should call
+    `meanwhile` when the wire is busy, must not wait for longer than a tick lasts, and gives up between two transactions
+    when `urgent()`.
 
     Attributes:
         slow_verbs: the requests for which the cycle rests on purpose.
         halted: set by the driver in a tick when what it was told to do is over (the base was switched off by hand);
             the engine then treats it as a stop, for this reason.
+        url_parameters: what may stand in the url for the robot's sake; the port is opened without.
     """
 
     slow_verbs: frozenset[str] = frozenset()
+    url_parameters: frozenset[str] = frozenset()
     halted: str = ""
 
     def configure(self, settings: Configure) -> None:
-        """Take settings.  Raises BadValue."""
+        """Take settings.  Raises BadValue, BadSetting."""
         raise NotImplementedError
 
     def expect(self, devices: tuple[Any, ...]) -> None:

@@ -27,7 +27,7 @@ from urbihw.buses.control import ESTOP, RELEASE, STOP, SUBSCRIBE, ControlSocket,
 from urbihw.buses.driver import Driver
 from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
 from urbihw.buses.gate import Gate
-from urbihw.buses.link import Context, Port
+from urbihw.buses.link import Context, Port, take_off
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import (
     Alive,
@@ -82,7 +82,7 @@ class Engine:
         context: Context,
         asked_to_end: Callable[[], bool] = lambda: False,
     ) -> None:
-        self._url = url
+        self._url, _ = take_off(url, driver.url_parameters)
         self._driver = driver
         self._mailbox = mailbox
         self._settings = begin.settings

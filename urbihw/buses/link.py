@@ -8,18 +8,20 @@ themselves. What moves something else than bytes (frames of a CAN bus) is anothe
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 from urllib.parse import parse_qsl
 
 from urbihw.buses.clock import Clock, RealClock
 from urbihw.buses.errors import BadUrl, LinkGone
+from urbihw.settings import Rule, from_texts
 
 if TYPE_CHECKING:
     from urbihw.buses.pipe import PipeEnd
 
 DEFAULT_BAUD = 1_000_000  # factory speed of the AX series, the commonest bus here
+BAUD = Rule((int,), "a number such as 57600 or 1000000", least=1)
 _BITS_PER_BYTE = 10  # start, 8 data, stop
 _MOST_DISCARDED = 1 << 16  # far more than any system holds for a reader that sleeps
 
@@ -34,7 +36,7 @@ class Url:
         text: the url as the user wrote it, for messages.
         scheme: row of `BUSES`.
         target: what stands between `://` and `?`.
-        options: what stands behind `?`.
+        options: what stands behind `?`; the port says what there may be, and in which type.
     """
 
     text: str
@@ -55,19 +57,26 @@ class Url:
             target, _, query = rest.partition("?")
         if not target:
             raise BadUrl(f"bus url {text!r} names no port: write for instance /dev/ttyUSB0 or socket://host:port")
-        try:
-            options = dict(parse_qsl(query, strict_parsing=True)) if query else {}
-        except ValueError as error:
-            raise BadUrl(f"bus url {text!r}: options behind '?' must be written key=value&key=value") from error
-        return cls(text, scheme, target, options)
+        return cls(text, scheme, target, _pairs(text, query))
 
-    @property
-    def baud(self) -> int:
-        """Bits per second from `?baud=`, default 1000000. Raises BadUrl when it is no positive number."""
-        text = self.options.get("baud", str(DEFAULT_BAUD))
-        if not text.isascii() or not text.isdigit() or int(text) == 0:
-            raise BadUrl(f"bus url {self.text!r}: baud must be a number such as 57600 or 1000000, not {text!r}")
-        return int(text)
+
+def take_off(url: str, names: Collection[str]) -> tuple[str, dict[str, str]]:
+    """The url without some of its parameters, and those: what is meant for the robot, and not for its port.
+
+    Raises BadUrl when what stands behind `?` is not `key=value`.
+    """
+    head, _, query = url.partition("?")
+    pairs = query.split("&") if query else []
+    kept = [pair for pair in pairs if pair.partition("=")[0] not in names]
+    taken = "&".join(pair for pair in pairs if pair not in kept)
+    return head + ("?" + "&".join(kept) if kept else ""), _pairs(url, taken)
+
+
+def _pairs(url: str, query: str) -> dict[str, str]:
+    try:
+        return dict(parse_qsl(query, strict_parsing=True)) if query else {}
+    except ValueError as error:
+        raise BadUrl(f"bus url {url!r}: options behind '?' must be written key=value&key=value") from error
 
 
 @dataclass(frozen=True)
@@ -86,17 +95,27 @@ class Context:
 class Port(ABC):
     """Something to open by its url. The base does states, counting and `with`.
 
-    A subclass MUST implement `_open`, which raises Unavailable, and `_close`, and count what it moves; it MAY set
-    `baud` (bits per second on the wire) when the url does not decide it. `close` twice is fine and it never raises.
+    A subclass MUST implement `_open`, which raises Unavailable, and `_close`, and count what it moves. What is wrong
+    with its url it says when it is made: `parameters` are those it takes behind `?` (BadUrl for any other, or a wrong
+    value), and `options` what it was given, in the types of the rules. It MAY set `baud` (bits per second on the wire)
+    when the url does not decide it. `close` twice is fine and it never raises.
     """
 
     def __init__(self, url: Url, context: Context) -> None:
+        self.options, mistakes = from_texts(self.parameters(url), url.options, "parameter")
+        if mistakes:
+            raise BadUrl(f"bus url {url.text!r}: {mistakes[0]}")
         self.url = url
         self.clock = context.clock
-        self.baud = url.baud
+        self.baud: int = self.options.get("baud", DEFAULT_BAUD)
         self.bytes_read = 0
         self.bytes_written = 0
         self._is_open = False
+
+    @classmethod
+    def parameters(cls, url: Url) -> Mapping[str, Rule]:
+        """What may stand behind `?` of a url of this kind."""
+        return {"baud": BAUD}
 
     @property
     def is_open(self) -> bool:

@@ -8,6 +8,8 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import stat
+from typing import Final
 
 import serial
 
@@ -15,6 +17,7 @@ from urbihw.buses.errors import BadUrl, Unavailable
 from urbihw.buses.fd import FdLink
 
 _IN_USE = {errno.EWOULDBLOCK, errno.EBUSY}
+_OTHERS: Final = ((stat.S_ISDIR, "folder"), (stat.S_ISREG, "file"), (stat.S_ISFIFO, "pipe"), (stat.S_ISSOCK, "socket"))
 
 
 class SerialLink(FdLink):
@@ -51,7 +54,7 @@ class SerialLink(FdLink):
             )
         if error.errno == errno.ENOENT or not os.path.exists(path):
             return Unavailable(errno.ENOENT, f"no such port: {path}; is the adapter plugged in?")
-        return Unavailable(error.errno or errno.EIO, f"cannot open {path}: {error}")
+        return no_port(path) or Unavailable(error.errno or errno.EIO, f"cannot open {path}: {error}")
 
     def _close(self) -> None:
         port, self._port, self._fd = self._port, None, -1
@@ -59,3 +62,24 @@ class SerialLink(FdLink):
             # Closing an unplugged port fails in the kernel; it is closed all the same.
             with contextlib.suppress(OSError, serial.SerialException):
                 port.close()
+
+
+def no_port(path: str) -> Unavailable | None:
+    """What to say of something that could not be opened as a serial port because it is none; None if it may be one."""
+    try:
+        mode = os.stat(path).st_mode
+        kind = next((f" but a {word}" for is_one, word in _OTHERS if is_one(mode)), "")
+        if not kind and _is_terminal(path):
+            return None
+    except OSError:
+        return None
+    what_to_do = "name one such as /dev/ttyUSB0 (urbihw doctor shows those there are)"
+    return Unavailable(errno.ENOTTY, f"{path} is no serial port{kind}; {what_to_do}")
+
+
+def _is_terminal(path: str) -> bool:
+    fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    try:
+        return os.isatty(fd)
+    finally:
+        os.close(fd)

@@ -7,10 +7,12 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from typing import TextIO
 
 from urbihw import buses
 from urbihw.buses.link import Context, Link, Url, byte_link
+from urbihw.settings import Rule
 
 
 class SpyLink(Link):
@@ -23,6 +25,11 @@ class SpyLink(Link):
         self.packets = self._inner.packets
         self._output = output if output is not None else sys.stderr
         self._start = 0.0
+
+    @classmethod
+    def parameters(cls, url: Url) -> Mapping[str, Rule]:
+        """See `Port`: all that stands behind `?` is the inner link's."""
+        return {}
 
     def _open(self) -> None:
         self._inner.open()

@@ -10,6 +10,7 @@ import socket
 
 from urbihw.buses.errors import BadUrl, Unavailable
 from urbihw.buses.fd import FdLink
+from urbihw.buses.link import Context, Url
 
 _CONNECT_PATIENCE = 2.0
 
@@ -19,11 +20,15 @@ class TcpLink(FdLink):
 
     _socket: socket.socket | None = None
 
+    def __init__(self, url: Url, context: Context) -> None:
+        super().__init__(url, context)
+        self._address = _address(url)
+
     def _open(self) -> None:
-        host, port = self._address()
         try:
-            link = socket.create_connection((host, port), timeout=_CONNECT_PATIENCE)
+            link = socket.create_connection(self._address, timeout=_CONNECT_PATIENCE)
         except OSError as error:
+            host, port = self._address
             raise Unavailable(
                 error.errno or 0, f"cannot connect to {host}:{port} ({error}); is the other side running?"
             ) from error
@@ -32,14 +37,15 @@ class TcpLink(FdLink):
         self._socket = link
         self._fd = link.fileno()
 
-    def _address(self) -> tuple[str, int]:
-        host, separator, port = self.url.target.rpartition(":")
-        if not separator or not host or not port.isdigit() or int(port) > 65535:
-            raise BadUrl(f"bus url {self.url.text!r}: write socket://host:port, for instance socket://localhost:6000")
-        return host.strip("[]"), int(port)
-
     def _close(self) -> None:
         link, self._socket, self._fd = self._socket, None, -1
         if link is not None:
             with contextlib.suppress(OSError):
                 link.close()
+
+
+def _address(url: Url) -> tuple[str, int]:
+    host, separator, port = url.target.rpartition(":")
+    if not separator or not host or not port.isdigit() or int(port) > 65535:
+        raise BadUrl(f"bus url {url.text!r}: write socket://host:port, for instance socket://localhost:6000")
+    return host.strip("[]"), int(port)

@@ -17,6 +17,7 @@ import errno
 import importlib
 import math
 import re
+from collections.abc import Mapping
 from typing import Any, Final
 
 import usb.core  # type: ignore[import-untyped]
@@ -24,6 +25,7 @@ import usb.util  # type: ignore[import-untyped]
 
 from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
 from urbihw.buses.link import Context, Link, Url
+from urbihw.settings import TEXT, Rule
 
 FULL_SPEED: Final = 12_000_000
 _WRITE_PATIENCE = 1000  # ms
@@ -41,15 +43,17 @@ class UsbLink(Link):
         ids = _IDS.fullmatch(url.target)
         if ids is None:
             raise BadUrl(f"bus url {url.text!r}: write usb://VENDOR:PRODUCT in hex, for instance usb://0694:0002")
-        unknown = sorted(url.options.keys() - {"serial", "backend", "at"})
-        if unknown:
-            raise BadUrl(f"bus url {url.text!r}: unknown option {unknown[0]!r}; known: at, backend, serial")
         self.baud = FULL_SPEED
         self._ids = int(ids[1], 16), int(ids[2], 16)
         self._device: Any = None
         self._out: Any = None
         self._in: Any = None
         self._rest = b""
+
+    @classmethod
+    def parameters(cls, url: Url) -> Mapping[str, Rule]:
+        """See `Port`."""
+        return {"serial": TEXT, "backend": TEXT, "at": TEXT}
 
     def _open(self) -> None:
         device = self._find()
@@ -115,7 +119,7 @@ class UsbLink(Link):
             ) from error
         except usb.core.USBError as error:
             raise self._explain(error) from error
-        serial = self.url.options.get("serial", "")
+        serial = self.options.get("serial", "")
         if serial:
             named = [device for device in devices if _serial(device).upper() == serial.upper()]
             for device in devices:
@@ -142,12 +146,12 @@ class UsbLink(Link):
 
     def _backend(self) -> Any:
         """What pyusb is to use; None for what it finds itself."""
-        entry = self.url.options.get("backend", "")
+        entry = self.options.get("backend", "")
         if not entry:
             return None
         module_name, _, name = entry.partition(":")
         try:
-            return getattr(importlib.import_module(module_name), name)(self.url.options.get("at", ""))
+            return getattr(importlib.import_module(module_name), name)(self.options.get("at", ""))
         except (ImportError, AttributeError, ValueError) as error:
             raise BadUrl(f"bus url {self.url.text!r}: cannot make the backend {entry!r}: {error}") from error
 

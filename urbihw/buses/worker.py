@@ -103,7 +103,7 @@ class Worker:
         otherwise it runs in a thread, and only then may `context` bring a clock and pipes.
         `begin` says more than `settings` alone, and is taken instead of them.
         A port that cannot be opened is no error here: LinkState says why, and the worker keeps trying.
-        Raises BadUrl for a url without sense, BadValue for an unknown family, for settings that it does not understand,
+        Raises BadUrl for a url without sense, BadSetting and BadValue for settings, BadValue for an unknown family
         or a context with a process.
         """
         Url.parse(url)

@@ -8,12 +8,19 @@ those two, ``urbihw.kernel.uobject`` and ``urbihw.buses``, never another platfor
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from urbihw.kernel.uobject import BadConfig, Robot
+from urbihw.platforms import limits
+from urbihw.platforms.limits import DeviceLimits
 from urbihw.platforms.manifest import FILE, BadManifest, Manifest, read
+from urbihw.settings import Mistake, Table, guess
 
-__all__ = ["BadManifest", "Manifest", "find", "folders", "load", "read"]
+__all__ = [
+    "BadManifest", "DeviceLimits", "Manifest", "find", "folders", "load", "load_options", "mistakes", "read",
+]  # fmt: skip
 
 
 def folders(root: Path | None = None) -> list[Path]:
@@ -26,7 +33,7 @@ def find(name: str, root: Path | None = None) -> Manifest:
     """The manifest of a platform by name.  Raises BadConfig, naming those there are, and BadManifest."""
     known = {folder.name: folder for folder in folders(root)}
     if name not in known:
-        raise BadConfig(f"no platform {name!r}; there are: {', '.join(known) or 'none'}")
+        raise BadConfig(f"no platform {name!r}{guess(name, known)}")
     return read(known[name])
 
 
@@ -46,3 +53,31 @@ def load(manifest: Manifest) -> type[Robot]:
     if not (isinstance(found, type) and issubclass(found, Robot)):
         raise BadManifest(f"{manifest.folder / FILE}: {module_name}.py has no class {class_name} that is a Robot")
     return found
+
+
+def load_options(manifest: Manifest) -> type[Table]:
+    """Import the table of a platform's options, without its robot.  Raises BadManifest when it is not there."""
+    if not manifest.options:
+        return Table
+    module_name, _, class_name = manifest.options.partition(":")
+    if "." not in module_name:
+        module_name = f"urbihw.platforms.{manifest.name}.{module_name}"
+    try:
+        found = getattr(importlib.import_module(module_name), class_name, None)
+    except ImportError as error:
+        raise BadManifest(f"{manifest.folder / FILE}: options: {error}") from error
+    if not (isinstance(found, type) and issubclass(found, Table)):
+        raise BadManifest(f"{manifest.folder / FILE}: options: {module_name} has no class {class_name} that is a Table")
+    return found
+
+
+def mistakes(manifest: Manifest | None, options: Mapping[str, Any], limits_: Mapping[str, Any]) -> Iterator[Mistake]:
+    """What is wrong with the tables ``[options]`` and ``[limits]`` for a platform; None if it is not known which.
+
+    Raises BadManifest.
+    """
+    if manifest is not None:
+        for mistake in load_options(manifest).read(options, f"option of {manifest.name}")[1]:
+            yield Mistake(f"options.{mistake.key}", mistake.text)
+    for mistake in limits.mistakes(limits_, None if manifest is None else manifest.limits):
+        yield Mistake(f"limits.{mistake.key}", mistake.text)

@@ -35,15 +35,13 @@ from urbihw.kernel.uobject import (
     owned,
     reading,
 )
+from urbihw.platforms.devicelog import DeviceLog
 from urbihw.platforms.limits import DeviceLimits, LimitSettings
 from urbihw.platforms.wire import Wire
+from urbihw.settings import BadSetting
 
 SAME_STOP: Final = 0.05
 """Seconds within which a second stop of a robot that was not moved since is the same one: no person is so quick."""
-SAID_AGAIN: Final = 1.0
-"""Seconds after which a stop for the same reason is logged again."""
-REFUSED_AGAIN: Final = 10.0
-"""Seconds after which the same refusal is logged again."""
 ALIVE: Final = 0.5
 """Seconds between signs of life."""
 PATIENCE: Final = 2.0
@@ -114,7 +112,7 @@ class WiredRobot(Robot):
 
     def init(self) -> None:
         """Called by ``new``; nothing happens before ``open``."""
-        self.log = logging.getLogger(f"urbihw.{self.robot_name}")
+        self.log = DeviceLog(logging.getLogger(f"urbihw.{self.robot_name}"), self.host.now, self._later)
         self.motion = Motion(self.host.world, self.robot_name, self._release)
         self.wire = Wire(self.tell, self.motion)
         self.limits = LimitSettings({}, {})
@@ -125,7 +123,6 @@ class WiredRobot(Robot):
         self._missed_link = False
         self._resume = True
         self._stop_asked_at = -math.inf
-        self._refusals: dict[tuple[Any, ...], float] = {}
         self._unknown_limits: set[str] = set()
         self._heard_at = 0.0
         self.notify_change(self.estop, self._estop_written)
@@ -146,7 +143,7 @@ class WiredRobot(Robot):
                 settings.url, post=self._post, settings=_for_worker(settings), family=self.family,
                 control=settings.control,
             )
-        except BadValue as error:
+        except (BadValue, BadSetting) as error:
             raise BadConfig(f"{self.robot_name}: {error}") from error
         except BadUrl as error:
             raise BadConfig(str(error)) from error
@@ -158,7 +155,7 @@ class WiredRobot(Robot):
         message = _for_worker(settings)
         try:
             driver_of(self.family).configure(message)
-        except BadValue as error:
+        except (BadValue, BadSetting) as error:
             raise BadConfig(f"{self.robot_name}: {error}") from error
         self.motion.keep = settings.keep_motion
         self.limits = LimitSettings.of(settings.limits)
@@ -170,7 +167,14 @@ class WiredRobot(Robot):
         """See ``Robot``."""
         worker, self._worker = self._worker, None
         self.motion.close()
+        self.log.close()
         self.destroy()
+        if worker is not None:
+            worker.stop()
+
+    def abandon(self) -> None:
+        """See ``Robot``."""
+        worker = self._worker
         if worker is not None:
             worker.stop()
 
@@ -261,13 +265,18 @@ class WiredRobot(Robot):
 
     def wait_for_readings(self) -> None:
         """Answer ``open`` when ``whole``, but do not wait for ever: a device may have died since it was found."""
+        self._later(PATIENCE, lambda: self.answer(None))
+
+    def _later(self, seconds: float, action: Callable[[], None]) -> Callable[[], None]:
+        """Do something once; gives what takes that back."""
         handle = 0
 
         def over() -> None:
             self.remove_timer(handle)
-            self.answer(None)
+            action()
 
-        handle = self.set_timer(PATIENCE, over)
+        handle = self.set_timer(seconds, over)
+        return lambda: self.remove_timer(handle)
 
     def send_limits(self) -> None:
         """Let the worker know of the limits; to be called when the devices are known, and when one has changed."""
@@ -340,11 +349,8 @@ class WiredRobot(Robot):
         self.guarded.emit(str(message.device), message.name, message.passed)
 
     def on_refused(self, message: m.Refused) -> None:
-        """A target or watch made no sense, or may not be now; the same again and again is logged now and then."""
-        key, now = (message.device, message.item, message.reason), self.host.now()
-        if now - self._refusals.get(key, -math.inf) >= REFUSED_AGAIN:
-            self._refusals = {old: at for old, at in self._refusals.items() if now - at < REFUSED_AGAIN} | {key: now}
-            self.log.warning("%s: %s: %s", *key)
+        """A target or watch made no sense, or may not be now."""
+        self.log.warning("%s: %s: %s", message.device, message.item, message.reason)
 
     # ---------------------------------------------------------------- the worker
 
@@ -400,10 +406,8 @@ class WiredRobot(Robot):
         self.on_halt(reason, (device,))
 
     def _stopped(self, message: m.Stopped) -> None:
-        said, now = (message.reason, message.devices), self.host.now()
-        if message.devices is None and now - self._refusals.get(said, -math.inf) >= SAID_AGAIN:
+        if message.devices is None:
             self.log.info("%s stopped: %s", self.robot_name, message.reason)
-            self._refusals[said] = now
         if message.devices is None and message.epoch > self.motion.epoch:
             self._halted(message.reason, message.epoch)
         self.on_stopped(message.reason)

@@ -12,42 +12,47 @@
     torque = 0.8                        # N m
     voltage = [9.5, 12.6]               # V: outside, a warning
 
-They are enforced in the bus worker.  A platform says in ``WiredRobot.limit_table`` what they are in raw counts.
+They are enforced in the bus worker.  Which devices a platform has and which limits they know says its manifest; what
+those are in raw counts, ``Limited.limits_in_counts``.
 """
 
 from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, fields
+import re
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any, Self
 
 from urbihw.kernel.uobject import BadConfig
+from urbihw.settings import Mistake, Table, checked, guess, positive, rising, setting
+
+Devices = Mapping[str, Collection[str]]
+"""The devices of a platform -> the limits they know; ``#`` in a name stands for a number."""
 
 
-@dataclass(frozen=True, slots=True)
-class DeviceLimits:
+@dataclass(frozen=True)
+class DeviceLimits(Table):
     """The limits of one device; what has none is infinite.
 
     Attributes:
-        position: least and most.
-        speed, turn, acceleration, torque: most, in both directions; ``turn`` is that of a base about its axis.
+        position: least and most: rad, degrees of an NXT motor.
+        speed: most, in both directions: rad/s, m/s of a base, share of 100 of an NXT motor.
+        turn: most of a base about its axis, in both directions: rad/s.
+        acceleration: most, of wheels, bases and drives: rad/s2, m/s2.
+        torque: most: N m.
         temperature: degrees C from which to warn, to reduce the torque to half, to switch the motor off.
-        voltage: least and most; outside, a warning.
+        voltage: least and most in V; outside, a warning.
     """
 
-    position: tuple[float, float] = (-math.inf, math.inf)
-    speed: float = math.inf
-    turn: float = math.inf
-    acceleration: float = math.inf
-    torque: float = math.inf
-    temperature: tuple[float, float, float] = (math.inf, math.inf, math.inf)
-    voltage: tuple[float, float] = (-math.inf, math.inf)
-
-
-_LENGTHS = {"position": 2, "temperature": 3, "voltage": 2}
-KINDS = tuple(each.name for each in fields(DeviceLimits))
+    position: tuple[float, float] = setting((-math.inf, math.inf), rising(2, "[-1.0, 1.0]"))
+    speed: float = setting(math.inf, positive())
+    turn: float = setting(math.inf, positive())
+    acceleration: float = setting(math.inf, positive())
+    torque: float = setting(math.inf, positive())
+    temperature: tuple[float, float, float] = setting((math.inf, math.inf, math.inf), rising(3, "[55, 65, 75]"))
+    voltage: tuple[float, float] = setting((-math.inf, math.inf), rising(2, "[9.5, 12.6]"))
 
 
 class LimitSettings:
@@ -59,14 +64,15 @@ class LimitSettings:
 
     @classmethod
     def of(cls, table: Mapping[str, Any]) -> Self:
-        """Check the table.  Raises BadConfig for a kind that does not exist and a value without sense."""
-        general = {name: _value("limits", name, value) for name, value in table.items() if not isinstance(value, dict)}
-        devices = {
-            device: {name: _value(f"limits.{device}", name, value) for name, value in rows.items()}
-            for device, rows in table.items()
-            if isinstance(rows, dict)
-        }
-        return cls(general, devices)
+        """Take the table.  Raises BadConfig for a limit that does not exist and a value without sense."""
+        for mistake in mistakes(table):
+            raise BadConfig(f"limits.{mistake}")
+        general, devices = _parts(table)
+        rules = DeviceLimits.rules()
+        return cls(
+            checked(rules, general, "limit")[0],
+            {device: checked(rules, rows, "limit")[0] for device, rows in devices.items()},
+        )
 
     def device(self, name: str) -> DeviceLimits:
         """The limits of a device by the name of its slot."""
@@ -84,24 +90,42 @@ class LimitSettings:
         return bool(self._general or self._devices)
 
 
-def _value(place: str, name: str, value: Any) -> Any:
-    if name not in KINDS:
-        close = difflib.get_close_matches(name, KINDS, 1)
-        guess = f"did you mean {close[0]}?" if close else f"there are: {', '.join(KINDS)}"
-        raise BadConfig(f"{place}.{name}: no such limit; {guess}")
-    length = _LENGTHS.get(name, 0)
-    if not length:
-        if not _is_number(value) or value <= 0:
-            raise BadConfig(f"{place}.{name}: wants a number above 0, not {value!r}")
-        return float(value)
-    rising = isinstance(value, list | tuple) and len(value) == length and all(map(_is_number, value))
-    if not rising or list(value) != sorted(value) or value[0] == value[-1]:
-        raise BadConfig(f"{place}.{name}: wants {length} rising numbers, such as {_EXAMPLES[name]}, not {value!r}")
-    return tuple(map(float, value))
+def mistakes(table: Mapping[str, Any], devices: Devices | None = None) -> Iterator[Mistake]:
+    """What is wrong with a table; ``devices`` are those that the platform may have, None if it is not known which."""
+    general, by_device = _parts(table)
+    everywhere = None if devices is None else {kind for kinds in devices.values() for kind in kinds}
+    yield from _wrong(general, "", everywhere)
+    for name, rows in by_device.items():
+        pattern = None if devices is None else _pattern(name, devices)
+        if pattern is None and devices is not None:
+            yield Mistake(name, f"no such device{_guess_device(name, devices)}")
+        else:
+            yield from _wrong(rows, f"{name}.", None if devices is None or pattern is None else devices[pattern])
 
 
-_EXAMPLES = {"position": "[-1.0, 1.0]", "temperature": "[55, 65, 75]", "voltage": "[9.5, 12.6]"}
+def _parts(table: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+    """What is for all devices, and what is for one each."""
+    devices = {name: rows for name, rows in table.items() if isinstance(rows, dict)}
+    return {name: value for name, value in table.items() if name not in devices}, devices
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+def _wrong(rows: Mapping[str, Any], place: str, known: Collection[str] | None) -> Iterator[Mistake]:
+    rules = {kind: rule for kind, rule in DeviceLimits.rules().items() if known is None or kind in known}
+    for mistake in checked(rules, rows, "limit")[1]:
+        if mistake.key in rules or mistake.key not in DeviceLimits.rules():
+            yield Mistake(place + mistake.key, mistake.text)
+        else:
+            who = f"{place.removesuffix('.')} has no" if place else "no device of this platform has"
+            yield Mistake(place + mistake.key, f"{who} such limit; there are: {', '.join(rules)}")
+
+
+def _pattern(name: str, devices: Devices) -> str | None:
+    return next((each for each in devices if re.fullmatch(re.escape(each).replace(r"\#", "[0-9]+"), name)), None)
+
+
+def _guess_device(name: str, devices: Devices) -> str:
+    close = difflib.get_close_matches(re.sub("[0-9]+", "#", name), devices, 1)
+    number = re.search("[0-9]+", name)
+    if close and (number or "#" not in close[0]):
+        return f"; did you mean {close[0].replace('#', number[0] if number else '')}?"
+    return guess(name, [each.replace("#", "N") for each in devices])

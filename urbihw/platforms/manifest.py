@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Final
 
 from urbihw.kernel.uobject import BadConfig
+from urbihw.platforms.limits import DeviceLimits
 
 FILE: Final = "platform.toml"
+KINDS: Final = tuple(DeviceLimits.rules())
 
 
 class BadManifest(BadConfig):
@@ -46,6 +48,9 @@ class Manifest:
         usb: adapters that it is found behind.
         fake: arguments of ``python -m fakes`` for the same robot in software; () for none.
         needs: extras of the package that must be installed.
+        options: "module:Class" of the table of its ``[options]``, a ``urbihw.settings.Table``; a module of the folder,
+            or one of ``urbihw.buses`` by its full name; "" for no options.
+        limits: the devices that can have ``[limits]`` -> the limits they know; ``#`` in a name stands for a number.
     """
 
     folder: Path
@@ -59,9 +64,11 @@ class Manifest:
     usb: tuple[UsbId, ...] = ()
     fake: tuple[str, ...] = ()
     needs: tuple[str, ...] = ()
+    options: str = ""
+    limits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-_TEXTS: Final = {"name", "title", "robot", "slot", "default_url"}
+_TEXTS: Final = {"name", "title", "robot", "slot", "default_url", "options"}
 _LISTS: Final = {"library", "buses", "fake", "needs"}
 _REQUIRED: Final = ("name", "title", "robot", "slot")
 
@@ -82,7 +89,7 @@ def read(folder: Path) -> Manifest:
 
 
 def _checked(table: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    known = {field.name for field in fields(Manifest)} - {"folder"}
+    known = {each.name for each in fields(Manifest)} - {"folder"}
     for key in table:
         if key not in known:
             raise BadManifest(f"{key!r} is no key of a manifest; known: {', '.join(sorted(known))}")
@@ -114,7 +121,19 @@ def _value(key: str, value: Any) -> Any:
         if not isinstance(value, list) or not all(isinstance(member, str) for member in value):
             raise BadManifest(f'{key} must be a list of texts, such as ["a", "b"], not {value!r}')
         return tuple(value)
+    if key == "limits":
+        return _limits(value)
     return tuple(_usb(row) for row in value) if isinstance(value, list) else _usb(value)
+
+
+def _limits(table: Any) -> dict[str, tuple[str, ...]]:
+    if not isinstance(table, dict) or not all(isinstance(kinds, list) for kinds in table.values()):
+        raise BadManifest('limits must be a table such as "motor#" = ["speed", "torque"]')
+    for device, kinds in table.items():
+        for kind in kinds:
+            if kind not in KINDS:
+                raise BadManifest(f"limits.{device}: no such limit: {kind!r}; there are: {', '.join(KINDS)}")
+    return {device: tuple(kinds) for device, kinds in table.items()}
 
 
 def _usb(row: Any) -> UsbId:

@@ -17,9 +17,10 @@ from canopen import SdoAbortedError, SdoCommunicationError
 
 from urbihw.buses.can import cia402 as c
 from urbihw.buses.can.network import PortNetwork
+from urbihw.buses.can.options import LAST_NODE
 from urbihw.buses.errors import Unavailable
 
-MASTER: Final = 127
+MASTER: Final = LAST_NODE + 1
 """Our number on the bus, under which our heartbeat goes out."""
 BEAT: Final = 0.1
 """Seconds between heartbeats, ours and theirs."""

@@ -22,10 +22,11 @@ from canopen import SdoAbortedError, SdoCommunicationError
 from urbihw.buses.can import cia402 as c
 from urbihw.buses.can.drive import BEAT, MASTER, PATIENCE, Drive
 from urbihw.buses.can.network import PortNetwork
+from urbihw.buses.can.options import LAST_NODE, Options
 from urbihw.buses.can.port import can_port
 from urbihw.buses.clock import Clock, RealClock
 from urbihw.buses.driver import Driver, never
-from urbihw.buses.errors import BadValue, BusTimeout, Unavailable
+from urbihw.buses.errors import BusTimeout, Unavailable
 from urbihw.buses.link import Port
 from urbihw.buses.messages import (
     Configure,
@@ -72,7 +73,7 @@ class DrivesDriver(Driver):
         self._network: PortNetwork | None = None
         self._drives: dict[int, Drive] = {}
         self._lost: dict[int, float] = {}
-        self._nodes: tuple[int, ...] | None = None
+        self._nodes: tuple[int, ...] = ()
         self._period = 0.01
         self._off_on_stop = False
         self._waits: dict[int, _Wait] = {}
@@ -83,16 +84,8 @@ class DrivesDriver(Driver):
     # ---------------------------------------------------------------- the engine's calls
 
     def configure(self, settings: Configure) -> None:
-        """Take settings. Option: "nodes", those to look for; all if missing. Raises BadValue."""
-        for name in settings.options:
-            if name != "nodes":
-                raise BadValue(f"there is no option {name!r}; there is: nodes")
-        nodes = settings.options.get("nodes")
-        if nodes is not None and not (
-            isinstance(nodes, list | tuple) and all(isinstance(node, int) and 0 < node < MASTER for node in nodes)
-        ):
-            raise BadValue(f"nodes must be a list of numbers from 1 to {MASTER - 1}, such as [5, 6], not {nodes!r}")
-        self._nodes = None if nodes is None else tuple(nodes)
+        """Take settings. Raises BadSetting."""
+        self._nodes = Options.of(settings.options).nodes
         self._period = 1 / settings.rate
         self._off_on_stop = settings.torque_off_on_stop
 
@@ -102,7 +95,7 @@ class DrivesDriver(Driver):
         self._clock = port.clock
         self._network = network = PortNetwork(can)
         network.receive()
-        numbers = self._nodes if self._nodes is not None else self._search(network)
+        numbers = self._nodes or self._search(network)
         problems = []
         self._drives = {}
         for number in numbers:
@@ -218,12 +211,12 @@ class DrivesDriver(Driver):
     def _search(self, network: PortNetwork) -> list[int]:
         """The numbers of all nodes that answer, in order."""
         network.scanner.reset()  # type: ignore[no-untyped-call]
-        for number in range(1, MASTER):
+        for number in range(1, LAST_NODE + 1):
             # As `network.scanner.search`, but taking in the answers meanwhile: adapters hold only so many.
             network.send_message(0x600 + number, b"\x40\x00\x10\x00\x00\x00\x00\x00")
             network.receive()
         network.wait(SEARCH)
-        return sorted(number for number in network.scanner.nodes if number < MASTER)
+        return sorted(number for number in network.scanner.nodes if number <= LAST_NODE)
 
     def _living(self) -> list[Drive]:
         return [drive for number, drive in self._drives.items() if number not in self._lost]

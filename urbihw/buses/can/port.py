@@ -1,7 +1,8 @@
 """A CAN bus by url, through python-can: `can://INTERFACE/CHANNEL?option=value`.
 
-INTERFACE is python-can's name; options go to it as they are, numbers as numbers. `bitrate` is 500000 if not given (a
-socketcan interface keeps the one it was set up with). Settings files of python-can are not read: the url says all.
+INTERFACE is python-can's name; options go to it as they are, numbers as numbers. Which there are, python-can says
+itself: what its class of the interface takes or documents. `bitrate` is 500000 if not given (a socketcan interface
+keeps the one it was set up with). Settings files of python-can are not read: the url says all.
 
 Only classic data frames with 11-bit identifiers come out of `receive`. Everybody on a multicast bus may send, and a
 serial adapter may send anything: what is no frame is counted in `damaged` and dropped.
@@ -11,25 +12,35 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import importlib
+import inspect
 import logging
 import os
+import re
 import select
-from typing import Any, Final
+from collections.abc import Iterator, Mapping
+from typing import Final
 
 import can
+from can.interfaces import BACKENDS
 
 from urbihw.buses.can.frame import Frame
 from urbihw.buses.can.pipe import PipeBus
 from urbihw.buses.can.slcan import SlcanText
 from urbihw.buses.errors import BadUrl, BusTimeout, LinkGone, Unavailable
 from urbihw.buses.link import Context, Port, Url
+from urbihw.buses.serial import no_port
+from urbihw.settings import ANY, Rule, guess
 
 DEFAULT_BITRATE: Final = 500_000
 _PATHS: Final = {"slcan"}
 """Interfaces whose channel is the path of a serial port."""
 _CHUNK: Final = 65536
 _FULL: Final = {errno.ENOBUFS, errno.EAGAIN}
-_WORDS: Final = {"true": True, "false": False}
+BITRATE: Final = Rule((int,), "a number such as 500000", least=1)
+_OURS: Final = {"self", "channel", "can_filters", "timing", "kwargs"}
+"""Parameters of python-can that no url can say."""
+_DOCUMENTED: Final = re.compile(r":param (?:[^:]* )?(\w+):")
 
 
 class CanPort(Port):
@@ -40,22 +51,33 @@ class CanPort(Port):
     """
 
     def __init__(self, url: Url, context: Context) -> None:
-        super().__init__(url, context)
         self.interface, _, channel = url.target.partition("/")
         if not channel:
             raise BadUrl(f"bus url {url.text!r}: write can://INTERFACE/CHANNEL, such as can://socketcan/can0")
+        super().__init__(url, context)
         self.channel = f"/{channel}" if self._on_path(channel) else channel
-        self.options = {name: _value(text) for name, text in url.options.items()}
-        bitrate = self.options.setdefault("bitrate", DEFAULT_BITRATE)
-        if not isinstance(bitrate, int) or bitrate <= 0:
-            raise BadUrl(f"bus url {url.text!r}: bitrate must be a number such as 500000, not {bitrate!r}")
-        self.baud = bitrate
+        self.baud = self.options.setdefault("bitrate", DEFAULT_BITRATE)
         self.damaged = 0
         self._context = context
         self._bus: can.BusABC | PipeBus | None = None
         self._lock = -1
         self._text: SlcanText | None = None
         self._waiting: list[Frame] = []
+
+    @classmethod
+    def parameters(cls, url: Url) -> Mapping[str, Rule]:
+        """See `Port`: those of python-can's interface."""
+        interface = url.target.partition("/")[0]
+        if interface == "pipe":
+            names: set[str] = set()
+        elif interface in BACKENDS:
+            names = _parameters(*BACKENDS[interface])
+            # What is not installed here may take anything; that it is missing is said when the port is opened.
+            names = names or set(url.options)
+        else:
+            known = (*BACKENDS, "pipe")
+            raise BadUrl(f"bus url {url.text!r}: {interface}: no such interface of python-can{guess(interface, known)}")
+        return dict.fromkeys(sorted(names), ANY) | {"bitrate": BITRATE}
 
     @property
     def byte_time(self) -> float:
@@ -194,6 +216,9 @@ class CanPort(Port):
 
     def _explained(self, error: Exception) -> Unavailable:
         number, name = _number_of(error), self.channel
+        none = no_port(name.partition("@")[0]) if self._on_path(name) else None
+        if none is not None:
+            return none
         if number in {errno.EWOULDBLOCK, errno.EBUSY}:
             text = f"{name} is in use by another program; close that one first"
         elif number in {errno.EACCES, errno.EPERM}:
@@ -220,8 +245,9 @@ class CanPort(Port):
 
 
 def keep_quiet(library: str) -> None:
-    """What a library logs is said better by what it raises; without a handler Python would print it to our log."""
+    """What a library logs is said better by what it raises: keep it out of our log."""
     logger = logging.getLogger(library)
+    logger.propagate = False
     if not logger.handlers:
         logger.addHandler(logging.NullHandler())
 
@@ -247,15 +273,23 @@ def _number_of(error: BaseException | None) -> int:
     return 0
 
 
-def _value(text: str) -> Any:
-    if text.lower() in _WORDS:
-        return _WORDS[text.lower()]
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
+def _parameters(module: str, name: str) -> set[str]:
+    """What python-can's class of an interface takes; nothing when its library is missing."""
+    keep_quiet("can")
+    try:
+        kind = getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError, OSError):
+        return set()
+    return {parameter for base in kind.__mro__ for parameter in _taken(base)} - _OURS
+
+
+def _taken(kind: type) -> Iterator[str]:
+    """The parameters of one class; those that it takes by `**kwargs` are only in its documentation."""
+    made = kind.__dict__.get("__init__")
+    if inspect.isfunction(made):
+        named = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+        yield from (each.name for each in inspect.signature(made).parameters.values() if each.kind in named)
+        yield from _DOCUMENTED.findall(f"{kind.__doc__} {made.__doc__}")
 
 
 def _known() -> str:

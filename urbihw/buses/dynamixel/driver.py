@@ -65,12 +65,17 @@ class DynamixelDriver(Driver):
         self._next_look = 0.0
 
     def configure(self, settings: Configure) -> None:
-        """Take new settings; the protocol and the ids count from the next `attach` on. Raises BadValue."""
+        """Take new settings; the protocol and the ids count from the next `attach` on. Raises BadSetting."""
         self._options = Options.of(settings.options)
         self._settings = settings
         if self._cycle is not None:
             self._cycle.period = 1 / settings.rate
             self._cycle.fast = self._options.fast_read
+
+    @property
+    def _ids(self) -> tuple[int, ...] | None:
+        """Where to look for devices, None for everywhere."""
+        return self._options.ids or None
 
     def expect(self, devices: tuple[Any, ...]) -> None:
         """Look for the devices of an earlier worker first: it takes less time than looking for all."""
@@ -79,8 +84,8 @@ class DynamixelDriver(Driver):
     def attach(self, port: Port) -> list[FromWorker]:
         """Take an open link and find the devices: all (or the configured) the first time, the known ones later."""
         bus = DynamixelBus(byte_link(port), self._options.protocol)
-        outcome = scan(bus, sorted(self._known) if self._known else self._expected or self._options.ids)
-        wanted = {number: Device(number, 0, 0, bus.protocol) for number in self._options.ids or ()} | self._known
+        outcome = scan(bus, sorted(self._known) if self._known else self._expected or self._ids)
+        wanted = {number: Device(number, 0, 0, bus.protocol) for number in self._options.ids} | self._known
         # One that was there once is kept, also when its answer was damaged: it may turn, and must be stopped.
         there = {device.id for device in outcome.devices} | ({*outcome.conflicts} - self._known.keys())
         return self._begin(bus, outcome, [device for number, device in wanted.items() if number not in there])
@@ -237,7 +242,7 @@ class DynamixelDriver(Driver):
         auto, protocol = cycle.bus.auto, cycle.bus.protocol
         cycle.bus.auto = self._options.protocol == "auto"
         try:
-            outcome = scan(cycle.bus, self._options.ids, self._urgent)
+            outcome = scan(cycle.bus, self._ids, self._urgent)
         except Interrupted:
             cycle.bus.auto, cycle.bus.protocol = auto, protocol
             raise

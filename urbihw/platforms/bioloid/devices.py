@@ -5,7 +5,6 @@ Physical units outside, raw counts inside.  A sample costs a dict look-up per re
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Callable, Mapping
 from typing import ClassVar
@@ -17,9 +16,8 @@ from urbihw.buses.dynamixel.tables import table_of
 from urbihw.buses.messages import Reply
 from urbihw.kernel.uobject import UObject, UVar, event, function, reading
 from urbihw.platforms.bioloid.slots import Facts, Kind, Slot, facts_of
+from urbihw.platforms.devicelog import DeviceLog
 from urbihw.platforms.wire import Wire
-
-log = logging.getLogger("urbihw.bioloid")
 
 Take = Callable[[int, float], None]
 """Takes a changed raw count and its time."""
@@ -55,6 +53,8 @@ class Device(UObject):
     rows: tuple[Slot, ...] = ()
     hidden: tuple[tuple[str, float], ...] = ()
     """Registers that are read but are no slots, and the seconds between readings."""
+    log: DeviceLog
+    """Set by the robot."""
 
     def init(self, wire: Wire, info: DeviceInfo, refused: Refused) -> None:
         """Make the slots of the device that ``info`` tells of; it is read from now on."""
@@ -276,5 +276,5 @@ class Device(UObject):
     def show_alarm(self, words: str) -> None:
         """Say what is wrong with the device; "" for nothing."""
         if words and words != self.alarm.sensed:
-            log.warning("%s %d: %s", self.kind_of_device, self.number, words)
+            self.log.warning("%s %d: %s", self.kind_of_device, self.number, words)
         self.alarm.sense(words)

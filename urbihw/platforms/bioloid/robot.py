@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping
 from typing import Final
 
@@ -13,9 +12,12 @@ from urbihw.platforms.base import Limited, WiredRobot
 from urbihw.platforms.bioloid.devices import Device
 from urbihw.platforms.bioloid.motors import AX12, Servo, XServo
 from urbihw.platforms.bioloid.sensors import AXS1
+from urbihw.platforms.devicelog import BACK, LOST, News
 
-log = logging.getLogger("urbihw.bioloid")
-
+MISSING: Final = News(
+    "no answer from {who}, which the settings expect: it joins when it answers",
+    "no answer from {count} devices, which the settings expect: they join when they answer: {who}",
+)
 CLASSES: Final[dict[str, type[Device]]] = {
     "AX-12": AX12,
     "AX-S1": AXS1,
@@ -82,7 +84,7 @@ class Bioloid(WiredRobot):
     # ---------------------------------------------------------------- what the daemon calls
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
-        """See ``Robot``.  Options: "protocol" (1, 2 or "auto"), "ids" (those to look for; all if missing)."""
+        """See ``Robot``."""
         self.motors = self.host.create(Devices, "motors", "motor")
         self.sensors = self.host.create(Devices, "sensors", "sensor")
         self.put_slot("motors", self.motors)
@@ -107,7 +109,7 @@ class Bioloid(WiredRobot):
     @function
     def scan(self) -> None:
         """Look for devices on all ids; takes half a second, in which the cycle rests: not while the robot moves."""
-        self.wire.ask("scan", 0, lambda reply: None if reply.ok else log.warning("scan failed: %s", reply.error))
+        self.wire.ask("scan", 0, lambda reply: None if reply.ok else self.log.warning("scan failed: %s", reply.error))
 
     # ---------------------------------------------------------------- the worker
 
@@ -166,7 +168,7 @@ class Bioloid(WiredRobot):
 
     def _grown(self, problem: str) -> None:
         if problem:
-            log.error("the tree of the robot is not complete: %s", problem)
+            self.log.error("the tree of the robot is not complete: %s", problem)
 
     def _conflicts(self, ids: tuple[int, ...]) -> None:
         numbers = " and ".join(map(str, ids))
@@ -177,16 +179,17 @@ class Bioloid(WiredRobot):
         if self.opening:
             self.answer(BadConfig(text))
         else:
-            log.error("%s", text)
+            self.log.error("%s", text)
 
     def _add(self, info: DeviceInfo) -> None:
         kind = CLASSES.get(info.family)
         if kind is None:
-            log.warning("device %d (%s) is of no kind known here; it is left alone", info.id, info.name)
+            self.log.warning("device %d (%s) is of no kind known here; it is left alone", info.id, info.name)
             return
         group, name = (self.motors, "motor") if issubclass(kind, Servo) else (self.sensors, "sensor")
         about = (self.wire, info, self._refuse, *((self.motion,) if issubclass(kind, Servo) else ()))
         device = self.host.create(kind, f"{name}{info.id}", *about)
+        device.log = self.log
         if isinstance(device, Servo):
             device.mode_changed = self.send_limits
         self._missing.pop(info.id, None)
@@ -199,18 +202,18 @@ class Bioloid(WiredRobot):
         if device is None:
             if message.new == "lost":
                 self._missing[message.device] = None
-                log.warning("no answer from %d, which the settings expect: it joins when it answers", message.device)
+                self.log.tell(MISSING, str(message.device))
             return
         device.changed_state(message.new, message.reason)
         if message.new == "lost":
-            log.warning("%s %d is lost: %s", device.kind_of_device, message.device, message.reason)
+            self.log.tell(LOST, f"{device.kind_of_device} {message.device}", message.reason)
             self.lost.emit(device)
         elif message.new == "back":
-            log.warning("%s %d is back", device.kind_of_device, message.device)
+            self.log.tell(BACK, f"{device.kind_of_device} {message.device}")
             self.back.emit(device)
 
     def _refuse(self, device: Device, slot: str, reason: str) -> None:
-        log.warning("%s %d: %s not written: %s", device.kind_of_device, device.number, slot, reason)
+        self.log.warning("%s %d: %s not written: %s", device.kind_of_device, device.number, slot, reason)
         self.refused.emit(device, slot, reason)
 
 

@@ -10,13 +10,15 @@ from urbihw.buses import messages as m
 from urbihw.kernel.uobject import BadConfig, event, function
 from urbihw.platforms.base import Limited, WiredRobot
 from urbihw.platforms.cia402.servo import ServoDrive
+from urbihw.platforms.devicelog import LOST, News
 
+BACK_OFF: Final = News("{who} is back, and off", "{count} drives are back, and off: {who}")
 TREE: Final = "cia402.u"
 """Builds the standard robot API, when the drives are there."""
 
 
 class Cia402(WiredRobot):
-    """Drives on one bus.  Option: "nodes", a list of their numbers; all that answer if missing."""
+    """Drives on one bus."""
 
     classes = (ServoDrive,)
 
@@ -63,6 +65,7 @@ class Cia402(WiredRobot):
                 known.changed_state("ok", "")
                 continue
             drive = self.host.create(ServoDrive, f"drive{info.id}", self.wire, info, self._refuse, self.motion)
+            drive.log = self.log
             self.members[info.id] = drive
             if not info.watches:
                 self.log.warning("drive %d cannot watch us: it goes on if this machine dies", info.id)
@@ -107,10 +110,10 @@ class Cia402(WiredRobot):
             return
         drive.changed_state(message.new, message.reason)
         if message.new == "lost":
-            self.log.warning("drive %d is lost: %s", message.device, message.reason)
+            self.log.tell(LOST, f"drive {message.device}", message.reason)
             self.lost.emit(drive)
         elif message.new == "back":
-            self.log.warning("drive %d is back, and off", message.device)
+            self.log.tell(BACK_OFF, f"drive {message.device}")
             self.back.emit(drive)
 
     def on_link_down(self, reason: str) -> None:

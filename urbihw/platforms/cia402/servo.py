@@ -6,7 +6,6 @@ shaft; with a gear, or a drive that counts in other units, set it and ``velocity
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 
@@ -16,10 +15,9 @@ from urbihw.buses.can.drive import DriveInfo
 from urbihw.buses.messages import Reply
 from urbihw.kernel.uobject import Effector, EffectorDevice, Motion, UVar, event, function, owned, reading, variable
 from urbihw.platforms.base import LimitTable, Named
+from urbihw.platforms.devicelog import DeviceLog
 from urbihw.platforms.limits import DeviceLimits
 from urbihw.platforms.wire import Wire
-
-log = logging.getLogger("urbihw.cia402")
 
 Refused = Callable[["ServoDrive", str, str], None]
 """Told of what a drive did not do: drive, slot, why."""
@@ -27,6 +25,9 @@ Refused = Callable[["ServoDrive", str, str], None]
 
 class ServoDrive(EffectorDevice):
     """A drive.  ``load`` is its power: 0 when off.  It is switched on by hand only, and stands when it is."""
+
+    log: DeviceLog
+    """Set by the robot."""
 
     val = owned(math.nan)
     speed = owned(math.nan)
@@ -176,7 +177,7 @@ class ServoDrive(EffectorDevice):
         fresh = not self.fault.sensed
         self.fault.sense(words)
         if words and fresh:
-            log.warning("drive %d: %s", self.number, words)
+            self.log.warning("drive %d: %s", self.number, words)
             self.faulted.emit(words)
 
     def emergency(self, code: int) -> None:

@@ -11,6 +11,7 @@ from urbihw.buses import messages as m
 from urbihw.kernel.uobject import BadConfig, Opened, RobotSettings, UObject, event, function, reading
 from urbihw.platforms.base import Limited
 from urbihw.platforms.nxt.motors import Servo
+from urbihw.platforms.nxt.options import Options
 from urbihw.platforms.nxt.others import Battery, Beeper, Command
 from urbihw.platforms.nxt.ports import Brick, Ports
 from urbihw.platforms.nxt.reading import BRICK
@@ -23,15 +24,9 @@ from urbihw.platforms.nxt.sensors import (
     Switch,
     UltraSonicSensor,
 )
-
-FOLDER: Final = Path(__file__).parent
-LAYOUT: Final = "TriBot.u"
-EMPTY: Final = 6.1
-"""V at which the brick's own display shows an empty battery."""
-FULL: Final = 8.0
+from urbihw.settings import BadSetting
 
 _DEVICES: Final = (Servo, UltraSonicSensor, SoundSensor, LightSensor, Switch, ColourSensor, I2CSensor, Battery, Beeper)
-_OPTIONS: Final = {"layout", "battery_empty", "battery_full"}
 _ASSIGNED = re.compile(rf"^[ \t]*(\w+)\s*=\s*(?:{'|'.join(kind.__name__ for kind in _DEVICES)})\s*\.\s*new\b", re.M)
 
 
@@ -53,14 +48,13 @@ class Nxt(Brick):
         super().init()
         self.ports = Ports()
         self.gauges = []
-        self._layout: Path | None = FOLDER / LAYOUT
-        self.volts = (EMPTY, FULL)
+        self._take_options({})
         self._laid_out = False
 
     # ---------------------------------------------------------------- what the daemon calls
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
-        """See ``Robot``.  Options: "layout" (a file; "" for none), "battery_empty" and "battery_full" in V."""
+        """See ``Robot``."""
         self._take_options(settings.options)
         self.host.create(Command, "Command")
         super().open(settings, opened)
@@ -134,34 +128,29 @@ class Nxt(Brick):
 
     # ---------------------------------------------------------------- the layout
 
-    def _take_options(self, options: Any) -> None:
-        unknown = sorted(options.keys() - _OPTIONS)
-        if unknown:
-            raise BadConfig(f"nxt: there is no option {unknown[0]!r}; there are: {', '.join(sorted(_OPTIONS))}")
-        layout = options.get("layout", str(FOLDER / LAYOUT))
-        if not isinstance(layout, str):
-            raise BadConfig(f'nxt: layout must be a file, or "" for none, not {layout!r}')
-        self._layout = Path(layout) if layout else None
-        empty, full = options.get("battery_empty", EMPTY), options.get("battery_full", FULL)
-        if not (isinstance(empty, int | float) and isinstance(full, int | float) and 0 <= empty < full):
-            raise BadConfig(f"nxt: battery_empty ({empty}) must be fewer volts than battery_full ({full})")
-        self.volts = (float(empty), float(full))
+    def _take_options(self, options: Mapping[str, Any]) -> None:
+        try:
+            self._options = Options.of(options)
+        except BadSetting as error:
+            raise BadConfig(f"nxt: {error}") from error
+        self.volts = self._options.battery_empty, self._options.battery_full
 
     def _lay_out(self) -> None:
         """Run the layout; the robot is ready when all its devices were read."""
-        if self._layout is None:
+        layout = self._options.layout
+        if not layout:
             self._laid_out_as("")
             return
         try:
-            text = self._layout.read_text("latin-1")
+            text = Path(layout).read_text("latin-1")
         except OSError as error:
-            self.answer(BadConfig(f"nxt: cannot load the layout {self._layout}: {error.strerror}"))
+            self.answer(BadConfig(f"nxt: cannot load the layout {layout}: {error.strerror}"))
             return
         # As the manual writes it, `wheelL = Servo.new("C");`: the names need not be declared.
         for name in dict.fromkeys(_ASSIGNED.findall(text)):
             if name not in self.host.world.global_.slots:
                 self.host.put(name, None)
-        self.host.run(text, str(self._layout), self._laid_out_as)
+        self.host.run(text, layout, self._laid_out_as)
 
     def _laid_out_as(self, problem: str) -> None:
         if problem:

@@ -50,6 +50,8 @@ Values = dict[Any, dict[str, Any]]
 class ArcosDriver(Driver):
     """See the head of this file, and ``urbihw.buses.driver.Driver``."""
 
+    url_parameters = Options.in_url()
+
     def __init__(self) -> None:
         self._link: Link | None = None
         self._framer = Framer()
@@ -70,8 +72,8 @@ class ArcosDriver(Driver):
     # ---------------------------------------------------------------- settings and the link
 
     def configure(self, settings: Configure) -> None:
-        """Take the settings.  Raises BadValue."""
-        self._options = Options.read(settings.options)
+        """Take the settings.  Raises BadSetting."""
+        self._options = Options.of(settings.options)
         self._torque_off = settings.torque_off_on_stop
 
     def attach(self, port: Port) -> list[FromWorker]:

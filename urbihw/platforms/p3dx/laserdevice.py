@@ -5,24 +5,22 @@ The manual counts the readings from the left: the first one is at ``angleMax``, 
 
 from __future__ import annotations
 
-import logging
 import math
 import threading
 from collections.abc import Callable, Sequence
-from typing import Any, Final
+from typing import Final
 
 from urbihw.buses import messages as m
 from urbihw.buses.errors import BadUrl, BadValue
 from urbihw.kernel.uobject import event, reading
 from urbihw.platforms.base import Handle
+from urbihw.platforms.devicelog import DeviceLog
 from urbihw.platforms.p3dx.devices import Switch
 from urbihw.platforms.p3dx.frames import Pose
+from urbihw.platforms.p3dx.options import SIMULATED
 from urbihw.platforms.p3dx.values import number
 
-log = logging.getLogger("urbihw.p3dx")
-
 FAMILY: Final = "urbihw.platforms.p3dx.laserdriver:SickDriver"
-SIMULATED: Final = "sim"
 HALF: Final = math.pi / 2
 _NEAREST: Final = 0.02
 _LARGEST_COUNT: Final = 0x1FF6
@@ -48,6 +46,9 @@ class Laser(Switch):
     dirty = reading(False)
     lost = event()
     back = event()
+
+    log: DeviceLog
+    """Set by the robot."""
 
     def init(  # type: ignore[override]
         self, url: str, place: float, start_worker: Callable[..., Handle], watch: Callable[[bool], None], offset: float
@@ -144,7 +145,7 @@ class Laser(Switch):
     def is_gone(self, reason: str) -> None:
         """The laser does not answer (any more); its worker goes on trying."""
         if self._wanted and self.state.sensed != "lost":
-            log.warning("laser: %s; trying again until it answers", reason)
+            self.log.warning("laser: %s; trying again until it answers", reason)
             self._show_off("lost")
             self.lost.emit(reason)
 
@@ -170,7 +171,7 @@ class Laser(Switch):
         if not self.load.sensed:
             self.load.sense(1.0)
             if self.state.sensed == "lost":
-                log.warning("laser: it is back")
+                self.log.warning("laser: it is back")
                 self.back.emit()
             self.state.sense("on")
         self.scanned()
@@ -198,7 +199,6 @@ class Laser(Switch):
         return (x + self.place * math.cos(heading), y + self.place * math.sin(heading), heading)
 
 
-def laser_url(robot_url_options: Any, option: str, *, simulator: bool) -> str:
-    """Which laser there is: by option, by ``?laser=`` in the robot's url, or that of the simulator; "" for none."""
-    url = option or robot_url_options.get("laser", "")
-    return url or (SIMULATED if simulator else "")
+def laser_url(option: str, *, simulator: bool) -> str:
+    """Which laser there is: what the options say, or that of the simulator; "" for none."""
+    return option or (SIMULATED if simulator else "")

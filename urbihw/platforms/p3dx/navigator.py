@@ -7,7 +7,6 @@ dropped if it is no longer wanted.  The robot is where its odometry says, from t
 
 from __future__ import annotations
 
-import logging
 import math
 import threading
 from collections.abc import Callable
@@ -28,7 +27,6 @@ from urbihw.platforms.p3dx.values import number, numbers
 if TYPE_CHECKING:
     from urbihw.platforms.p3dx.robot import P3dx
 
-log = logging.getLogger("urbihw.p3dx")
 
 FAILED, SUCCEEDED, CANCELED = 0.0, 1.0, 2.0
 """What ``pathPlanningEvent`` tells."""
@@ -135,7 +133,7 @@ class Navigator(UObject):
 
     def lost(self, why: str) -> None:
         """The robot does not know where it is."""
-        log.warning("localization failed: %s", why)
+        self._robot.log.warning("localization failed: %s", why)
         self._forget_map()
         self.locFailureEvent.emit(why)
 
@@ -200,7 +198,7 @@ class Navigator(UObject):
         robot.begin(follow)
 
     def _plan_failed(self, error: Exception) -> None:
-        log.warning("no path: %s", error)
+        self._robot.log.warning("no path: %s", error)
         self._end(FAILED)
 
     def motion_ended(self, motion: Motion, how: str) -> None:
@@ -214,7 +212,7 @@ class Navigator(UObject):
         elif not follow.blocked or goal is None:
             self._end(SUCCEEDED)
         elif not goal.detours:
-            log.warning("no path: something stands in the way")
+            self._robot.log.warning("no path: something stands in the way")
             self._end(FAILED)
         else:
             self._detour(goal)

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any, Final, Self
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
 
-from urbihw.buses.errors import BadValue
+from urbihw import buses
+from urbihw.buses.errors import BadUrl, Unavailable
+from urbihw.buses.link import Context
 from urbihw.platforms.p3dx.factors import FACTORS
+from urbihw.settings import TEXT, Mistake, Table, choice, number, setting
 
 HOST_BAUDS: Final = {9600: 0, 19200: 1, 38400: 2, 57600: 3, 115200: 4}
 """Speed of the line -> argument of HOSTBAUD."""
 ODOMETRY, SCAN = "odometry", "scan"
+SIMULATED: Final = "sim"
+"""In place of a url: the laser of MobileSim, whose scans come with the robot's packets."""
 
 
-@dataclass(frozen=True, slots=True)
-class Options:
-    """All options and their defaults.
+@dataclass(frozen=True)
+class Options(Table):
+    """The options.
 
     Attributes:
         subclass: whose conversion factors to use (see ``factors``), "" for what the robot says.
@@ -27,31 +32,17 @@ class Options:
         clearance: m that planned paths keep from walls, beside the robot's own radius.
     """
 
-    subclass: str = ""
-    laser: str = ""
-    host_baud: int = 0
-    localization: str = ODOMETRY
-    cell: float = 0.1
-    clearance: float = 0.05
+    subclass: str = setting("", choice("", *FACTORS))
+    laser: str = setting("", TEXT, in_url=True)
+    host_baud: int = setting(0, choice(0, *HOST_BAUDS))
+    localization: str = setting(ODOMETRY, choice(ODOMETRY, SCAN))
+    cell: float = setting(0.1, number(0.02, 1.0, " m"))
+    clearance: float = setting(0.05, number(0.0, 2.0, " m"))
 
-    @classmethod
-    def read(cls, table: Mapping[str, Any]) -> Self:
-        """Check the options of a configuration.  Raises BadValue, naming the option and what is wanted."""
-        known = {field.name for field in fields(cls)}
-        for name in table:
-            if name not in known:
-                raise BadValue(f"there is no option {name!r}; there are: {', '.join(sorted(known))}")
-        made = cls(**table)
-        if made.subclass not in ("", *FACTORS):
-            raise BadValue(f"subclass must be one of {', '.join(FACTORS)}, not {made.subclass!r}")
-        if not isinstance(made.laser, str):
-            raise BadValue(f"laser must be a url in quotes, not {made.laser!r}")
-        if made.host_baud not in (0, *HOST_BAUDS):
-            raise BadValue(f"host_baud must be one of 0, {', '.join(map(str, HOST_BAUDS))}, not {made.host_baud!r}")
-        if made.localization not in (ODOMETRY, SCAN):
-            raise BadValue(f'localization must be "odometry" or "scan", not {made.localization!r}')
-        for name, least, most in (("cell", 0.02, 1.0), ("clearance", 0.0, 2.0)):
-            value = getattr(made, name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
-                raise BadValue(f"{name} must be from {least:g} to {most:g} m, not {value!r}")
-        return made
+    def clashes(self) -> Iterator[Mistake]:
+        """See ``Table``."""
+        if self.laser not in ("", SIMULATED):
+            try:
+                buses.port_for(self.laser, Context())
+            except (BadUrl, Unavailable) as error:
+                yield Mistake("laser", str(error))

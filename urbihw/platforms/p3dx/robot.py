@@ -11,8 +11,8 @@ from collections.abc import Hashable, Mapping, Sequence
 from typing import Any
 
 from urbihw.buses import messages as m
-from urbihw.buses.errors import BadUrl, BadValue
-from urbihw.buses.link import Url
+from urbihw.buses.errors import BadUrl
+from urbihw.buses.link import take_off
 from urbihw.kernel.uobject import BadConfig, NotReady, Opened, RobotSettings, function, reading
 from urbihw.platforms.base import Limited, LimitTable, Named
 from urbihw.platforms.limits import DeviceLimits
@@ -26,6 +26,7 @@ from urbihw.platforms.p3dx.laserdevice import Laser, laser_url
 from urbihw.platforms.p3dx.navigator import Navigator
 from urbihw.platforms.p3dx.options import Options
 from urbihw.platforms.p3dx.values import checked
+from urbihw.settings import BadSetting
 
 ROBOT, SONAR = "robot", "sonar"
 FRONT, REAR = range(8), range(8, 16)
@@ -58,17 +59,12 @@ class P3dx(ArcosRobot):
         self._aimed = (0, 0)
         self._origin = self.motion.own()
         self._by_hand = False
-        self._laser_url = ""
 
     # ---------------------------------------------------------------- opening and closing
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
         """See ``Robot``.  The laser's line is named by the option ``laser`` or by ``?laser=`` in the url."""
         self._take_options(settings)
-        try:
-            self._laser_url = str(Url.parse(settings.url).options.get("laser", ""))
-        except BadUrl as error:
-            raise BadConfig(str(error)) from error
         super().open(settings, opened)
 
     def configure(self, settings: RobotSettings) -> None:
@@ -78,8 +74,9 @@ class P3dx(ArcosRobot):
 
     def _take_options(self, settings: RobotSettings) -> None:
         try:
-            self.options = Options.read(settings.options)
-        except BadValue as error:
+            _, in_url = take_off(settings.url, Options.in_url())
+            self.options = Options.of({**in_url, **settings.options})
+        except (BadUrl, BadSetting) as error:
             raise BadConfig(f"p3dx: {error}") from error
 
     def close(self) -> None:
@@ -131,13 +128,14 @@ class P3dx(ArcosRobot):
     def _make_parts(self, info: RobotInfo) -> None:
         create, limits, config = self.host.create, self.drive.limits, info.config
         simulator = config["serial"] in _SIMULATORS or info.name in _SIMULATORS
-        laser = laser_url({"laser": self._laser_url}, self.options.laser, simulator=simulator)
+        laser = laser_url(self.options.laser, simulator=simulator)
         self.body = create(Body, None, self, self.drive.safety)
         self.wheels = create(Wheel), create(Wheel)
         self.odometry = create(Odometry)
         self.sonar_ring = create(Sonars, None, self)
         self.sonars = [create(Sonar) for _ in SONARS]
         self.laser = create(Laser, None, laser, self.factors.laser_x, self.start_worker, self._watch_laser, self.offset)
+        self.laser.log = self.log
         self.camera = create(Camera, None, self)
         self.x = create(XSpeed, None, self, limits.fastest)
         self.yaw = create(YawSpeed, None, self, limits.fastest_turn)

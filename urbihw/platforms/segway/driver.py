@@ -44,10 +44,10 @@ from urbihw.buses.messages import (
 from urbihw.platforms.segway import protocol as p
 from urbihw.platforms.segway.line import Line, line_over
 from urbihw.platforms.segway.monitor import MOVING_MODES, OTHER_MODE, Monitor
+from urbihw.platforms.segway.options import Options
 from urbihw.platforms.segway.orders import Orders
 
 BASE: Final = "base"
-MODELS: Final = ("50", "100", "200", "400")
 SPACING: Final = 0.012
 """Seconds between two commands at least."""
 SLOWEST, FASTEST = 20.0, 50.0
@@ -101,14 +101,10 @@ class RmpDriver(Driver):
     # ---------------------------------------------------------------- the engine's calls
 
     def configure(self, settings: Configure) -> None:
-        """Take settings. Raises BadValue for a rate or an option without sense."""
+        """Take settings. Raises BadValue for a rate without sense, BadSetting for an option."""
         if not SLOWEST <= settings.rate <= FASTEST:
             raise BadValue(f"commands go out every 20 to 50 ms, so the rate must be 20 to 50, not {settings.rate:g}")
-        for name, value in settings.options.items():
-            if name != "model":
-                raise BadValue(f"there is no option {name!r}; there is: model")
-            if str(value) not in MODELS:
-                raise BadValue(f"model must be one of {', '.join(MODELS)}, not {value!r}")
+        Options.of(settings.options)
         self._fall_on_stop = settings.torque_off_on_stop
         self._tick = 1 / settings.rate
 

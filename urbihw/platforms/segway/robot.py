@@ -16,6 +16,7 @@ from urbihw.buses import messages as m
 from urbihw.kernel.uobject import BadConfig, NotReady, Opened, Origin, RobotSettings, event, function, reading
 from urbihw.platforms.base import Limited, WiredRobot
 from urbihw.platforms.segway.driver import BASE, FASTEST, SLOWEST
+from urbihw.platforms.segway.options import Options
 from urbihw.platforms.segway.rmp import RMP
 
 DEAD_MAN: Final = 0.4
@@ -57,10 +58,10 @@ class Segway(WiredRobot):
     # ---------------------------------------------------------------- what the daemon calls
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
-        """See ``Robot``.  Option: "model" ("50", "100", "200", "400"; "200" if missing)."""
-        self.model.sense(str(settings.options.get("model", "200")))
+        """See ``Robot``."""
         self._wanted = _safe(settings)
         super().open(self._wanted, opened)
+        self.model.sense(Options.of(settings.options).model)
         self.wire.watch(BASE, (), 1 / self._wanted.rate)
         self.set_timer(ALIVE, self._say_alive)
 

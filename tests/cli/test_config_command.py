@@ -1,0 +1,135 @@
+"""``urbihw config``: check, show, schema."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from urbihw.cli.main import main
+from urbihw.daemon.config import Config, configure
+
+Capture = pytest.CaptureFixture[str]
+
+MISTAKEN = """
+prot = 1
+platform = "bioloid"
+rate = "fast"
+url = "/dev/ttyUSB0?boud=1"
+[options]
+offset = 3
+[limits]
+turn = 1
+[limits.moter6]
+speed = 1
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where the tests write a configuration; named without its folder in messages."""
+    monkeypatch.chdir(tmp_path)
+    return Path("robot.toml")
+
+
+def test_check_of_a_good_file(capsys: Capture, file: Path) -> None:
+    file.write_text('platform = "bioloid"\nurl = "/dev/nowhere"\n[limits.motor6]\nspeed = 1\n')
+    assert main(("config", "check", "robot.toml")) == 0
+    assert capsys.readouterr().out == "robot.toml: nothing wrong\n"
+
+
+def test_check_tells_all_mistakes_one_line_each(capsys: Capture, file: Path) -> None:
+    file.write_text(MISTAKEN)
+    assert main(("config", "check", "robot.toml")) == 78
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.splitlines() == [
+        "urbihw: robot.toml: prot: no such setting; did you mean port?",
+        'urbihw: robot.toml: rate: wants a number from 1 to 1000 Hz, not "fast"',
+        "urbihw: robot.toml: options.offset: no such option of bioloid; there are: protocol, ids, fast_read",
+        "urbihw: robot.toml: limits.turn: no device of this platform has such limit; there are: position, speed, "
+        "acceleration, torque, temperature, voltage",
+        "urbihw: robot.toml: limits.moter6: no such device; did you mean motor6?",
+        "urbihw: robot.toml: url: bus url '/dev/ttyUSB0?boud=1': boud: no such parameter; did you mean baud?",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"), [(None, "cannot be read: "), ("a = ", "is not TOML: "), ("a = 1\na = 2", "is not TOML: ")]
+)
+def test_check_of_what_is_no_settings_file(capsys: Capture, file: Path, text: str | None, words: str) -> None:
+    if text is not None:
+        file.write_text(text)
+    assert main(("config", "check", "robot.toml")) == 78
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"urbihw: robot.toml: {words}")
+
+
+def test_show_tells_every_setting_and_where_it_comes_from(capsys: Capture, file: Path) -> None:
+    file.write_text('platform = "bioloid"\nrate = 50\n[options]\nprotocol = 1\n[limits.motor6]\nposition = [-1, 1]\n')
+    assert main(("config", "show", "--json", "--config", "robot.toml", "--port", "7")) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert rows["rate"] == {"value": 50.0, "from": "robot.toml: rate"}
+    assert rows["port"] == {"value": 7, "from": "--port"}
+    assert rows["url"] == {"value": "/dev/ttyUSB0", "from": "default of bioloid"}
+    assert rows["dead_man"] == {"value": 1.5, "from": "default"}
+    assert rows["options.protocol"] == {"value": 1, "from": "robot.toml: options.protocol"}
+    assert rows["options.fast_read"] == {"value": True, "from": "default"}
+    assert rows["limits.motor6.position"] == {"value": [-1, 1], "from": "robot.toml: limits.motor6.position"}
+    assert Config.rules().keys() - rows.keys() == {"options", "limits"}
+
+
+def test_an_option_that_the_url_gives(capsys: Capture) -> None:
+    assert main(("config", "show", "--json", "--platform", "p3dx", "--url", "/dev/ttyUSB0?laser=sim")) == 0
+    assert json.loads(capsys.readouterr().out)["options.laser"] == {"value": "sim", "from": "--url"}
+
+
+def test_what_is_shown_can_be_used_as_a_file(capsys: Capture, file: Path) -> None:
+    file.write_text(
+        'platform = "p3dx"\nurl = "/dev/ttyUSB0"\nload = ["a \\"b\\".u"]\n[options]\ncell = 0.2\n'
+        "[limits]\nspeed = 1\n[limits.robot]\nturn = 2.0\n"
+    )
+    assert main(("config", "show", "--config", "robot.toml", "--quiet")) == 0
+    Path("shown.toml").write_text(capsys.readouterr().out)
+    shown, wanted = configure(Path("shown.toml")), configure(file, {"quiet": True})
+    assert shown.options.items() > wanted.options.items()
+    assert {name: getattr(shown, name) for name in Config.rules() if name != "options"} == {
+        name: getattr(wanted, name) for name in Config.rules() if name != "options"
+    }
+
+
+def test_show_without_anything_shows_the_defaults(capsys: Capture) -> None:
+    assert main(("config", "show")) == 0
+    out = capsys.readouterr().out
+    assert all(line.endswith("# default") for line in out.splitlines())
+    default = Config()
+    assert {key: tuple(value) if isinstance(value, list) else value for key, value in tomllib.loads(out).items()} == {
+        name: getattr(default, name) for name in Config.rules() if name not in ("options", "limits")
+    }
+
+
+def test_show_of_mistakes_tells_those(capsys: Capture, file: Path) -> None:
+    file.write_text(MISTAKEN)
+    assert main(("config", "show", "--config", "robot.toml")) == 78
+    out, err = capsys.readouterr()
+    assert out == "" and len(err.splitlines()) == 6
+
+
+def test_the_schema_is_printed(capsys: Capture) -> None:
+    assert main(("config", "schema")) == 0
+    assert json.loads(capsys.readouterr().out)["properties"].keys() == Config.rules().keys()
+
+
+def test_the_command_as_it_is_typed(file: Path) -> None:
+    file.write_text(MISTAKEN)
+    command = [sys.executable, "-m", "urbihw.cli.main", "config"]
+    checked = subprocess.run([*command, "check", "robot.toml"], capture_output=True, text=True)
+    assert (checked.returncode, checked.stdout, len(checked.stderr.splitlines())) == (78, "", 6)
+    shown = subprocess.run([*command, "show", "--platform", "nxt", "--fake"], capture_output=True, text=True)
+    assert shown.returncode == 0 and "options.battery_full = 8.0" in shown.stdout
+    cut = subprocess.run(f"{' '.join(command)} schema | head -1", shell=True, capture_output=True, text=True)
+    assert (cut.stdout, cut.stderr) == ("{\n", "")

@@ -1,0 +1,22 @@
+"""What a worker of CiA 402 drives may be told beyond what every worker is told (`messages.Configure.options`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from urbihw.settings import Table, setting, wholes
+
+LAST_NODE: Final = 126
+"""The largest number of a drive; we are the node above."""
+
+
+@dataclass(frozen=True)
+class Options(Table):
+    """The options of the family.
+
+    Attributes:
+        nodes: the drives to look for; all if empty.
+    """
+
+    nodes: tuple[int, ...] = setting((), wholes(1, LAST_NODE, "[5, 6]"))

@@ -1,0 +1,90 @@
+"""The settings file as a JSON schema, for editors: made of the rules that the loader checks by.
+
+A schema cannot say everything: that numbers must rise, that a whole number is not written 1.0, what a url may hold.
+``urbihw config check`` does.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Collection
+from typing import Any, Final
+
+from urbihw import platforms
+from urbihw.daemon.config import Config
+from urbihw.platforms import DeviceLimits, Manifest
+from urbihw.settings import Table
+
+DRAFT: Final = "https://json-schema.org/draft/2020-12/schema"
+_ROW: Final = re.compile(r"^    ([\w, ]+): (.*(?:\n     .*)*)", re.MULTILINE)
+
+
+def schema() -> dict[str, Any]:
+    """The schema.  Raises BadManifest."""
+    manifests = [platforms.read(folder) for folder in platforms.folders()]
+    made = of_table(Config)
+    made["properties"]["platform"]["enum"] = ["", *(manifest.name for manifest in manifests)]
+    made["properties"]["limits"] |= _limits(None)
+    return {
+        "$schema": DRAFT,
+        "title": "The settings of urbihw",
+        **made,
+        "not": {
+            "properties": {"url": {"minLength": 1}, "fake": {"const": True}},
+            "required": ["url", "fake"],
+        },
+        "allOf": [_of_platform(manifest) for manifest in manifests],
+    }
+
+
+def of_table(table: type[Table]) -> dict[str, Any]:
+    """The rows of a table, with their defaults and what its documentation says of them."""
+    default, about = table(), meanings(table)
+    rows = {}
+    for name, rule in table.rules().items():
+        value = getattr(default, name)
+        rows[name] = rule.schema() | {"default": list(value) if isinstance(value, tuple) else value}
+        if name in about:
+            rows[name]["description"] = about[name]
+    return {"type": "object", "additionalProperties": False, "properties": rows}
+
+
+def meanings(table: type[Table]) -> dict[str, str]:
+    """What the documentation of a table says under "Attributes", by name."""
+    _, _, rows = (inspect.getdoc(table) or "").partition("Attributes:\n")
+    return {
+        name.strip(): " ".join(text.split())
+        for names, text in _ROW.findall(rows)
+        for name in names.split(",")
+    }  # fmt: skip
+
+
+def _of_platform(manifest: Manifest) -> dict[str, Any]:
+    """What a file must fulfil that names a platform."""
+    tables = {"options": of_table(platforms.load_options(manifest)), "limits": _limits(manifest)}
+    return {
+        "if": {"properties": {"platform": {"const": manifest.name}}, "required": ["platform"]},
+        "then": {"properties": tables},
+    }
+
+
+def _limits(manifest: Manifest | None) -> dict[str, Any]:
+    """The table of limits, for one platform or for any."""
+    if manifest is None:
+        return _kinds(DeviceLimits.rules()) | {"additionalProperties": _kinds(DeviceLimits.rules()) | _CLOSED}
+    kinds = [kind for kind in DeviceLimits.rules() if any(kind in known for known in manifest.limits.values())]
+    devices = {
+        f"^{re.escape(name).replace(chr(92) + '#', '[0-9]+')}$": _kinds(known) | _CLOSED
+        for name, known in manifest.limits.items()
+    }
+    return _kinds(kinds) | {"patternProperties": devices} | _CLOSED
+
+
+_CLOSED: Final = {"additionalProperties": False}
+
+
+def _kinds(known: Collection[str]) -> dict[str, Any]:
+    about = meanings(DeviceLimits)
+    rows = {kind: rule.schema() | {"description": about[kind]} for kind, rule in DeviceLimits.rules().items()}
+    return {"type": "object", "properties": {kind: row for kind, row in rows.items() if kind in known}}

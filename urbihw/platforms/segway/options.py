@@ -1,0 +1,21 @@
+"""What the configuration may say of a Segway: ``[options]`` in ``urbihw.toml``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from urbihw.settings import Table, choice, setting
+
+MODELS: Final = ("50", "100", "200", "400")
+
+
+@dataclass(frozen=True)
+class Options(Table):
+    """The options.
+
+    Attributes:
+        model: of the RMP: 50, 100, 200 or 400.
+    """
+
+    model: str = setting("200", choice(*MODELS, *map(int, MODELS), wants=f"one of {', '.join(MODELS)}", make=str))

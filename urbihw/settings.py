@@ -1,0 +1,252 @@
+"""Tables of settings: what each may be, said once, for the check, its messages and the JSON schema.
+
+A table is a frozen dataclass that derives from ``Table``.  Its fields are made by ``setting``, and its docstring says
+under "Attributes" what they mean::
+
+    @dataclass(frozen=True)
+    class Options(Table):
+        \"\"\"The options of a toy.
+
+        Attributes:
+            colour: of its lamp.
+        \"\"\"
+
+        colour: str = setting("red", choice("red", "green"))
+
+The settings of the daemon are one table, the options of a platform and the limits of a device are others.  The
+parameters of a bus url are rules by their names.
+"""
+
+from __future__ import annotations
+
+import copy
+import difflib
+import math
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, NamedTuple, Self
+
+
+class BadSetting(ValueError):
+    """A setting that cannot be meant; the message is one line that names it and says what is wanted."""
+
+
+class Mistake(NamedTuple):
+    """What is wrong with one setting: its name, and the rest of the line."""
+
+    key: str
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.key}: {self.text}"
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What a setting may be.
+
+    Attributes:
+        kinds: its types as TOML gives them.
+        wants: the rule in words.
+        make: gives the value the type that the program wants.
+        least, most: bounds of a number, inclusive; None for none.
+        above: a bound that is itself too small.
+        words: all values there are; () for any.
+        each: the rule of the members of a list.
+        length: how many members a list must have; None for any number.
+        rising: the members must not fall, and the last must be above the first.
+    """
+
+    kinds: tuple[type, ...]
+    wants: str
+    make: Callable[[Any], Any] = lambda value: value
+    least: float | None = None
+    most: float | None = None
+    above: float | None = None
+    words: tuple[Any, ...] = ()
+    each: Rule | None = None
+    length: int | None = None
+    rising: bool = False
+
+    def accepts(self, value: object) -> bool:
+        """Whether a value can be the setting.  A TOML boolean is no number."""
+        if not isinstance(value, self.kinds) or (isinstance(value, bool) and bool not in self.kinds):
+            return False
+        if self.words:
+            return value in self.words
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            return self._within(value)
+        return not isinstance(value, list | tuple) or self._members(value)
+
+    def _within(self, value: float) -> bool:
+        return (
+            math.isfinite(value)
+            and (self.least is None or value >= self.least)
+            and (self.most is None or value <= self.most)
+            and (self.above is None or value > self.above)
+        )
+
+    def _members(self, value: list[Any] | tuple[Any, ...]) -> bool:
+        if self.each is not None and not all(map(self.each.accepts, value)):
+            return False
+        if self.length is not None and len(value) != self.length:
+            return False
+        return not self.rising or (list(value) == sorted(value) and value[0] < value[-1])
+
+    def schema(self) -> dict[str, Any]:
+        """The rule as a JSON schema, as far as that can say it: not that a list must rise."""
+        if self.words:
+            return {"enum": list(self.words)}
+        names = list(dict.fromkeys(_JSON[kind] for kind in self.kinds if kind in _JSON))
+        if "number" in names:
+            names = [name for name in names if name != "integer"]
+        made: dict[str, Any] = {"type": names[0] if len(names) == 1 else names}
+        bounds = {"minimum": self.least, "maximum": self.most, "exclusiveMinimum": self.above}
+        made |= {name: bound for name, bound in bounds.items() if bound is not None}
+        if self.each is not None:
+            made["items"] = self.each.schema()
+        if self.length is not None:
+            made |= {"minItems": self.length, "maxItems": self.length}
+        return made
+
+
+_JSON = {str: "string", bool: "boolean", int: "integer", float: "number", list: "array", dict: "object"}
+
+TEXT = Rule((str,), "a text")
+SWITCH = Rule((bool,), "true or false")
+TEXTS = Rule((list, tuple), "a list of texts", tuple, each=TEXT)
+TABLE = Rule((dict,), "a table")
+ANY = Rule((bool, int, float, str), "a value")
+
+
+def number(least: float, most: float, unit: str = "") -> Rule:
+    """A number within bounds; ``unit`` is for the words, with a space in front."""
+    return Rule((int, float), f"a number from {least:g} to {most:g}{unit}", float, least, most)
+
+
+def positive() -> Rule:
+    """A number above 0."""
+    return Rule((int, float), "a number above 0", float, above=0)
+
+
+def whole(least: int, most: int, unit: str = "") -> Rule:
+    """A whole number within bounds."""
+    return Rule((int,), f"a whole number from {least} to {most}{unit}", least=least, most=most)
+
+
+def wholes(least: int, most: int, example: str) -> Rule:
+    """A list of whole numbers within bounds."""
+    return Rule(
+        (list, tuple), f"a list of whole numbers from {least} to {most}, such as {example}", tuple,
+        each=whole(least, most),
+    )  # fmt: skip
+
+
+def rising(length: int, example: str) -> Rule:
+    """A list of so many numbers, each no smaller than the one before."""
+    return Rule(
+        (list, tuple), f"{length} rising numbers, such as {example}", lambda value: tuple(map(float, value)),
+        each=Rule((int, float), "a number"), length=length, rising=True,
+    )  # fmt: skip
+
+
+def choice(*words: Any, wants: str = "", make: Callable[[Any], Any] = lambda value: value) -> Rule:
+    """One of some words or numbers."""
+    kinds = tuple(dict.fromkeys(map(type, words)))
+    return Rule(kinds, wants or "one of " + ", ".join(shown(word) if word == "" else str(word) for word in words), make,
+                words=words)  # fmt: skip
+
+
+def setting(default: Any, rule: Rule, *, in_url: bool = False) -> Any:
+    """A field of a table.  ``in_url``: it may also be said in the robot's url, as ``?name=value``."""
+    about = {"rule": rule, "in_url": in_url}
+    if isinstance(default, dict | list):
+        return field(default_factory=lambda: copy.copy(default), metadata=about)
+    return field(default=default, metadata=about)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Base of the tables."""
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any], place: str = "options", what: str = "option") -> Self:
+        """The table with what is given, the rest by default.  Raises BadSetting for the first mistake."""
+        made, mistakes = cls.read(given, what)
+        if mistakes:
+            raise BadSetting(f"{place}.{mistakes[0]}")
+        return made
+
+    @classmethod
+    def read(cls, given: Mapping[str, Any], what: str) -> tuple[Self, list[Mistake]]:
+        """The table with all that is right of what is given, and what is wrong; ``what`` is the word for a row."""
+        values, mistakes = checked(cls.rules(), given, what)
+        made = cls(**values)
+        return made, [*mistakes, *made.clashes()]
+
+    @classmethod
+    def rules(cls) -> dict[str, Rule]:
+        """The rule of each row."""
+        return {each.name: each.metadata["rule"] for each in fields(cls)}
+
+    @classmethod
+    def in_url(cls) -> frozenset[str]:
+        """The rows that may also be said in the robot's url."""
+        return frozenset(each.name for each in fields(cls) if each.metadata["in_url"])
+
+    def clashes(self) -> Iterator[Mistake]:
+        """What is wrong with rows that are right each by itself."""
+        return iter(())
+
+
+def checked(rules: Mapping[str, Rule], given: Mapping[str, Any], what: str) -> tuple[dict[str, Any], list[Mistake]]:
+    """What is given, in the types of its rules, and what is wrong with the rest."""
+    values: dict[str, Any] = {}
+    mistakes = []
+    for key, value in given.items():
+        rule = rules.get(key)
+        if rule is None:
+            mistakes.append(Mistake(key, f"no such {what}{guess(key, rules)}"))
+        elif rule.accepts(value):
+            values[key] = rule.make(value)
+        else:
+            mistakes.append(Mistake(key, f"wants {rule.wants}, not {shown(value)}"))
+    return values, mistakes
+
+
+def from_texts(rules: Mapping[str, Rule], texts: Mapping[str, str], what: str) -> tuple[dict[str, Any], list[Mistake]]:
+    """The same for values that were written as texts, as those of a url are."""
+    return checked(rules, {key: _meant(rules.get(key, TEXT), text) for key, text in texts.items()}, what)
+
+
+def _meant(rule: Rule, text: str) -> Any:
+    if bool in rule.kinds and text.lower() in ("true", "false"):
+        return text.lower() == "true"
+    if int in rule.kinds and re.fullmatch(r"-?[0-9]+", text):
+        return int(text)
+    if float in rule.kinds:
+        try:
+            return float(text)
+        except ValueError:
+            pass
+    return text
+
+
+def guess(name: str, known: Collection[str]) -> str:
+    """The end of a message about a name that does not exist: the one that may be meant, or those there are."""
+    close = difflib.get_close_matches(name, known, 1)
+    if close:
+        return f"; did you mean {close[0]}?"
+    return f"; there {'is' if len(known) == 1 else 'are'}: {', '.join(known) or 'none'}"
+
+
+def shown(value: object) -> str:
+    """A value as it is written in TOML, on one line; for messages."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(shown, value))}]"
+    return "a table" if isinstance(value, dict) else str(value)
