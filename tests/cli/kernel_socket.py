@@ -8,8 +8,14 @@ from typing import Any
 
 import pytest
 
+from urbihw.cli import reach
+from urbihw.client.credentials import Credentials
+from urbihw.client.where import Where
 from urbihw.kernel import Kernel
 from urbihw.kernel.sched.clock import SimClock
+
+HERE = Where("here", 1)
+NOBODY = Credentials(environment={})
 
 
 class KernelSocket:
@@ -80,4 +86,5 @@ def serve(monkeypatch: pytest.MonkeyPatch, setup: str = "", **options: Any) -> K
     """A kernel in which ``setup`` was run, as the server of the connections made from then on."""
     made = KernelSocket(setup, **options)
     monkeypatch.setattr(socket, "create_connection", lambda address, timeout: made.open())
+    monkeypatch.setattr(reach, "client_sockets", lambda number: [])
     return made

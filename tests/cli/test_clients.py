@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from kernel_socket import serve
+from kernel_socket import HERE, NOBODY, serve
 from PIL import Image
 
 from urbihw.cli import image, launch, ping, send, sound, urbi
@@ -18,7 +18,9 @@ from urbihw.cli.lines import Binary
 from urbihw.cli.link import Link
 from urbihw.cli.options import Parser, Refused
 from urbihw.cli.pictures import Picture
+from urbihw.cli.reach import reached
 from urbihw.cli.sounds import Sound, wave_file
+from urbihw.client.where import Where
 
 Capture = pytest.CaptureFixture[str]
 Patch = pytest.MonkeyPatch
@@ -91,6 +93,31 @@ def test_a_port_file_without_a_port(capsys: Capture, tmp_path: Path) -> None:
     first, second = capsys.readouterr().err.splitlines()
     assert "cannot read the port file" in first
     assert "has no port in it" in second
+
+
+def test_without_a_host_the_socket_of_the_daemon_with_that_port_is_used(tmp_path: Path, monkeypatch: Patch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
+    tcp = Where("127.0.0.1", 1234)
+    assert reached(None, 1234, None) == tcp
+    path = tmp_path / "urbihw" / "urbi-1234.socket"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as daemon:
+        daemon.bind(str(path))
+        assert reached(None, 1234, None) == tcp, "nobody listens there"
+        daemon.listen()
+        assert reached(None, 1234, None) == Where(str(path), 1234)
+        assert reached(None, 1235, None) == Where("127.0.0.1", 1235)
+        assert reached("127.0.0.1", 1234, None) == tcp
+        assert reached(None, 1234, True) == Where("127.0.0.1", 1234, True)
+    assert reached(None, 1234, None) == tcp, "left there by a daemon that was killed"
+
+
+@pytest.mark.parametrize("program", [["urbi-send", "-e", "1;"], ["urbi-ping", "-c", "1"]], ids=lambda row: row[0])
+def test_a_server_that_turns_us_away_is_quoted(program: list[str], monkeypatch: Patch, capsys: Capture) -> None:
+    words = iter([b"*** urbihw: too many connections (256); close one\n", b""])
+    monkeypatch.setattr(serve(monkeypatch), "recv", lambda size: next(words))
+    assert PROGRAMS[program[0]](program[1:]) == 69
+    assert capsys.readouterr().err == f"{program[0]}: 127.0.0.1:54000: too many connections (256); close one\n"
 
 
 # ---------------------------------------------------------------- urbi-send
@@ -200,7 +227,7 @@ def test_image_says_what_is_wrong(monkeypatch: Patch, capsys: Capture, options: 
 
 def test_images_without_end(monkeypatch: Patch) -> None:
     server = serve(monkeypatch, CAMERA + "disown({ every (1s) { camera.quality += 1 } });")
-    with Link("here", 1) as link:
+    with Link(HERE, NOBODY) as link:
         stream = image.pictures(link, "camera", 500)
         assert [next(stream) for _ in range(3)] == [Picture("rgb", 2, 1, b"abcdef")] * 3
         assert server.kernel.clock.now() >= 1.0

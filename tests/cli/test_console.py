@@ -11,7 +11,7 @@ from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
 import pytest
-from kernel_socket import KernelSocket, serve
+from kernel_socket import HERE, NOBODY, KernelSocket, serve
 from pygments.token import Comment, Error, Keyword, Name, Number, String  # type: ignore[import-untyped]
 
 from urbihw.cli.console import address, plain
@@ -26,6 +26,8 @@ from urbihw.cli.console.subject import Subject, subject, whole_path
 from urbihw.cli.lines import Line, Lines
 from urbihw.cli.main import main
 from urbihw.cli.options import Refused
+from urbihw.client.credentials import Credentials
+from urbihw.client.where import Where
 
 T = TypeVar("T")
 
@@ -37,13 +39,14 @@ T = TypeVar("T")
     [
         ("robot", ("robot", 54000)),
         ("robot:1", ("robot", 1)),
-        (":2", ("127.0.0.1", 2)),
-        ("54001", ("127.0.0.1", 54001)),
+        (":2", (None, 2)),
+        ("54001", (None, 54001)),
+        ("/run/x", ("/run/x", 54000)),
         ("[::1]:3", ("::1", 3)),
         ("[::1]", ("::1", 54000)),
     ],
 )
-def test_addresses(text: str, meant: tuple[str, int]) -> None:
+def test_addresses(text: str, meant: tuple[str | None, int]) -> None:
     assert address(text) == meant
 
 
@@ -67,7 +70,7 @@ def piped(monkeypatch: pytest.MonkeyPatch, text: bytes, **options: Any) -> int:
     os.write(writing, text)
     os.close(writing)
     with open(reading, "rb") as source:
-        return plain.talk("here", 1, source)
+        return plain.talk(HERE, NOBODY, source)
 
 
 @pytest.mark.parametrize("text", [b"1 + 1; echo(3);\n", b"1 + 1; echo(3)"])
@@ -99,7 +102,7 @@ def test_a_pipe_needs_no_extra(monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
     with open(os.devnull, "rb") as nothing:
         monkeypatch.setattr("sys.stdin", io.TextIOWrapper(nothing))
         monkeypatch.setitem(__import__("sys").modules, "prompt_toolkit", None)
-        assert main(["console", "here:1"]) == 0
+        assert main(["console", "localhost:1"]) == 0
 
 
 # ---------------------------------------------------------------- what stands before the cursor
@@ -190,12 +193,12 @@ def asked(
     server.kernel.run_text(user, setup, until=0.0)
     uid = server.kernel.run_text(user, "lobby.uid;", until=0.0).partition('"')[2].rstrip('"\n')
 
-    async def connect(host: str, port: int) -> tuple[_Reader, _Writer]:
+    async def connect(where: Where, who: Credentials) -> tuple[_Reader, _Writer]:
         server.open()
         return _Reader(server), _Writer(server)
 
-    monkeypatch.setattr(asyncio, "open_connection", connect)
-    return asyncio.run(question(Assistant("here", 1), uid))
+    monkeypatch.setattr("urbihw.cli.console.assistant.streams", connect)
+    return asyncio.run(question(Assistant(HERE, NOBODY), uid))
 
 
 ROBOT = """
@@ -252,22 +255,22 @@ def test_only_the_foreground_of_the_user_is_interrupted(monkeypatch: pytest.Monk
     uid = server.kernel.run_text(user, "lobby.uid;", until=0.0).partition('"')[2].rstrip('"\n')
     server.kernel.run_text(user, 'every (1s) echo("back"), sleep; echo("never");', until=0.5)
 
-    async def connect(host: str, port: int) -> tuple[_Reader, _Writer]:
+    async def connect(where: Where, who: Credentials) -> tuple[_Reader, _Writer]:
         return _Reader(server), _Writer(server)
 
-    monkeypatch.setattr(asyncio, "open_connection", connect)
-    asyncio.run(Assistant("here", 1).interrupt(uid))
+    monkeypatch.setattr("urbihw.cli.console.assistant.streams", connect)
+    asyncio.run(Assistant(HERE, NOBODY).interrupt(uid))
     assert "killing foreground job" in server.kernel.run_text(user, "", until=0.6)
     assert "*** back" in server.kernel.run_text(user, "echo(1);", until=3.0)
 
 
 def test_a_server_that_says_nothing_leaves_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def connect(host: str, port: int) -> None:
+    async def connect(where: Where, who: Credentials) -> None:
         raise ConnectionRefusedError("refused")
 
-    monkeypatch.setattr(asyncio, "open_connection", connect)
+    monkeypatch.setattr("urbihw.cli.console.assistant.streams", connect)
     with pytest.raises(NoAnswer, match="refused"):
-        asyncio.run(Assistant("here", 1).names("0x1", ()))
+        asyncio.run(Assistant(HERE, NOBODY).names("0x1", ()))
 
 
 # ---------------------------------------------------------------- how it looks
@@ -340,7 +343,7 @@ def test_a_session_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
 
     attempts = iter([ConnectionRefusedError(111, "Connection refused"), None, None])
 
-    async def connect(host: str, port: int) -> tuple[Reader, Writer]:
+    async def connect(where: Where, who: Credentials) -> tuple[Reader, Writer]:
         error = next(attempts, asyncio.CancelledError())
         if error is not None:
             raise error
@@ -350,7 +353,7 @@ def test_a_session_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
     async def no_pause(seconds: float) -> None:
         events.append(f"pause {seconds:g}" if seconds else "turn")
 
-    monkeypatch.setattr(asyncio, "open_connection", connect)
+    monkeypatch.setattr("urbihw.cli.console.session.streams", connect)
     monkeypatch.setattr(asyncio, "sleep", no_pause)
 
     def changed() -> None:
@@ -358,7 +361,7 @@ def test_a_session_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
         if session.state == "connected":
             assert session.send("1 + 1;\n")
 
-    session = Session("here", 1, lambda lines: heard.extend(line.text for line in lines), changed)
+    session = Session(HERE, NOBODY, lambda lines: heard.extend(line.text for line in lines), changed)
     assert not session.send("1;")
     with pytest.raises(asyncio.CancelledError):
         asyncio.run(session.run())

@@ -328,6 +328,21 @@ def test_direct_knows_where_the_socket_of_a_robot_is(folder: Path, tmp_path: Pat
     ]
 
 
+def test_a_mistake_that_does_not_matter_here_keeps_nobody_from_stopping(
+    folder: Path, add: Add, tmp_path: Path, capsys: Capture
+) -> None:
+    file = tmp_path / "urbihw.toml"
+    file.write_text('platform = "bioloid"\nfake = true\nrat = 1\n[limits]\nsped = 1\n')
+    assert main(("stop", "--direct", "--config", str(file))) == 0
+    assert "ends with its daemon" in capsys.readouterr().out
+    file.write_text('platform = "bioloid"\nfake = true\n[options]\noffset = 3\n')
+    assert main(("stop", "--direct", "--config", str(file))) == 78
+    assert "options.offset: no such option" in capsys.readouterr().err
+    # A daemon that runs is asked all the same: it began with other settings.
+    add("bioloid-54000")
+    assert main(("stop", "--direct", "--config", str(file))) == 0
+
+
 def test_a_robot_in_software_needs_no_stop(folder: Path, tmp_path: Path, capsys: Capture) -> None:
     file = tmp_path / "urbihw.toml"
     file.write_text('platform = "bioloid"\nfake = true\n')

@@ -99,6 +99,10 @@ def test_errors_in_what_was_given_decide_about_the_exit_code(capfd: Capture, tex
     assert run(capfd, "-q", "-e", text, "-e", "shutdown;")[0] == code
 
 
+def test_a_program_may_end_the_process_with_a_code_and_goes_no_further(capfd: Capture) -> None:
+    assert run(capfd, "-q", "-e", "echo(1) | System._exit(259) | echo(2); echo(3);")[:2] == (3, ["*** 1"])
+
+
 def test_an_error_in_a_start_up_file_is_told_and_no_more(
     capfd: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import os
 import socket
 from pathlib import Path
 
 import pytest
 
+from urbihw.daemon.access import Tokens
 from urbihw.daemon.config import Config
 from urbihw.daemon.holders import holder_of_file, holder_of_port
 from urbihw.daemon.service import Service, StartError
+from urbihw.daemon.state import state_folder
 
 
 def refusal(config: Config) -> str:
@@ -41,12 +44,26 @@ def test_an_address_of_another_machine_is_refused() -> None:
     assert "--host" in refusal(Config(platform="bioloid", host="192.0.2.1", port=0))
 
 
+def test_an_address_that_others_reach_wants_tokens_and_a_certificate(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+    open_to_all = Config(platform="bioloid", url="/dev/there-is-none", host="0.0.0.0", port=0)
+    assert "nobody has a token yet: urbihw access add NAME" in refusal(open_to_all)
+    assert list((tmp_path / "access").iterdir()) == []
+    Tokens(state_folder()).add("alice")
+    assert refusal(dataclasses.replace(open_to_all, tls_cert="/none.pem")).startswith("/none.pem: cannot be read")
+    assert "/dev/there-is-none" in refusal(open_to_all)
+    assert "/dev/there-is-none" in refusal(dataclasses.replace(open_to_all, allow_plain=True))
+
+
 def test_a_url_without_sense_is_refused() -> None:
     assert "carrier pigeon" in refusal(Config(platform="bioloid", url="carrier pigeon://x", port=0))
 
 
 def test_options_without_sense_are_refused() -> None:
-    assert "protocol must be" in refusal(Config(platform="bioloid", url="/dev/x", port=0, options={"protocol": 7}))
+    line = refusal(Config(platform="bioloid", url="/dev/x", port=0, options={"protocol": 7}))
+    assert line == 'bioloid: options.protocol: wants 1, 2 or "auto", not 7'
 
 
 # ---------------------------------------------------------------- who holds what

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -16,18 +17,23 @@ from typing import Final
 from urbihw import buses, platforms
 from urbihw.buses.driver import Driver, driver_of
 from urbihw.buses.errors import BadUrl, BadValue, Unavailable
-from urbihw.buses.link import Url
+from urbihw.buses.link import Url, take_off
 from urbihw.buses.messages import Begin, Configure, Found, FromWorker, LinkState, Stopped
 from urbihw.buses.worker import Worker
 from urbihw.cli import control
 from urbihw.cli.options import EX_CONFIG, EX_UNAVAILABLE
-from urbihw.daemon.config import Config, configure
+from urbihw.daemon.config import Config, Loaded, load
 from urbihw.daemon.holders import holder_of_file
 from urbihw.daemon.runtime import SERVICE_FOLDER, control_path
 from urbihw.kernel.uobject import BadConfig
+from urbihw.settings import BadSetting
 
 PORT_PATIENCE: Final = 2.0
 """Seconds in which a port must let itself be opened; who held it may be about to end."""
+TO_ASK: Final = {"", "platform", "port", "control"}
+"""The settings by which a daemon is found; "" is the file as a whole."""
+TO_OPEN: Final = {"url", "fake", "torque_off_on_stop", "options"}
+"""The settings by which the bus is opened and the robot stopped."""
 RATE: Final = 50.0
 """Ticks a second; there is no driver that cannot have as many."""
 PATIENCE: Final = 6.0
@@ -47,14 +53,16 @@ class NotStopped(Exception):
 def stop(options: argparse.Namespace) -> int:
     """Stop the robot that the options name; returns the exit code."""
     try:
-        flags = {name: getattr(options, name) for name in ("platform", "url")}
-        config = configure(options.config, flags)
+        loaded = load(options.config, {name: getattr(options, name) for name in ("platform", "url")})
+        config = loaded.config
+        _refuse(loaded, TO_ASK)
         if not config.platform:
             raise BadConfig("which robot? Give --config FILE, or --platform NAME and --url URL")
         for path in sockets(config) if options.socket is None else [options.socket]:
             (answer,) = control.ask([path], "stop", options.who or control.asker("stop"))
             if not answer.problem:
                 return control.report("stop", [answer])
+        _refuse(loaded, TO_OPEN)
         if config.fake:
             print(f"{config.platform}: nothing to stop: a robot in software ends with its daemon")
             return 0
@@ -64,6 +72,13 @@ def stop(options: argparse.Namespace) -> int:
     except NotStopped as error:
         return control.complain(f"{config.platform} is not stopped: {error}", error.code)
     return 0
+
+
+def _refuse(loaded: Loaded, needed: Collection[str]) -> None:
+    """Raise BadConfig for a mistake in what is needed; any other keeps nobody from stopping the robot."""
+    for mistake in loaded.mistakes:
+        if mistake.setting in needed:
+            raise BadConfig(mistake.line)
 
 
 def sockets(config: Config) -> list[Path]:
@@ -87,8 +102,9 @@ def stopped(config: Config) -> str:
     settings = Configure(RATE, 0.0, config.torque_off_on_stop, options=config.options)
     heard = _Heard()
     try:
+        driver = driver_of(family)
         worker = Worker.start(url, post=heard.queue.put, process=False, family=family, begin=Begin(settings))
-    except (BadUrl, BadValue) as error:
+    except (BadUrl, BadValue, BadSetting) as error:
         raise BadConfig(f"{config.platform}: {error}") from error
     try:
         heard.listen()
@@ -96,10 +112,10 @@ def stopped(config: Config) -> str:
         worker.stop(END)
     heard.take()
     if not heard.devices:
-        raise _explained(url, heard.problem)
+        raise _explained(url, driver.url_parameters, heard.problem)
     if heard.moved:
         return f"stopped: {heard.moved}"
-    if type(driver_of(family)).stop_what_moves is Driver.stop_what_moves:
+    if type(driver).stop_what_moves is Driver.stop_what_moves:
         return "told to stop"
     return "nothing moved"
 
@@ -143,12 +159,13 @@ class _Heard:
                 pass
 
 
-def _explained(url: str, problem: str) -> NotStopped:
+def _explained(url: str, own: Collection[str], problem: str) -> NotStopped:
     """Tell a port that cannot be opened from a robot that does not answer."""
+    port, _ = take_off(url, own)
     try:
-        buses.open(url).close()
+        buses.open(port).close()
     except (BadUrl, Unavailable) as error:
-        reason, target = str(error), Url.parse(url)
+        reason, target = str(error), Url.parse(port)
         holder = holder_of_file(target.target) if target.scheme == "serial" and "in use" in reason else ""
         return NotStopped(reason.replace("by another program", f"by {holder}") if holder else reason, EX_CONFIG)
     return NotStopped(problem or f"no robot answers on {url}: is it switched on?", EX_UNAVAILABLE)

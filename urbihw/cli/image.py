@@ -10,8 +10,9 @@ from typing import Final
 
 from urbihw.cli.lines import Line
 from urbihw.cli.link import Link
-from urbihw.cli.options import INTERRUPTED, Parser, Refused, add_server, address, complain
+from urbihw.cli.options import INTERRUPTED, Parser, Refused, complain
 from urbihw.cli.pictures import Picture
+from urbihw.cli.reach import add_server, credentials, server
 
 PROGRAM: Final = "urbi-image"
 FORMATS: Final = {"rgb": 1, "ycrcb": 2, "jpeg": 3, "ppm": 4}
@@ -61,7 +62,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """The command; returns the exit code."""
     options = parser().parse(argv)
     try:
-        with Link(*address(options)) as link:
+        with Link(server(options), credentials(options)) as link:
             for setting in settings(options):
                 link.ask(setting, PATIENCE)
             if options.output is not None:

@@ -14,18 +14,11 @@ from typing import Final
 
 from urbihw.cli import logs, urbi
 from urbihw.cli.link import Link
-from urbihw.cli.options import (
-    DEFAULT_PORT,
-    EX_CONFIG,
-    EX_USAGE,
-    INTERRUPTED,
-    Parser,
-    Refused,
-    address,
-    complain,
-    port,
-    split,
-)
+from urbihw.cli.options import DEFAULT_PORT, EX_CONFIG, EX_USAGE, INTERRUPTED, Parser, Refused, complain, port, split
+from urbihw.cli.reach import add_access, credentials, server
+from urbihw.client.credentials import Credentials
+from urbihw.client.where import Where
+from urbihw.kernel.server.ending import leave
 
 PROGRAM: Final = "urbi-launch"
 PATIENCE: Final = 10.0
@@ -53,6 +46,7 @@ def parser() -> Parser:
     network.add_argument("-P", "--port", metavar="PORT", help=f"port to connect to ({DEFAULT_PORT}) or to listen on")
     network.add_argument("--port-file", type=Path, metavar="FILE",
                          help="the port to connect to is in FILE; with --start, it is written there")
+    add_access(network)
     made.add_argument("modules", nargs="*", metavar="MODULE", help="a Python module, without or with .py")
     return made
 
@@ -67,15 +61,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         if options.customize is not None:
             raise Refused("--customize wants a server in C++, which this is not; leave it out", EX_CONFIG)
         if options.mode == "start":
-            return urbi.run([*server_options(options), *behind], PROGRAM, options.modules)
+            words = [*server_options(options), *behind]
+            return urbi.run(words, PROGRAM, options.modules, *([leave] if argv is None else []))
         if not options.modules:
             made.error("which module? Give one or several, without extension")
-        host, number = server_of(options)
+        where, who = server_of(options), credentials(options)
         if options.mode == "plugin":
-            return plug(host, number, options.modules)
+            return plug(where, who, options.modules)
         from urbihw.remote import run
 
-        return run(options.modules, host, number, arguments=behind)
+        if where.tls:
+            Link(where, who).close()  # What is to be asked, it asks.
+        return run(options.modules, where.host, where.port, tls=where.tls, credentials=who, arguments=behind)
     except Refused as error:
         return complain(PROGRAM, error)
     except KeyboardInterrupt:
@@ -88,19 +85,18 @@ def server_options(options: argparse.Namespace) -> list[str]:
     return [f"--{name}={value}" for name, value in given if value is not None]
 
 
-def server_of(options: argparse.Namespace) -> tuple[str, int]:
+def server_of(options: argparse.Namespace) -> Where:
     """The running server that is meant.  Raises Refused."""
-    options.host = options.host or "127.0.0.1"
     try:
         options.port = DEFAULT_PORT if options.port is None else port(options.port)
     except argparse.ArgumentTypeError as error:
         raise Refused(str(error), EX_USAGE) from None
-    return address(options)
+    return server(options)
 
 
-def plug(host: str, number: int, modules: Sequence[str]) -> int:
+def plug(where: Where, who: Credentials, modules: Sequence[str]) -> int:
     """Have a running server load modules: it looks for them along its own ``URBI_UOBJECT_PATH``."""
-    with Link(host, number) as link:
+    with Link(where, who) as link:
         for module in modules:
             escaped = module.replace("\\", "\\\\").replace('"', '\\"')
             link.ask(f'loadModule("{escaped}") | 1', PATIENCE)

@@ -8,7 +8,6 @@ that was not answered in time ends the matter.
 from __future__ import annotations
 
 import os
-import socket
 import time
 from collections import deque
 from collections.abc import Iterator
@@ -17,27 +16,36 @@ from typing import Final
 
 from urbihw.cli.lines import BadLine, Line, Lines, guarded
 from urbihw.cli.options import EX_UNAVAILABLE, Refused, why
+from urbihw.client.connect import connect
+from urbihw.client.credentials import Credentials, Denied
+from urbihw.client.where import Where
 
 NO_SERVER: Final = 1
 """Exit code when nobody listens, as of the SDK's own clients (server protocol, section 9)."""
 CONNECT_PATIENCE: Final = 10.0
 CHUNK: Final = 256 * 1024
+_NOTICE: Final = "*** urbihw: "
+"""What the server's own words begin with when it does not let somebody in."""
 
 
 class Link:
-    """``with Link(host, port) as link``: connected.  Raises Refused when that cannot be."""
+    """``with Link(where, credentials) as link``: connected.  Raises Refused when that cannot be."""
 
-    def __init__(self, host: str, port: int) -> None:
-        self.peer = f"{host}:{port}"
+    def __init__(self, where: Where, credentials: Credentials) -> None:
+        self.peer = str(where)
+        self._may_want_tls = not where.tls and where.path is None
         try:
-            self._socket = socket.create_connection((host, port), CONNECT_PATIENCE)
+            self._socket = connect(where, credentials, CONNECT_PATIENCE)
         except (OSError, UnicodeError) as error:
             raise Refused(f"cannot connect to {self.peer}: {why(error)}; is the server running, is this its port?",
                           NO_SERVER) from error
-        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        except Denied as error:
+            raise Refused(str(error), EX_UNAVAILABLE) from error
         self._lines = Lines()
         self._waiting: deque[Line] = deque()
         self._channel = f"__urbihw_{os.getpid()}"
+        self._last = ""
+        """The last line that was heard."""
         self.ended = False
 
     def send(self, text: bytes) -> None:
@@ -70,9 +78,12 @@ class Link:
     def _take(self, data: bytes) -> None:
         if data:
             try:
-                self._waiting += self._lines.feed(data)
+                lines = self._lines.feed(data)
             except BadLine as error:
                 raise Refused(f"{self.peer}: {error}; is that an urbiscript server?") from error
+            if lines:
+                self._waiting += lines
+                self._last = lines[-1].shown
             return
         self.ended = True
         if self._lines.rest:
@@ -89,6 +100,8 @@ class Link:
         limit = time.monotonic() + patience
         while (line := self.read(limit - time.monotonic())) is not None and line.channel != self._channel:
             lines.append(line)
+        if line is None and self.ended:
+            raise self._hung_up()
         return lines
 
     def ask(self, expression: str, patience: float = 10.0) -> Line:
@@ -117,8 +130,15 @@ class Link:
                     raise Refused(f"{self.peer}: {line.shown.removeprefix('!!! ')}")
                 return line
         if self.ended:
-            raise Refused(f"{self.peer} closed the connection")
+            raise self._hung_up()
         raise Refused(f"{self.peer} {silence}")
+
+    def _hung_up(self) -> Refused:
+        """What to say when the server has ended the connection: its reason, if it gave one."""
+        if self._last.startswith(_NOTICE):
+            return Refused(f"{self.peer}: {self._last.removeprefix(_NOTICE)}")
+        hint = "" if self._last or not self._may_want_tls else " without a word; if it speaks TLS: --tls"
+        return Refused(f"{self.peer} closed the connection{hint}")
 
     def close(self) -> None:
         """Hang up."""

@@ -19,8 +19,10 @@ COMMANDS: Final = {
     "stop": "stop the robot now",
     "estop": "stop the robot now and let nothing move it until it is released",
     "release": "let the robot be moved again after an emergency stop",
+    "config": "check settings, show what is in force",
     "platforms": "list the robots that urbihw knows",
     "console": "talk to a server",
+    "access": "who may come in from the network: make, list and remove tokens",
     "dump": "show what becomes of urbiscript source on its way to Python",
     "doctor": "look whether this machine is ready for a robot",
 }

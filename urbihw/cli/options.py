@@ -109,32 +109,11 @@ def add_sources(parser: argparse.ArgumentParser) -> None:
                         help="send the contents of FILE (- is standard input)")
 
 
-def add_server(parser: argparse.ArgumentParser) -> None:
-    """``-H``, ``-P`` and ``--port-file`` of the programs that connect to a server."""
-    parser.add_argument("-H", "--host", default="127.0.0.1", help="address to connect to (%(default)s)")
-    parser.add_argument("-P", "--port", type=port, default=DEFAULT_PORT, help="port to connect to (%(default)s)")
-    parser.add_argument("--port-file", type=Path, metavar="FILE", help="connect to the port contained in FILE")
-
-
 def port(text: str) -> int:
     """A port to connect to."""
     if not text.isdigit() or not 0 < int(text) < 65536:
         raise argparse.ArgumentTypeError(f"{text!r} is no port; give a number from 1 to 65535")
     return int(text)
-
-
-def address(options: argparse.Namespace) -> tuple[str, int]:
-    """The server that ``add_server``'s options name.  Raises Refused for a port file without a port."""
-    if options.port_file is None:
-        return options.host, options.port
-    try:
-        text = options.port_file.read_text("ascii", "replace").strip()
-    except OSError as error:
-        raise Refused(f"cannot read the port file {options.port_file}: {error.strerror}", EX_NOINPUT) from error
-    try:
-        return options.host, port(text)
-    except argparse.ArgumentTypeError:
-        raise Refused(f"{options.port_file} has no port in it; is the server listening (--port)?", EX_CONFIG) from None
 
 
 def source_bytes(kind: str, value: str) -> bytes:

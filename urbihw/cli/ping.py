@@ -11,7 +11,8 @@ import time
 from collections.abc import Callable, Sequence
 
 from urbihw.cli.link import Link
-from urbihw.cli.options import EX_UNAVAILABLE, Parser, Refused, add_server, address, complain
+from urbihw.cli.options import EX_UNAVAILABLE, Parser, Refused, complain
+from urbihw.cli.reach import add_server, credentials, server
 
 PROGRAM = "urbi-ping"
 
@@ -50,7 +51,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     times: list[float] = []
     asked = 0
     try:
-        with Link(*address(options)) as link:
+        with Link(server(options), credentials(options)) as link:
             print(f"{PROGRAM} {link.peer}")
             while options.count is None or asked < options.count:
                 if asked:

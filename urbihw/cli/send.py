@@ -12,7 +12,8 @@ from typing import BinaryIO
 
 from urbihw.cli.lines import Line
 from urbihw.cli.link import Link
-from urbihw.cli.options import INTERRUPTED, Parser, Refused, add_server, add_sources, address, complain, source_bytes
+from urbihw.cli.options import INTERRUPTED, Parser, Refused, add_sources, complain, source_bytes
+from urbihw.cli.reach import add_server, credentials, server
 
 PROGRAM = "urbi-send"
 
@@ -35,7 +36,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         texts = [source_bytes(kind, value) for kind, value in options.sources]
         texts += [source_bytes("file", name) for name in options.files]
-        with Link(*address(options)) as link:
+        with Link(server(options), credentials(options)) as link:
             greeting = link.greeting()
             if options.banner:
                 for line in greeting:

@@ -8,10 +8,12 @@ import logging
 import os
 import sys
 from pathlib import Path
+from typing import Any
 
 from urbihw.daemon.config import Config, configure
 from urbihw.daemon.notify import Notifier
 from urbihw.daemon.service import Service, StartError
+from urbihw.kernel.server.ending import leave
 from urbihw.kernel.uobject import BadConfig
 
 EX_CONFIG = 78
@@ -23,7 +25,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--url", help="its bus, such as /dev/ttyUSB0?baud=1000000 or socket://host:port")
     where.add_argument("--fake", action="store_true", default=None, help="serve the same robot in software")
-    parser.add_argument("--host", help="address to listen on (127.0.0.1)")
+    parser.add_argument("--host", help="address to listen on (127.0.0.1); one that others reach wants tokens")
     parser.add_argument("--port", type=port, help="port to listen on, 0 for a free one (54000)")
     parser.add_argument("--port-file", metavar="FILE", help="write the port to FILE when clients may come")
     parser.add_argument("--quiet", action="store_true", default=None, help="no banner for clients")
@@ -37,10 +39,14 @@ def port(text: str) -> int:
     return int(text)
 
 
+def flags(options: argparse.Namespace) -> dict[str, Any]:
+    """The settings that have a flag, by their names; None for those not given."""
+    return {name: getattr(options, name) for name in Config.rules() if hasattr(options, name)}
+
+
 def config(options: argparse.Namespace) -> Config:
     """The settings that the options ask for.  Raises BadConfig."""
-    names = ("platform", "url", "fake", "host", "port", "port_file", "quiet")
-    made = configure(options.config, {name: getattr(options, name) for name in names})
+    made = configure(options.config, flags(options))
     if not made.platform:
         raise BadConfig("which robot? Give --platform NAME (urbihw platforms lists them)")
     return made
@@ -59,4 +65,5 @@ def run(options: argparse.Namespace) -> int:
 
 
 async def _serve(service: Service) -> int:
-    return await service.run()
+    code = await service.run()
+    leave(code)  # while the service is there: nothing of it is freed

@@ -18,8 +18,11 @@ from typing import Final
 
 from urbihw.cli.options import EX_CONFIG, EX_UNAVAILABLE, Refused, why
 from urbihw.cli.terminal import Terminal
+from urbihw.client.where import is_loopback
 from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby
+from urbihw.kernel.server.bounds import HOLD_LIMIT, NONE, bounds
+from urbihw.kernel.server.ending import LastResort
 from urbihw.kernel.server.interrupt import Interrupter
 from urbihw.kernel.server.loop import Driver
 from urbihw.kernel.server.tcp import Server
@@ -48,6 +51,8 @@ class Settings:
         port_file: written when clients may come.
         quiet: no banner.
         fast: simulated time.
+        hold_limit: seconds that a job may keep all others waiting; 0: as long as it wants.  This and the other bounds
+            on programs are for a server with a port: else nobody is kept waiting.
         modules: of UObjects, to load first.
         arguments: ``System.arguments``.
     """
@@ -60,21 +65,26 @@ class Settings:
     port_file: Path | None = None
     quiet: bool = False
     fast: bool = False
+    hold_limit: float = HOLD_LIMIT
     modules: tuple[str, ...] = ()
     arguments: tuple[str, ...] = ()
 
 
-async def serve(settings: Settings) -> int | None:
+async def serve(settings: Settings, ended: Callable[[int], None] = lambda code: None) -> int | None:
     """Serve until ``shutdown``, the end of an interactive session or a signal; the exit code.  Raises Refused.
 
-    None after ``reboot``: who called is to start the program anew.
+    None after ``reboot``: who called is to start the program anew.  Else ``ended`` is told the exit code, while all
+    objects of the programs are still there.
     """
     process = Process(settings)
     try:
         code = await process.run()
-        return None if process.again else code
     finally:
         await process.close()
+    if process.again:
+        return None
+    ended(code)
+    return code
 
 
 class Process:
@@ -83,13 +93,14 @@ class Process:
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
         self.kernel = Kernel(fast=settings.fast)
-        self.driver = Driver(self.kernel.scheduler)
+        self.driver = Driver(self.kernel.scheduler, bounds(settings.hold_limit) if settings.port >= 0 else NONE)
         self._former = signal.getsignal(signal.SIGTERM)
         self._stopped: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         programs = self.kernel.programs
         programs.shutdown = self.stop
         programs.reboot = self.reboot
         self.again = False
+        self._last_resort = LastResort((signal.SIGTERM,))
         programs.name = settings.program
         programs.arguments = list(settings.arguments)
         programs.quiet = settings.quiet
@@ -113,6 +124,7 @@ class Process:
         settings = self._settings
         self._interrupter.install()
         self._former = signal.signal(signal.SIGTERM, self._terminate)
+        self._last_resort.install()
         try:
             for module in settings.modules:
                 self.kernel.host.load_module(module)
@@ -120,13 +132,15 @@ class Process:
             raise Refused(str(error), EX_CONFIG) from error
         self._terminal.feed(start_up(self.kernel, CONSOLE_FILES))
         await self._wait(self._terminal.idle())
+        self.kernel.complete()
         if not self._stopped.done():
             await self._listen()
             self._terminal.on_quit = self._no_more_input
             self._terminal.start(settings.texts, settings.interactive)
             self.driver.drive()
         await self._stopped
-        return self._terminal.code
+        status = self.kernel.programs.exit_status
+        return self._terminal.code if status is None else status
 
     def _terminate(self, number: int, frame: FrameType | None) -> None:
         """SIGTERM: shut down, even if a job never gives way."""
@@ -140,7 +154,7 @@ class Process:
         if not loaded.done() and not self._stopped.done():
             log.warning("a start-up file still runs after %g s: end what should go on with a comma", START_PATIENCE)
 
-    def _open_lobby(self, remote: str, wanted: Callable[[Lobby], None], limit: int) -> Lobby:
+    def _open_lobby(self, remote: str | None, wanted: Callable[[Lobby], None], limit: int) -> Lobby:
         lobby = self.kernel.open_lobby(remote, wanted, limit)
         lobby.feed(start_up(self.kernel, CONNECTION_FILES))
         return lobby
@@ -152,6 +166,9 @@ class Process:
                 port = await self._server.listen(host, port)
             except (OSError, UnicodeError) as error:
                 raise Refused(f"cannot listen to port {host}:{port}: {why(error)}", EX_UNAVAILABLE) from error
+            if not is_loopback(host):
+                log.warning("whoever reaches %s runs programs as the user of this process, and everybody on the way "
+                            "can read along; urbihw serve asks for TLS and a token there", host)
         self.kernel.programs.listen_port = port
         if self._settings.port_file is not None:
             try:
@@ -169,6 +186,7 @@ class Process:
         await self._server.close()
         self._interrupter.uninstall()
         signal.signal(signal.SIGTERM, self._former)
+        self._last_resort.uninstall()
 
 
 def start_up(kernel: Kernel, names: Iterable[str]) -> bytes:

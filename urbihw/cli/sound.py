@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Final
 
 from urbihw.cli.link import Link
-from urbihw.cli.options import EX_CONFIG, INTERRUPTED, Parser, Refused, add_server, address, complain
+from urbihw.cli.options import EX_CONFIG, INTERRUPTED, Parser, Refused, complain
+from urbihw.cli.reach import add_server, credentials, server
 from urbihw.cli.sounds import Sound, wave_file
 
 PROGRAM: Final = "urbi-sound"
@@ -49,7 +50,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser().parse(argv)
     try:
         player = None if options.output is not None else find_player()
-        with Link(*address(options)) as link:
+        with Link(server(options), credentials(options)) as link:
             data = wave_file(recorded(link, options.device, options.duration))
         if player is not None:
             subprocess.run(player, input=data, check=False)

@@ -21,8 +21,8 @@ CHUNK: Final = 64 * 1024
 class _Watched(Output):
     """An output that notices the errors that pass."""
 
-    def __init__(self, now: Callable[[], float]) -> None:
-        super().__init__(now, lambda: None)
+    def __init__(self, kernel: Kernel) -> None:
+        super().__init__(kernel.scheduler, lambda: None)
         self.code = 0
         self.watching = True
 
@@ -47,7 +47,7 @@ class Terminal:
         self._reading = False
         self.on_quit: Callable[[], None] = lambda: None
         self.lobby: Lobby = kernel.open_lobby()
-        self._output = _Watched(lambda: kernel.scheduler.now)
+        self._output = _Watched(kernel)
         self._output.write(self.lobby.output.take())
         self.lobby.output = self._output
         self.lobby.on_quit = self._quit

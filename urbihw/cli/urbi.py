@@ -9,15 +9,18 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import math
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final, NoReturn
 
 from urbihw.cli import logs
 from urbihw.cli.options import Parser, Refused, add_sources, complain, source_bytes, split
 from urbihw.cli.server import Settings, serve
+from urbihw.kernel.server.bounds import HOLD_LIMIT
+from urbihw.kernel.server.ending import leave
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 
@@ -37,6 +40,8 @@ def parser() -> Parser:
     network = made.add_argument_group("networking")
     network.add_argument("-H", "--host", default="127.0.0.1", help="address to listen on (%(default)s)")
     network.add_argument("-P", "--port", type=_port, default=-1, help="listen on PORT (0: any free one; -1: none)")
+    network.add_argument("--hold-limit", type=_seconds, default=HOLD_LIMIT, metavar="SECONDS",
+                         help="how long a job may keep all others waiting, with a port (%(default)g; 0: for ever)")
     network.add_argument("-w", "--port-file", type=Path, metavar="FILE", help="write the port to FILE when ready")
     add_sources(made)
     made.add_argument("-i", "--interactive", action="store_true", help="read and run standard input")
@@ -53,6 +58,16 @@ def _size(text: str) -> int:
     return int(text)
 
 
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not 0 <= seconds < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number of seconds")
+    return seconds
+
+
 def _port(text: str) -> int:
     if text != "-1" and not (text.isdigit() and int(text) < 65536):
         raise argparse.ArgumentTypeError(f"{text!r} is no port; give a number from 0 to 65535, or -1 for none")
@@ -61,11 +76,16 @@ def _port(text: str) -> int:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """The command; returns the exit code."""
-    return run(sys.argv[1:] if argv is None else argv, "urbi", ())
+    return run(sys.argv[1:], "urbi", (), leave) if argv is None else run(argv, "urbi", ())
 
 
-def run(argv: Sequence[str], program: str, modules: Sequence[str]) -> int:
-    """A server with modules of UObjects; the options are those of ``urbi``, whatever the program is called."""
+def run(
+    argv: Sequence[str], program: str, modules: Sequence[str], ended: Callable[[int], None] = lambda code: None
+) -> int:
+    """A server with modules of UObjects; the options are those of ``urbi``, whatever the program is called.
+
+    ``ended`` is told the exit code of a server that has ended, and may leave the process by it.
+    """
     own, behind = split(argv)
     made = parser()
     made.prog = program
@@ -88,10 +108,11 @@ def run(argv: Sequence[str], program: str, modules: Sequence[str]) -> int:
             port_file=options.port_file,
             quiet=options.quiet,
             fast=options.fast,
+            hold_limit=options.hold_limit,
             modules=(*modules, *options.modules),
             arguments=(*options.arguments, *behind),
         )
-        code = asyncio.run(serve(settings))
+        code = asyncio.run(serve(settings, ended))
     except Refused as error:
         return complain(program, error)
     return _start_anew() if code is None else code

@@ -27,12 +27,17 @@ from urbihw.daemon.config import Config
 from urbihw.daemon.fake import Fake
 from urbihw.daemon.holders import holder_of_file, holder_of_port
 from urbihw.daemon.notify import Notifier
-from urbihw.daemon.runtime import control_path
+from urbihw.daemon.runtime import client_path, control_path
+from urbihw.daemon.wayin import WayIn, way_in
 from urbihw.kernel import Kernel
+from urbihw.kernel.server.bounds import bounds
+from urbihw.kernel.server.doors import bind, bind_unix, let_go
+from urbihw.kernel.server.ending import PATIENCE, LastResort
 from urbihw.kernel.server.interrupt import Interrupter
 from urbihw.kernel.server.loop import Driver
 from urbihw.kernel.server.tcp import Server
 from urbihw.kernel.uobject import BadConfig, DeviceError, Robot, RobotSettings
+from urbihw.kernel.uobject.owed import owe_robot
 from urbihw.platforms import Manifest
 
 log = logging.getLogger("urbihw.daemon")
@@ -44,6 +49,8 @@ LONGEST_SOCKET = 107
 """Bytes of the path of a UNIX socket (``man 7 unix``)."""
 ENDING = (signal.SIGTERM, signal.SIGINT)
 """The signals that end the service."""
+STOPPING = 10.0
+"""Seconds that the robot may take to stop and be let go of; one whose bus worker hangs is stopped by another one."""
 
 
 class StartError(Exception):
@@ -67,7 +74,11 @@ class Service:
         self._robot: Robot | None = None
         self._robot_url = ""
         self._fake: Fake | None = None
+        self._bound: list[socket.socket] = []
+        self._bound_unix: list[socket.socket] = []
+        self._way_in = WayIn()
         self._port = -1
+        self._last_resort: LastResort | None = None
 
     async def run(self) -> int:
         """Serve.  Raises StartError when it cannot begin."""
@@ -90,7 +101,9 @@ class Service:
             await self._close()
             for number, handler in former.items():
                 signal.signal(number, handler)
-        return 0
+            if self._last_resort is not None:
+                self._last_resort.uninstall()
+        return 0 if self._driver is None else self._kernel.programs.exit_status or 0
 
     def _end_whatever_runs(self) -> None:
         """From now on a signal ends the service even while a job never gives way, which the loop would not notice."""
@@ -98,10 +111,14 @@ class Service:
         for number in ENDING:
             asyncio.get_running_loop().remove_signal_handler(number)
             signal.signal(number, interrupter)
-        # Python would complain of a signal that comes while a job holds the loop and its wake-up pipe is full.
-        descriptor = signal.set_wakeup_fd(-1)
-        if descriptor >= 0:
-            signal.set_wakeup_fd(descriptor, warn_on_full_buffer=False)
+        self._last_resort = LastResort(ENDING, self._abandon)
+        self._last_resort.install()
+
+    def _abandon(self) -> None:
+        """In another thread: what must be done although a program keeps the service from ending in order."""
+        if self._robot is not None:
+            self._robot.abandon()
+        self._forget_port()
 
     def stop(self) -> None:
         """End the service, in order."""
@@ -127,13 +144,13 @@ class Service:
             kind = platforms.load(manifest)
         except BadConfig as error:
             raise StartError(str(error)) from error
-        self._probe_port()
+        self._bind()
         if config.fake:
             if not manifest.fake:
                 raise StartError(f"platform {manifest.name} has no robot in software; give its --url")
             self._fake = Fake(manifest.fake)
         self._kernel = Kernel()
-        self._driver = Driver(self._kernel.scheduler)
+        self._driver = Driver(self._kernel.scheduler, bounds(config.hold_limit, config.memory_limit, config.max_jobs))
         self._end_whatever_runs()
         self._kernel.programs.shutdown = self.stop
         self._kernel.programs.quiet = config.quiet
@@ -148,24 +165,35 @@ class Service:
             raise StartError(self._explained(str(error))) from error
         for name in config.load:
             await self._load(Path(name))
+        if self._robot is not None:
+            owe_robot(self._robot, manifest.slot)
+        self._kernel.complete()
         await self._listen()
 
-    def _probe_port(self) -> None:
-        """Find out whether the port is free before the robot is touched."""
+    def _bind(self) -> None:
+        """Take the port and the path for clients before the robot is touched; nobody can connect yet."""
         config = self._config
         try:
-            family, kind, proto, _, address = socket.getaddrinfo(
-                config.host, config.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
-            )[0]
+            self._bound = bind(config.host, config.port)
+        except (socket.gaierror, UnicodeError) as error:
+            why = getattr(error, "strerror", None) or error
+            raise StartError(f"cannot listen on {config.host!r}: {why}; choose --host") from error
         except OSError as error:
-            raise StartError(f"cannot listen on {config.host!r}: {error.strerror or error}; choose --host") from error
-        with socket.socket(family, kind, proto) as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                probe.bind(address)
-                probe.listen()
-            except OSError as error:
-                raise self._no_port(error) from error
+            raise self._no_port(error) from error
+        try:
+            self._way_in = way_in(config, [one.getsockname()[0] for one in self._bound])
+        except BadConfig as error:
+            raise StartError(str(error)) from error
+        if config.socket == "off":
+            return
+        try:
+            path = Path(config.socket) if config.socket else client_path(self._bound[0].getsockname()[1])
+        except BadConfig as error:
+            raise StartError(str(error)) from error
+        try:
+            self._bound_unix.append(bind_unix(path))
+        except OSError as error:
+            raise StartError(f"socket: cannot listen at {path}: {error.strerror}; choose another path") from error
 
     def _no_port(self, error: OSError) -> StartError:
         host, port = self._config.host, self._config.port
@@ -242,11 +270,16 @@ class Service:
     async def _listen(self) -> None:
         config = self._config
         assert self._driver is not None
-        self._server = Server(self._driver, self._kernel.open_lobby, config.unread_limit)
+        self._server = Server(self._driver, self._kernel.open_lobby, config.unread_limit, config.max_clients)
+        bound, self._bound = self._bound, []
+        port = int(bound[0].getsockname()[1])
         try:
-            self._port = await self._server.listen(config.host, config.port)
+            self._server.listen_on(bound, self._way_in.greeting, self._way_in.ssl)
         except OSError as error:
             raise self._no_port(error) from error
+        bound, self._bound_unix = self._bound_unix, []
+        self._server.listen_on(bound)
+        self._port = port
         self._kernel.programs.listen_port = self._port
         if config.port_file:
             try:
@@ -262,7 +295,10 @@ class Service:
         return "" if self._robot is None else f"{self._config.platform}: {self._robot.status()}"
 
     async def _report(self, stopping: asyncio.Future[Literal[True]]) -> None:
-        """Keep the service manager informed until it is time to stop; its watchdog is fed while the bus is served."""
+        """Keep the service manager informed until it is time to stop; its watchdog is fed while the bus is served.
+
+        Clients whose token was removed are let go of meanwhile.
+        """
         said, period = "", min(STATUS_PERIOD, self._notifier.watchdog_period or STATUS_PERIOD)
         while not stopping.done():
             status = self._status()
@@ -271,27 +307,38 @@ class Service:
                 said = status
             if self._robot is None or self._robot.alive():
                 self._notifier.watchdog()
+            if self._server is not None:
+                self._way_in.let_go(self._server.connections)
             await asyncio.wait((stopping,), timeout=period)
 
     # ---------------------------------------------------------------- stop
 
     async def _close(self) -> None:
         if self._robot is not None:
+            if self._last_resort is not None:
+                self._last_resort.allow(STOPPING)
             self._robot.close()
+        if self._last_resort is not None:
+            self._last_resort.allow(PATIENCE)
         if self._server is not None:
             for connection in list(self._server.connections):
                 if connection.lobby is not None:
                     connection.lobby.output.line("*** urbihw: shutting down, the robot is stopped")
             await self._server.close()
+        for one in (*self._bound, *self._bound_unix):
+            let_go(one)
         if self._driver is not None:
             self._driver.close()
         if self._fake is not None:
             self._fake.close()
+        self._forget_port()
+        if self._port >= 0:
+            log.info("stopped")
+
+    def _forget_port(self) -> None:
         if self._config.port_file and self._port >= 0:
             with contextlib.suppress(OSError):
                 os.unlink(self._config.port_file)
-        if self._port >= 0:
-            log.info("stopped")
 
 
 def _show_to_load(folder: Path) -> None:

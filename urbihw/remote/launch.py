@@ -11,6 +11,8 @@ import socket
 from collections.abc import Coroutine, Sequence
 from typing import Any
 
+from urbihw.client.credentials import Credentials, Denied
+from urbihw.client.where import Where, where_is
 from urbihw.kernel import Kernel
 from urbihw.kernel.server.loop import Driver
 from urbihw.kernel.uobject import BadConfig
@@ -27,18 +29,23 @@ def run(
     host: str = "127.0.0.1",
     port: int = 54000,
     *,
+    tls: bool | None = None,
+    credentials: Credentials | None = None,
     arguments: Sequence[str] = (),
     stay_alive: bool = True,
     retry_first: bool = False,
 ) -> int:
     """Load modules, join the server at ``host`` and ``port``, and serve until told to stop; the exit code.
 
-    ``arguments`` are ``System.arguments`` of the modules.  With ``stay_alive`` a lost connection is made again, with
-    pauses that grow; with ``retry_first`` the server need not even be there yet.  Gives 0 when ended on purpose (a
-    signal, the server's end, all objects destroyed), 1 if there is no server or it has all classes from somebody else,
-    66 if a module cannot be loaded; the log tells the reason in one line.
+    ``host`` may be the path of a UNIX socket.  ``tls``: None for TLS to other machines and none to this one;
+    ``credentials``: by default those that need no question.  ``arguments`` are ``System.arguments`` of the modules.
+    With ``stay_alive`` a lost connection is made again, with pauses that grow; with ``retry_first`` the server need not
+    even be there yet. Gives 0 when ended on purpose (a signal, the server's end, all objects destroyed), 1 if there is
+    no server, it does not let us in or it has all classes from somebody else, 66 if a module cannot be loaded; the log
+    tells the reason in one line.
     """
-    return asyncio.run(_run(modules, host, port, list(arguments), stay_alive, retry_first))
+    where, who = where_is(host, port, tls), Credentials() if credentials is None else credentials
+    return asyncio.run(_run(modules, where, who, list(arguments), stay_alive, retry_first))
 
 
 def token() -> str:
@@ -47,7 +54,7 @@ def token() -> str:
 
 
 async def _run(
-    modules: Sequence[str], host: str, port: int, arguments: list[str], stay_alive: bool, retry_first: bool
+    modules: Sequence[str], where: Where, who: Credentials, arguments: list[str], stay_alive: bool, retry_first: bool
 ) -> int:
     kernel = Kernel()
     kernel.programs.arguments = arguments
@@ -59,9 +66,12 @@ async def _run(
         return NO_MODULE
     driver = Driver(kernel.scheduler)
     bridge = Bridge(kernel.host, token(), lambda parts: session.write(parts))
-    session = Session(bridge, driver, host, port)
+    session = Session(bridge, driver, where, who)
     try:
-        return await _until_stopped(_serve(session, bridge, (host, port), stay_alive, retry_first))
+        return await _until_stopped(_serve(session, bridge, str(where), stay_alive, retry_first))
+    except Denied as error:
+        log.error("%s", error)
+        return NO_SERVER
     finally:
         driver.close()
 
@@ -81,10 +91,7 @@ async def _until_stopped(work: Coroutine[Any, Any, int]) -> int:
         return OK
 
 
-async def _serve(
-    session: Session, bridge: Bridge, server: tuple[str, int], stay_alive: bool, retry_first: bool
-) -> int:
-    where = f"{server[0]}:{server[1]}"
+async def _serve(session: Session, bridge: Bridge, where: str, stay_alive: bool, retry_first: bool) -> int:
     pause, joined_before = FIRST_PAUSE, False
 
     def joined() -> bool:

@@ -7,6 +7,9 @@ import logging
 import socket
 from collections.abc import Callable
 
+from urbihw.client.credentials import Credentials
+from urbihw.client.dial import dial
+from urbihw.client.where import Where
 from urbihw.kernel.server.loop import Driver
 from urbihw.kernel.uobject.bridge import Bridge
 from urbihw.kernel.uobject.remote import Garbage
@@ -42,6 +45,7 @@ class Link(asyncio.Protocol):
             raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             raw.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
             self._bridge.peer = str(transport.get_extra_info("peername")[0])
+            self._bridge.local = str(transport.get_extra_info("sockname")[0])
 
     def data_received(self, data: bytes) -> None:
         """Bytes of the server."""
@@ -93,11 +97,11 @@ class Link(asyncio.Protocol):
 class Session:
     """Stays joined to one server.  ``current`` is the connection there is at present."""
 
-    def __init__(self, bridge: Bridge, driver: Driver, host: str, port: int) -> None:
+    def __init__(self, bridge: Bridge, driver: Driver, where: Where, who: Credentials) -> None:
         self._bridge = bridge
         self._driver = driver
-        self._host = host
-        self._port = port
+        self._where = where
+        self._who = who
         self.current: Link | None = None
         bridge.congested = lambda: self.current is not None and self.current.slow
 
@@ -107,9 +111,8 @@ class Session:
             self.current.write(parts)
 
     async def connect(self) -> Link:
-        """A connection; raises OSError."""
-        loop = asyncio.get_running_loop()
-        _, link = await loop.create_connection(lambda: Link(self._bridge, self._driver), self._host, self._port)
+        """A connection; raises OSError or Denied."""
+        _, link = await dial(self._where, self._who, lambda: Link(self._bridge, self._driver))
         self.current = link
         self._bridge.connected()
         self._driver.drive()
@@ -123,7 +126,7 @@ class Session:
                 await link.over
                 return True
             if not answered and not link.over.done():
-                log.error("%s:%d does not answer as an Urbi server does", self._host, self._port)
+                log.error("%s does not answer as an Urbi server does", self._where)
             return False
         finally:
             link.close()
@@ -139,7 +142,10 @@ class Session:
         return self._bridge.ready
 
     async def come_back(self, pause: float) -> tuple[Link, float]:
-        """A new connection, however long it takes; the pause before the next attempt should it not last."""
+        """A new connection, however long it takes; the pause before the next attempt should it not last.
+
+        Raises Denied.
+        """
         while True:
             await asyncio.sleep(pause)
             try:

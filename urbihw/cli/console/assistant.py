@@ -15,6 +15,9 @@ from importlib.resources import files
 from typing import Final
 
 from urbihw.cli.lines import BadLine, Lines, guarded
+from urbihw.client.credentials import Credentials, Denied
+from urbihw.client.dial import streams
+from urbihw.client.where import Where
 
 CHANNEL: Final = "__urbihw_assistant"
 PATIENCE: Final = 1.0
@@ -47,9 +50,9 @@ class Description:
 class Assistant:
     """Asks one question at a time."""
 
-    def __init__(self, host: str, port: int) -> None:
-        self._host = host
-        self._port = port
+    def __init__(self, where: Where, who: Credentials) -> None:
+        self._where = where
+        self._who = who
         self._streams: tuple[asyncio.StreamReader, asyncio.StreamWriter] | None = None
         self._lines = Lines()
         self._turn = asyncio.Lock()
@@ -78,13 +81,13 @@ class Assistant:
             except TimeoutError:
                 self.close()
                 raise NoAnswer("the server does not answer") from None
-            except (OSError, UnicodeError, BadLine) as error:
+            except (OSError, UnicodeError, BadLine, Denied) as error:
                 self.close()
                 raise NoAnswer(str(error)) from error
 
     async def _answer(self, expression: str) -> str:
         if self._streams is None:
-            self._streams = await asyncio.open_connection(self._host, self._port)
+            self._streams = await streams(self._where, self._who)
             self._lines = Lines()
             self._streams[1].write(files("urbihw.cli.console").joinpath("assistant.u").read_bytes())
         reader, writer = self._streams

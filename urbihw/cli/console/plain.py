@@ -14,6 +14,8 @@ from typing import BinaryIO, Final
 from urbihw.cli.lines import Line
 from urbihw.cli.link import Link
 from urbihw.cli.options import EX_RUNTIME, EX_SYNTAX, EX_UNAVAILABLE, Refused
+from urbihw.client.credentials import Credentials
+from urbihw.client.where import Where
 from urbihw.kernel.stages import Input
 
 CHUNK: Final = 64 * 1024
@@ -21,12 +23,12 @@ SILENCE: Final = 2.0
 """Seconds without a word after which an input that ends within a statement counts as run."""
 
 
-def talk(host: str, port: int, source: BinaryIO) -> int:
+def talk(where: Where, who: Credentials, source: BinaryIO) -> int:
     """Send all of ``source``, show what comes.
 
     The exit code: 0, or 65 or 70 if the first error was one of syntax or one while running.  Raises Refused.
     """
-    with Link(host, port) as link:
+    with Link(where, who) as link:
         link.greeting()
         return Talker(link, source).talk()
 

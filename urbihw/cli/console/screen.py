@@ -30,15 +30,17 @@ from urbihw.cli.console.subject import whole_path
 from urbihw.cli.lines import Line
 from urbihw.cli.link import NO_SERVER
 from urbihw.cli.options import Refused
+from urbihw.client.credentials import Credentials
+from urbihw.client.where import Where
 from urbihw.kernel.stages import dump, unfinished
 
 FIRST_PATIENCE: Final = 10.0
 INDENT: Final = "  "
 
 
-async def talk(host: str, port: int, environment: Mapping[str, str]) -> int:
+async def talk(where: Where, who: Credentials, environment: Mapping[str, str]) -> int:
     """Talk until Ctrl-D.  Raises Refused when there is no server to begin with."""
-    screen = Screen(host, port, history(environment))
+    screen = Screen(where, who, history(environment))
     await screen.connect()
     return await screen.run()
 
@@ -59,9 +61,9 @@ def history(environment: Mapping[str, str]) -> History:
 class Screen:
     """One session at a terminal."""
 
-    def __init__(self, host: str, port: int, remembered: History) -> None:
-        self._session = Session(host, port, self._heard, self._changed)
-        self._assistant = Assistant(host, port)
+    def __init__(self, where: Where, who: Credentials, remembered: History) -> None:
+        self._session = Session(where, who, self._heard, self._changed)
+        self._assistant = Assistant(where, who)
         # Asked with each key, and again for Enter.
         self._unfinished = lru_cache(maxsize=2)(unfinished)
         self._connected = asyncio.Event()
@@ -91,6 +93,8 @@ class Screen:
         await asyncio.wait_for(self._connected.wait(), FIRST_PATIENCE)
         if self._session.state != "connected":
             self._keeping.cancel()
+            if self._session.state == "denied":
+                raise Refused(self._session.reason)
             raise Refused(f"cannot connect to {self._session.name}: {self._session.reason}; is the server running, "
                           "is this its address?", NO_SERVER)
 
@@ -99,6 +103,8 @@ class Screen:
         if self._session.state == "lost" and not self._lost_once:
             self._lost_once = True
             self._note(f"{self._session.name}: {self._session.reason}; trying again")
+        elif self._session.state == "denied":
+            self._note(self._session.reason)
         elif self._session.state == "connected" and self._lost_once:
             self._lost_once = False
             self._note("connected again; variables and jobs of the former connection are gone")
@@ -119,8 +125,8 @@ class Screen:
 
     @property
     def _name(self) -> str:
-        connected = self._session.state == "connected"
-        return f"{self._session.name}> " if connected else f"{self._session.name} (reconnecting)> "
+        how = {"connected": "", "denied": " (denied)"}.get(self._session.state, " (reconnecting)")
+        return f"{self._session.name}{how}> "
 
     def _hint(self) -> AnyFormattedText:
         text = self._prompt.default_buffer.text

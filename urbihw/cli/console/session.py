@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import socket
 from collections.abc import Callable
 from typing import Final, Literal
 
 from urbihw.cli.lines import BadLine, Line, Lines
 from urbihw.cli.options import why
+from urbihw.client.credentials import Credentials, Denied
+from urbihw.client.dial import streams
+from urbihw.client.where import Where
 
 CHUNK: Final = 256 * 1024
 PATIENCE: Final = 5.0
@@ -18,21 +20,25 @@ LONGEST_PAUSE: Final = 2.0
 CHANNEL: Final = "__urbihw_console"
 """On which the server tells who we are; nothing of it is shown."""
 
-State = Literal["connecting", "connected", "lost"]
+State = Literal["connecting", "connected", "lost", "denied"]
 
 
 class Session:
-    """One server, for as long as the console runs.
+    """One server, for as long as the console runs, or until it does not let us in any more ("denied").
 
     ``heard`` gets the lines of each packet.  ``changed`` is called when ``state`` is another one; ``reason`` then says
     why there is no connection.
     """
 
     def __init__(
-        self, host: str, port: int, heard: Callable[[list[Line]], None], changed: Callable[[], None]
+        self,
+        where: Where,
+        who: Credentials,
+        heard: Callable[[list[Line]], None],
+        changed: Callable[[], None],
     ) -> None:
-        self.host = host
-        self.port = port
+        self.where = where
+        self._who = who
         self.state: State = "connecting"
         self.reason = ""
         self.uid = ""
@@ -44,14 +50,18 @@ class Session:
     @property
     def name(self) -> str:
         """The server, for people."""
-        return f"{self.host}:{self.port}"
+        return str(self.where)
 
     async def run(self) -> None:
-        """Connect, listen, connect again; for ever."""
+        """Connect, listen, connect again; for ever, unless denied."""
         pause = FIRST_PAUSE
         while True:
             try:
-                reader, writer = await asyncio.wait_for(asyncio.open_connection(self.host, self.port), PATIENCE)
+                reader, writer = await asyncio.wait_for(streams(self.where, self._who), PATIENCE)
+            except Denied as error:
+                self.reason = str(error)
+                self._enter("denied")
+                return
             except (OSError, TimeoutError, UnicodeError) as error:
                 self.reason = why(error)
                 self._enter("lost")
@@ -67,7 +77,6 @@ class Session:
             await asyncio.sleep(pause)
 
     async def _converse(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        writer.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         # Between push and pop it leaves no trace in the positions of later errors.
         writer.write(f'//#push 1 "console"\nChannel.new("{CHANNEL}") << lobby.uid|;\n//#pop\n'.encode())
         self._enter("connected")

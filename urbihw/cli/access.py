@@ -1,0 +1,60 @@
+"""Who may come in from the network: make, list and remove tokens, and show the fingerprint of the certificate."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from urbihw.cli.options import EX_CONFIG
+from urbihw.daemon import tls
+from urbihw.daemon.access import Tokens
+from urbihw.daemon.config import Config, configure
+from urbihw.daemon.state import state_folder
+from urbihw.kernel.uobject import BadConfig
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """The options of ``urbihw access``."""
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
+    add = verbs.add_parser("add", help="make a token for somebody, and print it once")
+    add.add_argument("name", metavar="NAME", help="who, such as alice@laptop: for the log, and to remove it again")
+    verbs.add_parser("list", help="who has a token, and since when")
+    remove = verbs.add_parser("remove", help="let somebody in no more; who is connected is disconnected")
+    remove.add_argument("name", metavar="NAME", help="as it was given to add")
+    fingerprint = verbs.add_parser("fingerprint", help="what clients show of the certificate when they first see it")
+    fingerprint.add_argument("--config", type=Path, metavar="FILE", help="settings, if they have a tls_cert")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Do what a verb says; returns the exit code."""
+    try:
+        folder = state_folder()
+        tokens = Tokens(folder)
+        if options.verb == "add":
+            _add(tokens, options.name, folder)
+        elif options.verb == "list":
+            for entry in tokens.entries():
+                print(f"{entry.name}  since {entry.made}")
+        elif options.verb == "remove":
+            tokens.remove(options.name)
+        else:
+            print(_fingerprint(Config() if options.config is None else configure(options.config), folder))
+    except BadConfig as error:
+        print(f"urbihw: {error}", file=sys.stderr)
+        return EX_CONFIG
+    return 0
+
+
+def _add(tokens: Tokens, name: str, folder: Path) -> None:
+    """The token alone goes to standard output, for scripts."""
+    token = tokens.add(name)
+    print(f"The token of {name}, shown this once (its hash is kept in {folder}):",
+          file=sys.stderr, flush=True)
+    print(token)
+
+
+def _fingerprint(config: Config, folder: Path) -> str:
+    if not config.tls_cert:
+        tls.make(folder)
+    return tls.fingerprint(tls.files(config.tls_cert, config.tls_key, folder))

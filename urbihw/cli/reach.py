@@ -1,0 +1,99 @@
+"""Which server a program speaks to, and by which way: what the programs that connect to one share."""
+
+from __future__ import annotations
+
+import argparse
+import socket
+import sys
+from pathlib import Path
+from typing import Final
+
+from urbihw.cli.options import DEFAULT_PORT, EX_CONFIG, EX_NOINPUT, Refused, port
+from urbihw.client.credentials import Credentials
+from urbihw.client.where import DEFAULT_HOST, Where, where_is
+from urbihw.daemon.runtime import client_sockets
+
+PROBE: Final = 0.5
+"""Seconds that a daemon on this machine has to accept."""
+
+
+def add_server(parser: argparse.ArgumentParser) -> None:
+    """The options of the programs that connect to a server: ``server`` and ``credentials`` read them."""
+    parser.add_argument("-H", "--host", help="address to connect to, or path of a UNIX socket (this machine)")
+    parser.add_argument("-P", "--port", type=port, default=DEFAULT_PORT, help="port to connect to (%(default)s)")
+    parser.add_argument("--port-file", type=Path, metavar="FILE", help="connect to the port contained in FILE")
+    add_access(parser)
+
+
+def add_access(parser: argparse._ActionsContainer) -> None:
+    """How to get in."""
+    parser.add_argument("--tls", action=argparse.BooleanOptionalAction,
+                        help="speak TLS and show a token (so it is with other machines), or do not")
+    parser.add_argument("--token-file", type=Path, metavar="FILE",
+                        help="the token is in FILE (or in URBIHW_TOKEN, or in ~/.config/urbihw/tokens)")
+    parser.add_argument("--trust", action="store_true", help="trust the certificate of a server that is not known yet")
+
+
+def server(options: argparse.Namespace) -> Where:
+    """The server that ``add_server``'s options name.  Raises Refused for a port file without a port."""
+    number = options.port if options.port_file is None else _port_in(options.port_file)
+    return reached(options.host, number, options.tls)
+
+
+def reached(host: str | None, number: int, tls: bool | None) -> Where:
+    """How to reach a server.  Without a host, that of this machine: by the UNIX socket that the daemon with this port
+    has, if there is one that we may use."""
+    if host is None and not tls:
+        for path in _sockets(number):
+            if _accepts(path):
+                return Where(str(path), number)
+    return where_is(DEFAULT_HOST if host is None else host, number, tls)
+
+
+def credentials(options: argparse.Namespace) -> Credentials:
+    """Who we are, by the options of ``add_access``.  At a terminal, what is missing is asked for."""
+    asks = sys.stdin.isatty() and sys.stderr.isatty()
+    return Credentials(options.token_file, options.trust, _confirmed if asks else None, _secret if asks else None)
+
+
+def _port_in(file: Path) -> int:
+    try:
+        text = file.read_text("ascii", "replace").strip()
+    except OSError as error:
+        raise Refused(f"cannot read the port file {file}: {error.strerror}", EX_NOINPUT) from error
+    try:
+        return port(text)
+    except argparse.ArgumentTypeError:
+        raise Refused(f"{file} has no port in it; is the server listening (--port)?", EX_CONFIG) from None
+
+
+def _sockets(number: int) -> list[Path]:
+    try:
+        return client_sockets(number)
+    except ValueError:  # BadConfig, of a folder that we may not use: there is TCP.
+        return []
+
+
+def _accepts(path: Path) -> bool:
+    """Whether a daemon is behind a socket, which may have been left there by one that was killed."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        probe.settimeout(PROBE)
+        try:
+            probe.connect(str(path))
+        except OSError:
+            return False
+    return True
+
+
+def _confirmed(question: str) -> bool:
+    print(f"{question} (yes/no) ", end="", file=sys.stderr, flush=True)
+    return sys.stdin.readline().strip().lower() == "yes"
+
+
+def _secret(question: str) -> str:
+    from getpass import getpass
+
+    try:
+        return getpass(question, sys.stderr)
+    except EOFError:
+        return ""

@@ -1,0 +1,51 @@
+"""Which server is meant, and by which way it is reached."""
+
+from __future__ import annotations
+
+import ipaddress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+DEFAULT_HOST: Final = "127.0.0.1"
+
+
+@dataclass(frozen=True)
+class Where:
+    """A server.
+
+    Attributes:
+        host: its name or address, or, with a ``/`` in it, the path of its UNIX socket.
+        port: its TCP port.
+        tls: whether to speak TLS, with a token.
+    """
+
+    host: str
+    port: int
+    tls: bool = False
+
+    @property
+    def path(self) -> Path | None:
+        """The path of the UNIX socket; None for TCP."""
+        return Path(self.host) if "/" in self.host else None
+
+    def __str__(self) -> str:
+        """The server, for people."""
+        if self.path is not None:
+            return self.path.stem
+        return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
+
+
+def where_is(host: str, port: int, tls: bool | None = None) -> Where:
+    """A server; ``tls`` is None for what is usual: TLS to other machines, none to this one."""
+    return Where(host, port, "/" not in host and (not is_loopback(host) if tls is None else tls))
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a host is this machine, by its address or by the name ``localhost``; other names are not looked up."""
+    if host.rstrip(".").lower() in ("localhost", "ip6-localhost"):
+        return True
+    try:
+        return ipaddress.ip_address(host.partition("%")[0]).is_loopback
+    except ValueError:
+        return False
