@@ -3,6 +3,9 @@
 #   make run     serve a Bioloid in software on port 54000 (PLATFORM=nxt for another robot, ARGS="--port 54001")
 #   make test    lint, strict types and all tests
 #   make bench   measure, beside plain Python and the other drivers
+#   make fuzz    random programs (URBIHW_FUZZ_SECONDS=3600 for an hour, URBIHW_SEED=7 for another beginning)
+#   make hostile all attacks of tests/hostile, beside a neighbour; ARGS="regexp TLS" for some of them
+#   make soak    half an hour of mixed work and faults; memory must stay as it is
 #   make clean   forget the environment and all caches
 #
 # PYTHON is the Python to build the environment from.  VENV_FLAGS=--system-site-packages lets it see Debian's own
@@ -17,7 +20,7 @@ PIP = $(BIN)/python -m pip --disable-pip-version-check install --quiet
 
 # The many cases of tests/platforms are shared out one by one; elsewhere a file stays together, as some count what is left.
 # Pieces of `make test`, each to be run alone while working.  Tests in real time (e2e) come last, apart from the hard work.
-.PHONY: run test lint types check bench clean
+.PHONY: run test lint types check bench fuzz hostile soak clean
 
 run: .venv/installed
 	$(BIN)/urbihw serve --platform $(PLATFORM) --fake $(ARGS)
@@ -42,6 +45,15 @@ bench: .venv/installed-dev
 	$(BIN)/python -m bench.p3dx
 	$(BIN)/python -m bench.nxt
 	$(BIN)/python -m bench.stop
+
+fuzz: .venv/installed-dev
+	$(BIN)/python -m pytest -s tests/hostile/test_fuzz.py $(ARGS)
+
+hostile: .venv/installed-dev
+	$(BIN)/python -m bench.hostile $(ARGS)
+
+soak: .venv/installed-dev
+	$(BIN)/python -m bench.soak $(ARGS)
 
 clean:
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache build dist *.egg-info

@@ -48,19 +48,23 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     ),
     "urbihw.kernel.stages": ("urbihw.kernel.errors", "urbihw.kernel.compiler", "urbihw.kernel.syntax"),
     "urbihw.kernel": ("urbihw.kernel.facade",),
+    # What a setting may be: of the daemon, of a platform, of a bus url.
+    "urbihw.settings": (),
     # Wires and robots.
-    "urbihw.buses": (),
+    "urbihw.buses": ("urbihw.settings",),
     # The loader and the daemon hold a robot by its base class, and know the kinds of its failures.
-    "urbihw.platforms": ("urbihw.kernel.uobject",),
+    "urbihw.platforms": ("urbihw.kernel.uobject", "urbihw.settings", "urbihw.platforms.limits"),
     # What the robots share: a robot on one wire.
-    "urbihw.platforms.limits": ("urbihw.kernel.uobject",),
+    "urbihw.platforms.limits": ("urbihw.kernel.uobject", "urbihw.settings"),
+    "urbihw.platforms.devicelog": (),
     "urbihw.platforms.base": (
-        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.wire", "urbihw.platforms.limits",
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.platforms.wire", "urbihw.platforms.limits",
+        "urbihw.platforms.devicelog",
     ),  # fmt: skip
     "urbihw.platforms.wire": ("urbihw.kernel.uobject", "urbihw.buses"),
     ROBOT: (
-        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.base", "urbihw.platforms.wire",
-        "urbihw.platforms.limits",
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.platforms.base", "urbihw.platforms.wire",
+        "urbihw.platforms.limits", "urbihw.platforms.devicelog",
     ),  # fmt: skip
     # The ways in.  "urbihw.kernel" alone is its door, Kernel; "urbihw.platforms" alone is the loader.
     "urbihw.daemon": (
@@ -71,6 +75,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.kernel.lobby",
         "urbihw.platforms",
         "urbihw.buses",
+        "urbihw.settings",
     ),
     "urbihw.cli": (
         "urbihw.kernel",
@@ -81,8 +86,10 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.kernel.lobby",
         "urbihw.platforms",
         "urbihw.buses",
+        "urbihw.settings",
         "urbihw.daemon",
         "urbihw.remote",
+        "urbihw.client",
     ),
     "urbihw.web": (
         "urbihw.kernel",
@@ -94,7 +101,9 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.daemon",
     ),
     # A process with devices of its own has a kernel, and a link to the kernel of a server.
-    "urbihw.remote": ("urbihw.kernel", "urbihw.kernel.uobject", "urbihw.kernel.server"),
+    "urbihw.remote": ("urbihw.kernel", "urbihw.kernel.uobject", "urbihw.kernel.server", "urbihw.client"),
+    # How a server is reached.
+    "urbihw.client": (),
     "urbihw": (),
     # Robots in software: nothing of urbihw, so that driver and fake cannot share a mistake.
     "fakes": (),

@@ -185,6 +185,7 @@ def test_one_silent_servo_and_seventeen_as_before(serve: Callable[..., Daemon], 
         assert float(client.ask(f"motor{number}.age;")) < 0.2
     robot.call(lambda: robot.device.faults.stop())
     client.wait("back")
+    until(lambda: "motor 6 is back" in daemon.log())
     assert daemon.log().count("motor 6 is lost") == daemon.log().count("motor 6 is back") == 1
 
 
@@ -206,6 +207,40 @@ def test_the_adapter_pulled_and_put_back_during_the_swing(serve: Callable[..., D
     assert len(news) == 2
     assert "link lost" in news[0]
     assert "is back" in news[1]
+
+
+def test_a_bus_without_power_is_one_line_and_its_return_another(
+    serve: Callable[..., Daemon], robot: PtyEndpoint
+) -> None:
+    daemon = serve("--url", robot.url, "--quiet")
+    kit = robot.device
+    assert isinstance(kit, Bioloid)
+    # A busy machine may have lost some at the start.
+    assert daemon.client().ask('for| (var m : motors) while (m.state != "ok") sleep(50ms); sleep(3s); "all";', 20)
+    before = len(daemon.log().splitlines())
+    robot.call(lambda: kit.power_off(time.monotonic()))
+    until(lambda: "19 devices are lost" in daemon.log())
+    time.sleep(2.5)
+    robot.call(lambda: kit.power_on(time.monotonic()))
+    until(lambda: "19 devices are back" in daemon.log())
+    time.sleep(1.0)
+    assert daemon.log().splitlines()[before:] == [
+        "urbihw: 19 devices are lost: motor 1-18, sensor 100",
+        "urbihw: 19 devices are back: motor 1-18, sensor 100",
+    ]
+
+
+def test_a_program_that_exits_ends_the_daemon_in_order(serve: Callable[..., Daemon], robot: PtyEndpoint) -> None:
+    daemon = serve("--url", robot.url, "--quiet")
+    client, other = daemon.client(), daemon.client()
+    before = goal(robot)
+    other.say("motor6.speed = 0.5 | motor6.val = 100deg;")
+    until(lambda: goal(robot) != before, 3)
+    moving = goal(robot)
+    client.say("System._exit(5); System._exit(6);")
+    assert daemon.process.wait(PATIENCE) == 5
+    other.wait("shutting down, the robot is stopped")
+    assert goal(robot) != moving
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
@@ -280,11 +315,22 @@ def refused(*arguments: str) -> str:
 
 def test_what_is_wrong_with_the_set_up_is_said_in_one_line(tmp_path: Path) -> None:
     assert "no such port: /dev/ttyNONE" in refused("--platform", "bioloid", "--url", "/dev/ttyNONE", "--port", "0")
+    assert "/dev/null is no serial port" in refused("--platform", "bioloid", "--url", "/dev/null", "--port", "0")
+    assert f"{tmp_path} is no serial port but a folder" in refused("--platform", "bioloid", "--url", str(tmp_path))
+    assert "did you mean baud?" in refused("--platform", "bioloid", "--url", "/dev/ttyNONE?boud=1")
     assert "there are: bioloid" in refused("--platform", "roomba")
     assert "no port" in refused("--platform", "bioloid", "--port", "70000")
     config = tmp_path / "bad.toml"
     config.write_text('platform = "bioloid"\nprot = 1\n')
     assert "bad.toml" in refused("--config", str(config))
+    config.write_text('platform = "bioloid"\nfake = true\n[options]\nofset = 3\n')
+    assert refused("--config", str(config)) == (
+        f"urbihw: {config}: options.ofset: no such option of bioloid; there are: protocol, ids, fast_read"
+    )
+    config.write_text('platform = "bioloid"\nfake = true\n[limits.moter6]\nspeed = 3\n')
+    assert refused("--config", str(config)) == (
+        f"urbihw: {config}: limits.moter6: no such device; did you mean motor6?"
+    )
     script = tmp_path / "bad.u"
     script.write_text("var x = 1;\nx +;\n")
     config.write_text(f'platform = "bioloid"\nfake = true\nport = 0\nload = ["{script}"]\n')

@@ -239,5 +239,15 @@ def test_a_few_thousand_calls_deep_is_fine(talk: Talk) -> None:
 
 def test_an_error_that_cannot_be_printed_is_still_told(talk: Talk, caplog: pytest.LogCaptureFixture) -> None:
     talk.say("class Global.Bad { function asString() { throw Bad.new } };")
-    assert talk.say("throw Global.Bad.new;") == ["[:error] !!! error while printing an error: UrbiError"]
+    assert talk.say("throw Global.Bad.new;") == ["[:error] !!! 1.60-79: Bad_0x10000020"]
     check(talk, caplog)
+
+
+def test_a_deep_call_stack_is_told_in_part(talk: Talk) -> None:
+    talk.say("function f(n) { if (n == 0) throw 1 else f(n - 1) };")
+    answer = talk.say("f(2000);")
+    assert answer[0] == "[:error] !!! 1"
+    assert 900 < len(answer) < 1100
+    (gap,) = [line for line in answer if "left out" in line]
+    assert int(gap.partition("... ")[2].split()[0]) == 1002
+    assert answer[-1] == "[:error] !!!    called from: 1.53-59: f"

@@ -18,7 +18,7 @@ from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.runtime.code import Primitive
 
 LEFT_OUT = {
-    ("System", "_exit"): "ends the process",
+    ("System", "_exit"): "does not return",
     ("Profiling", "new"): "does what it is given as often as it is told; see tests/lang/std/nan.chk",
     ("System", "system"): "runs what it is given in a shell; see tests/e2e/test_outside.py",
 }

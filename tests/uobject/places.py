@@ -76,6 +76,7 @@ class Remote(Plugged):
                 del slots[word]
             del self.server.world.uvar_proto.slots["own"], self.server.world.uvar_proto.slots["protect"]
         self.server.world.flush()
+        self.server.world.record.take()
         self.bridge = Bridge(self.devices.host, "test_1", self._sent.extend)
         self.connection: Any = None
 

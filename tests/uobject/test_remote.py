@@ -259,7 +259,7 @@ def test_garbage_after_binary_mode_closes_the_connection(caplog: pytest.LogCaptu
     server = Server()
     server.tell(b"GET / HTTP/1.1\r\n")
     assert not server.remote.connected
-    assert "remote Lobby_1 closed: not understood: a sender with sizes 47 45 54 20" in caplog.text
+    assert "remote Lobby_1 (127.0.0.1) closed: not understood: a sender with sizes 47 45 54 20" in caplog.text
     assert server.say('uobjects.hasSlot("K"); 1;') == ["false", "1"]
 
 

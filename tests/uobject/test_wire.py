@@ -10,6 +10,8 @@ import pytest
 
 from urbihw.kernel.uobject.binary import UBinary, UImage
 from urbihw.kernel.uobject.frames import (
+    AT_A_TIME,
+    MOST,
     BadFrame,
     Decoder,
     Emit,
@@ -75,6 +77,47 @@ def test_what_is_too_much_is_refused() -> None:
         encode(Result("_1", "x" * 70000))
     with pytest.raises(TypeError, match="a set cannot be sent"):
         encode(Result("_1", set()))
+
+
+class Counting(Decoder):
+    """Counts the values that it begins to read."""
+
+    begun = 0
+
+    def _value(self, deep: int) -> Any:
+        self.begun += 1
+        return super()._value(deep)
+
+
+def test_nothing_is_read_twice_however_slowly_it_comes() -> None:
+    frame = Update("a.b", [["x"] * 10 for _ in range(100)], 1)
+    decoder = Counting()
+    data = b"\x02\x04\x08\x08" + b"".join(encode(frame))
+    assert [found for at in range(len(data)) for found in decoder.feed(data[at : at + 1])] == [frame]
+    assert decoder.begun == 1 + 100 + 1000
+
+
+def test_a_large_frame_is_read_a_part_at_a_time() -> None:
+    decoder = Decoder()
+    frame = Update("a.b", [1.0] * 5000, 1)
+    decoder.add(b"\x02\x04\x08\x08" + b"".join(encode(frame)))
+    pauses = 0
+    while (found := decoder.next()) is None:
+        assert decoder.paused
+        pauses += 1
+    assert found == frame and pauses == 5000 // AT_A_TIME
+    assert decoder.next() is None and not decoder.paused and decoder.waiting == 0
+
+
+@pytest.mark.parametrize("value", [
+    b"\x03\xff\xff\xff\xff", b"\x01\xff\xff\xff\xff", b"\x00\x00\x00\xff\xff\xff\xff",
+    b"\x03" + (MOST + 1).to_bytes(4, "big"),
+    b"\x03\x00\x00\x00\x02" + 2 * (b"\x03" + (MOST // 2).to_bytes(4, "big") + b"\x07" * (MOST // 2)),
+    b"\x03\x00\x00\x00\x01" * 70, b"\x01\x00\x00\x00\x01\x00\x01k" * 70, b"\x09",
+])
+def test_lengths_are_judged_before_anything_is_kept(value: bytes) -> None:
+    with pytest.raises(BadFrame):
+        list(Decoder().feed(b"\x02\x04\x08\x08\x01\x00\x03a.b" + value))
 
 
 def test_noise_never_does_more_than_be_refused() -> None:

@@ -16,6 +16,11 @@ from urbihw.kernel.sched.scheduler import Scheduler
 from urbihw.kernel.stdlib import install
 from urbihw.kernel.uobject.natives import install as install_uobject
 
+OWED = ("shutdown", "reboot", "resetLibrary")
+"""Slots of System that no program can take from the others."""
+OWED_BY_LOBBY = ("lobby", "quit", "interrupt", "onDisconnect")
+"""Slots of Lobby of that kind."""
+
 
 def build(scheduler: Scheduler) -> Programs:
     """A world with the standard library, and what lobbies need to run programs in it."""
@@ -34,5 +39,8 @@ def build(scheduler: Scheduler) -> Programs:
     programs = Programs(world, ops)
     install(world, programs)
     install_uobject(world)
+    system = world.classes["System"]
+    world.record.owe(world.lobby_proto, "System", "Lobby", "Global", "Object", *OWED, *OWED_BY_LOBBY)
+    world.record.owe(system, *OWED)
     return programs
 

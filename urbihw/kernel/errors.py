@@ -5,7 +5,7 @@
     UrbiError                an urbiscript value on its way up: thrown by ``throw`` or by native code
       Raised                 made by native code: a kind of Exception and its arguments, built into an object only if
                              somebody looks at it
-        TooDeep              a statement that cannot be compiled
+        TooDeep, TooLong     a statement that cannot be compiled
     KernelBug                our own fault, reported as such
 
 ``sched.signals`` holds what unwinds a job without being an error.
@@ -45,6 +45,13 @@ class TooDeep(Raised):
         super().__init__("Scheduling", TOO_DEEP, None)
 
 
+class TooLong(Raised):
+    """A statement is longer than can be compiled; who knows where it stands makes a syntax error of it."""
+
+    def __init__(self) -> None:
+        super().__init__("Scheduling", TOO_LONG, None)
+
+
 class Refused(Raised):
     """Something may not move now; a write that fails by it is taken back."""
 
@@ -57,6 +64,7 @@ class Stopped(Refused):
 
 
 TOO_DEEP = "statement too deeply nested"
+TOO_LONG = "statement too long: make several of it"
 
 
 class KernelBug(Exception):
@@ -97,6 +105,11 @@ def redefinition(name: str) -> Raised:
 def constness() -> Raised:
     """``cannot modify const slot``."""
     return Raised("Constness", "cannot modify const slot", None)
+
+
+def owed(name: str) -> Raised:
+    """A slot that all connections need cannot be removed, replaced or hidden."""
+    return Raised("Constness", f"{name} is for everybody: it cannot be removed, replaced or hidden", None)
 
 
 def match_failure() -> Raised:

@@ -37,16 +37,25 @@ class Kernel:
         self._end = weakref.finalize(self, self.scheduler.abandon)
         self._end.atexit = False
 
+    def complete(self) -> None:
+        """Start-up is complete: what the library and the robot are now is what they are brought back to when a program
+        spoils them.  Without this call they are what they were when the first lobby was opened."""
+        self.world.record.take()
+
     def open_lobby(
         self, remote: str | None = None, wanted: Callable[[Lobby], None] = lambda lobby: None, limit: int = 8 << 20
     ) -> Lobby:
         """A lobby for a new connection; ``wanted(lobby)`` is called when it has something to say.
 
-        It is greeted with the banner unless ``programs.quiet``.
+        It is greeted with the banner unless ``programs.quiet``, and finds the library whole: what programs spoilt is
+        put back, and the client is told.
         """
+        told = self.world.record.check()
         lobby = Lobby(self.world, self.programs, wanted, remote, limit)
         if not self.programs.quiet:
-            self.world.send(lobby, "banner")
+            lobby.greet()
+        for line in told:
+            lobby.output.line(f"*** urbihw: {line}")
         return lobby
 
     def feed(self, lobby: Lobby, data: bytes) -> None:

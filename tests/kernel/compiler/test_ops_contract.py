@@ -18,7 +18,7 @@ COMPUTED = {
     *EQUALITY.values(),
 }
 """Names that the compiler puts together from parts."""
-LOCAL = {"_payload", "_v", "_t", "_c", "_l", "_s", "_m", "_p", "_once", "_each", "_this", "_K", "_N", "_L"}
+LOCAL = {"_payload", "_v", "_t", "_c", "_l", "_s", "_m", "_p", "_once", "_each", "_this", "_K", "_N", "_L", "_P", "_q"}
 """Names of variables of the generated code itself."""
 
 

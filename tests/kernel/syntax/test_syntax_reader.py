@@ -9,6 +9,7 @@ import pytest
 from syntax_reading import EXAMPLES, in_pieces, told, typed
 
 from urbihw.kernel.syntax import ast
+from urbihw.kernel.syntax import reader as reader_module
 from urbihw.kernel.syntax.location import Position
 from urbihw.kernel.syntax.reader import Item, Reader, Statement, StatementCache, SyntaxProblem, parse_program
 from urbihw.kernel.syntax.tokens import KEYWORDS, SIGNS
@@ -178,6 +179,46 @@ def test_deep_nesting_that_is_wrong_is_an_error() -> None:
     assert told(parse_program("(" * 5000 + ";")) == ["error 1.5001: unexpected ;"]
     assert typed("f(" * 5000 + ";") == ["error 1.10001: unexpected ;"]
     assert len(typed("#" * 5000 + ";")) == 5000
+
+
+@pytest.fixture
+def narrow(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A statement may have few words, and few of them open."""
+    monkeypatch.setattr(reader_module, "MOST_TOKENS", 12)
+    monkeypatch.setattr(reader_module, "MOST_OPEN", 6)
+
+
+LONG = "statement too long (more than 12 words and signs): make several of it"
+DEEP = "statement too deeply nested"
+REFUSED = {
+    "1+1+1+1+1+1; 2;": ["1+1+1+1+1+1;", "2;"],
+    "1+1+1+1+1+1+1; 2;": [f"error 1.1-13: {LONG}", "2;"],
+    "1, 1+1+1+1+1+1+1, 2;": ["1,", f"error 1.4-16: {LONG}", "2;"],
+    "[1, 2, 3, 4, 5, 6, 7, 8, 9]; 2;": [f"error 1.1-18: {LONG}", "2;"],
+    '[1, 2, 3, 4, 5, 6, "7]; 8", /*]; 9*/ 0]; 2;': [f"error 1.1-18: {LONG}", "2;"],
+    "[1, 2, 3, 4, 5, 6, {7; 8, 9; [10, 11]}, 12; 13]; 2;": [f"error 1.1-18: {LONG}", "2;"],
+    "((((((((1)))))))); 2;": [f"error 1.1-6: {DEEP}", "2;"],
+    "[[[[[[[[1; 2]; 3]]; 4, 5]]]]]; 2;": [f"error 1.1-6: {DEEP}", "2;"],
+    "((((((((1)))))))))); 2;": [f"error 1.1-6: {DEEP}", "2;"],
+}
+
+
+@pytest.mark.parametrize("text", REFUSED)
+@pytest.mark.parametrize("size", [1, 3, 100])
+def test_what_is_too_long_is_refused_up_to_its_end(narrow: None, text: str, size: int) -> None:
+    assert told(in_pieces(text.encode(), size)) == REFUSED[text]
+
+
+def test_too_many_errors_are_one(narrow: None) -> None:
+    (error,) = told(in_pieces(b"#" * 20 + b" 1 1;", 1))
+    assert error.endswith(LONG)
+
+
+def test_it_is_refused_before_its_end_has_come(narrow: None) -> None:
+    reader = Reader()
+    assert told(reader.feed(b"[1, 2, 3, 4, 5, 6, 7, ")) == [f"error 1.1-18: {LONG}"]
+    assert reader.feed(b"8]") == []
+    assert reader.finish() == []
 
 
 WORDS = [*b";,{}()[]\"'\\+-=!?~|&:.\n\r \t\0\xff#/*", *range(48, 52)]

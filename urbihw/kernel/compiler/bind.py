@@ -19,6 +19,7 @@ from typing import Final
 from urbihw.kernel.compiler.scopes import Binding, Frame, Local, Scope, binding_names, is_binding, left_of, spine
 from urbihw.kernel.compiler.walk import Walker
 from urbihw.kernel.syntax import ast
+from urbihw.kernel.syntax.pace import Pace
 
 DETACHERS: Final = ("detach", "spawn")
 """Calls that make jobs which go on by themselves, under the tags of their maker."""
@@ -44,7 +45,7 @@ class Binder(Walker):
 
     def _Call(self, node: ast.Node) -> None:
         """A message or an operation; ``spine`` says why this does not simply walk the left side."""
-        nodes = spine(node)
+        nodes = spine(node, self.pace)
         while len(nodes) > 1 and _is_scope_tag(nodes[-2]):
             nodes.pop()
         if not _is_scope_tag(nodes[-1]):
@@ -425,12 +426,15 @@ def _is_scope_tag(node: ast.Node) -> bool:
     return (node.target.name, node.name) in (("Tag", "scope"), ("System", "scopeTag"))
 
 
-def bind(node: ast.Node, lazy_names: Iterable[str], late: Iterable[str] = (), apart: bool = False) -> Binding:
+def bind(
+    node: ast.Node, lazy_names: Iterable[str], late: Iterable[str] = (), apart: bool = False, pace: Pace | None = None
+) -> Binding:
     """Find the local variables of one top-level statement; ``late`` are names of variables of a waiting frame.
 
-    ``apart``: what is deep inside other loops, tags and ``try``s becomes a function of its own.  Raises TooDeep.
+    ``apart``: what is deep inside other loops, tags and ``try``s becomes a function of its own.  Raises TooDeep, and
+    TooLong for what captures too much.
     """
-    binder = Binder(lazy_names, apart)
+    binder = Binder(lazy_names, apart, pace or Pace())
     for name in late:
         local = binder.declare(name)
         local.late = local.maybe_void = True

@@ -6,10 +6,9 @@ cache starts anew.
 
 from __future__ import annotations
 
-from collections.abc import Set
+from collections.abc import Callable, Set
 
-from urbihw.kernel.compiler.unit import Unit, compile_node
-from urbihw.kernel.syntax import ast
+from urbihw.kernel.compiler.unit import Unit
 
 
 class UnitCache:
@@ -21,16 +20,16 @@ class UnitCache:
         self._units: dict[str, Unit] = {}
         self._state: tuple[int, bool] = (0, False)
 
-    def get(self, text: str, node: ast.Node, lazy_names: Set[str], generic: bool) -> Unit:
-        """The unit for a statement; ``text`` is its source without position."""
+    def get(self, text: str, lazy_names: Set[str], generic: bool, make: Callable[[], Unit]) -> Unit:
+        """The unit for a statement, that ``make`` makes if it is not known; ``text`` is its source without position."""
         state = (len(lazy_names), generic)
         if state != self._state:
             self._units.clear()
             self._state = state
         unit = self._units.get(text)
         if unit is None:
-            unit = compile_node(node, lazy_names, generic=generic)
-            if len(text) <= self.longest:
+            unit = make()
+            if len(text) <= self.longest and self._state == state:
                 if len(self._units) >= self.size:
                     del self._units[next(iter(self._units))]
                 self._units[text] = unit

@@ -13,6 +13,7 @@ from urbihw.kernel.compiler.linemap import Entry
 from urbihw.kernel.compiler.scopes import Binding, Frame, Local
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.location import NOWHERE, Span
+from urbihw.kernel.syntax.pace import Pace
 
 Pos = dict[str, Any]
 LOAD, STORE = py.Load(), py.Store()
@@ -153,14 +154,17 @@ class Writer:
 class Emitter:
     """What all parts of the code generator share."""
 
-    def __init__(self, binding: Binding, generic: bool) -> None:
+    def __init__(self, binding: Binding, generic: bool, pace: Pace) -> None:
         self.binding = binding
+        self.pace = pace
         self.generic = generic
         self.entries: list[Entry] = [Entry(NOWHERE, None, 0)]
         self.constants: list[Any] = []
         self.syntax: Any = None
         self.pieces: dict[int, str] = {}
         """The operations of very long sums; the variable of those that are put into one, else empty."""
+        self.kept = 0
+        """How many of the entries are no longer part of the expression under construction."""
         self.outer_entry = 0
         self.counter = 0
         self.copies = 1
@@ -174,9 +178,18 @@ class Emitter:
 
     def mark_span(self, span: Span, called: str | None = None) -> Pos:
         """The position for code that comes from a stretch of text."""
+        self.pace.step()
         line = len(self.entries)
         self.entries.append(Entry(span, called, self.outer_entry))
         return {"lineno": line, "col_offset": 0, "end_lineno": line, "end_col_offset": 0}
+
+    def unkept(self) -> int:
+        """How many parts of expressions have been written that are not yet part of a statement."""
+        return len(self.entries) - self.kept
+
+    def keep(self, begun: int) -> None:
+        """What has been written since ``unkept()`` was ``begun`` is in statements now."""
+        self.kept += self.unkept() - begun
 
     def fresh(self, prefix: str = "_x") -> str:
         """A new Python name."""
@@ -248,7 +261,7 @@ class Emitter:
 
         Locals of this function that are fresh in each turn of a loop reach it through a factory.
         """
-        text = self.fresh("_f")
+        text, begun = self.fresh("_f"), self.unkept()
         outer = self.w
         self.w = Writer(frame, outer)
         try:
@@ -256,6 +269,7 @@ class Emitter:
             body = self.w.out
         finally:
             self.w = outer
+        self.keep(begun)
         made = function(text, params, body, p, defaults)
         fresh = [local.python for local in frame.free if local.fresh and local.frame is outer.frame]
         if not fresh:

@@ -12,6 +12,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from urbihw.kernel.compiler.emit import (
+    LOAD,
+    STORE,
     Emitter,
     Pos,
     attr,
@@ -39,7 +41,9 @@ EQUALITY = {"==": "equal", "!=": "unequal"}
 CONSTANTS = {"true": "TRUE", "false": "FALSE", "nil": "NIL", "void": "VOID"}
 CHOICES = (ast.And, ast.Or)
 PIECE = 100
-"""How many operations of a sum make one Python expression."""
+"""How many operations of a sum, or parts of a list, make one Python expression."""
+HEAVY = 300
+"""How many parts may be written for one Python expression; Python compiles them in one go, in 2 ms."""
 NEVER_VOID = (ast.Float, ast.String, ast.ListLit, ast.TupleLit, ast.DictLit, ast.This, ast.CallMessage, ast.Function)
 
 Maker = Callable[[], py.expr]
@@ -56,10 +60,17 @@ class Expressions(Emitter):
                 return piece
         method = getattr(self, "x_" + type(node).__name__, None)
         if method is not None:
+            begun = self.unkept()
             made: py.expr = method(node)
+            if self.unkept() - begun > HEAVY:
+                variable = self.fresh()
+                self.emit(set_(variable, made, position(made)))
+                self.keep(begun)
+                return name(variable, position(made))
             return made
-        variable = self.fresh()
+        variable, begun = self.fresh(), self.unkept()
         self.stmt(node, variable)
+        self.keep(begun)
         return name(variable, self.mark(node))
 
     def stmt(self, node: ast.Node, dest: str | None) -> None:
@@ -77,9 +88,11 @@ class Expressions(Emitter):
         known = self.pieces.get(id(node))
         if known is not None:
             return name(known, self.mark(node)) if known else None
-        parts = spine(node, kinds)
+        parts = spine(node, self.pace, kinds)
         if len(parts) > PIECE:
-            self.pieces.update((id(part), "") for part in parts)
+            for part in parts:
+                self.pace.step()
+                self.pieces[id(part)] = ""
             for part in parts[-PIECE:0:-PIECE]:
                 variable = self.fresh()
                 self.emit(set_(variable, make(part), self.mark(part)))
@@ -132,20 +145,54 @@ class Expressions(Emitter):
     def sequence(self, makers: Sequence[Maker]) -> list[py.expr]:
         """Make expressions that are evaluated in order, whatever statements each of them writes."""
         made: list[py.expr] = []
+        kept = 0
         for maker in makers:
             mark = len(self.w.out)
             expression = maker()
             if made and any(not is_pure(statement) for statement in self.w.out[mark:]):
                 spills: list[py.stmt] = []
-                for i, earlier in enumerate(made):
+                for i, earlier in enumerate(made[kept:], kept):
                     if not isinstance(earlier, py.Constant):
                         variable = self.fresh()
                         p = position(earlier)
                         spills.append(set_(variable, earlier, p))
                         made[i] = name(variable, p)
                 self.w.out[mark:mark] = spills
+                kept = len(made)
             made.append(expression)
         return made
+
+    def list_of(self, nodes: Sequence[ast.Node], make: Callable[[ast.Node], py.expr], p: Pos) -> py.List | py.Name:
+        """A Python list of what ``make`` makes of each node, evaluated in order.
+
+        It is put together from pieces in a variable if it is long, or if making one of its parts takes statements.
+        """
+        variable, begun = "", self.unkept()
+        made: list[py.expr] = []
+
+        def more() -> py.stmt:
+            nonlocal variable, made
+            part, made = list_(made, p), []
+            if variable:
+                return py.AugAssign(py.Name(variable, STORE, **p), py.Add(), part, **p)
+            variable = self.fresh()
+            return set_(variable, part, p)
+
+        for node in nodes:
+            mark = len(self.w.out)
+            expression = make(node)
+            if made and any(not is_pure(statement) for statement in self.w.out[mark:]):
+                self.w.out.insert(mark, more())
+            made.append(expression)
+            if len(made) == PIECE or self.unkept() - begun > HEAVY:
+                self.emit(more())
+                self.keep(begun)
+        if not variable:
+            return list_(made, p)
+        if made:
+            self.emit(more())
+            self.keep(begun)
+        return name(variable, p)
 
     # ---------------------------------------------------------------- literals
 
@@ -159,19 +206,16 @@ class Expressions(Emitter):
 
     def x_ListLit(self, node: ast.ListLit) -> py.expr:
         p = self.mark(node)
-        items = self.sequence([lambda item=item: self.value(item) for item in node.items])  # type: ignore[misc]
-        return call("new_list", [list_(items, p)], p)
+        return call("new_list", [self.list_of(node.items, self.value, p)], p)
 
     def x_TupleLit(self, node: ast.TupleLit) -> py.expr:
         p = self.mark(node)
-        items = self.sequence([lambda item=item: self.value(item) for item in node.items])  # type: ignore[misc]
-        return call("new_tuple", [list_(items, p)], p)
+        return call("new_tuple", [self.list_of(node.items, self.value, p)], p)
 
     def x_DictLit(self, node: ast.DictLit) -> py.expr:
         p = self.mark(node)
         flat = [part for pair in node.pairs for part in pair]
-        items = self.sequence([lambda item=item: self.value(item) for item in flat])  # type: ignore[misc]
-        return call("new_dictionary", [list_(items, p)], p)
+        return call("new_dictionary", [self.list_of(flat, self.value, p)], p)
 
     def x_Function(self, node: ast.Function) -> py.expr:
         raise NotImplementedError
@@ -231,7 +275,7 @@ class Expressions(Emitter):
         args = node.args or ()
         verb = f"c{len(args)}" if len(args) <= 3 else "cn"
         made: list[py.expr] = []
-        before = self.block(lambda: made.extend(self.sequence([self.argument(arg) for arg in args])))
+        before = self.block(lambda: made.extend(self.arguments(args, p)))
         found = name("_t", p)
         strict = attr(walrus("_t", function, p), "strict", p)
         late = [found, target, self.this(node, p), const(node.name, p), const(self.late_site(node), p)]
@@ -246,9 +290,10 @@ class Expressions(Emitter):
         self.emit(if_(attr(name(kept, p), "strict", p), done, [set_(result, call("lazy_site", late, p), p)], p))
         return name(result, p)
 
-    def argument(self, node: ast.Node) -> Maker:
-        """A strict argument: void is an error."""
-        return lambda: self.value(node)
+    def arguments(self, args: tuple[ast.Node, ...], p: Pos) -> list[py.expr]:
+        """Strict arguments: void is an error."""
+        made = self.list_of(args, self.value, p)
+        return made.elts if isinstance(made, py.List) else [py.Starred(made, LOAD, **p)]
 
     def late_site(self, node: ast.Call) -> int:
         """Remember a call whose function may turn out to be lazy; the number of the site."""
@@ -263,8 +308,7 @@ class Expressions(Emitter):
 
     def thunks(self, args: tuple[ast.Node, ...], p: Pos) -> list[py.expr]:
         """Unevaluated arguments: a list of functions, and a list of their syntax."""
-        functions = [self.thunk(arg) for arg in args]
-        return [list_(functions, p), self.nodes(args, p)]
+        return [self.list_of(args, self.thunk, p), self.nodes(args, p)]
 
     def thunk(self, node: ast.Node) -> py.expr:
         """A node as a Python function without parameters (see ``Statements``)."""
@@ -401,8 +445,7 @@ class Expressions(Emitter):
             return tuple_([const("bind", p)], p)
         if isinstance(node, ast.ListLit | ast.TupleLit):
             kind = "list" if isinstance(node, ast.ListLit) else "tuple"
-            parts = [self.pattern(item) for item in node.items]
-            return tuple_([const(kind, p), list_(parts, p)], p)
+            return tuple_([const(kind, p), self.list_of(node.items, self.pattern, p)], p)
         if isinstance(node, ast.DictLit):
             pairs: list[py.expr] = [tuple_([self.value(key), self.pattern(item)], p) for key, item in node.pairs]
             return tuple_([const("dict", p), list_(pairs, p)], p)

@@ -12,14 +12,32 @@ import ctypes
 import sys
 from collections.abc import Callable
 from types import FrameType
-from typing import Any
+from typing import Any, NamedTuple
 
 from urbihw.kernel.compiler.linemap import LineMap
 from urbihw.kernel.compiler.scopes import Binding
 from urbihw.kernel.syntax import ast
+from urbihw.kernel.syntax.pace import Pace
 
 Names = dict[str, tuple[str, bool]]
 """Urbiscript names of locals, their Python names, and whether they live in a Box."""
+
+
+class Known(NamedTuple):
+    """The locals that some arguments name: themselves, and the calls among them."""
+
+    own: Names
+    inner: tuple[Known, ...]
+
+    def all(self) -> Names:
+        """All of them."""
+        found: Names = {}
+        todo = [self]
+        while todo:
+            each = todo.pop()
+            found.update(each.own)
+            todo.extend(each.inner)
+        return found
 
 
 class LateSites:
@@ -28,14 +46,14 @@ class LateSites:
     __slots__ = ("_sites",)
 
     def __init__(self) -> None:
-        self._sites: list[tuple[ast.Call, Names]] = []
+        self._sites: list[tuple[ast.Call, Known]] = []
 
-    def add(self, node: ast.Call, binding: Binding, known: dict[int, Names]) -> int:
+    def add(self, node: ast.Call, binding: Binding, known: dict[int, Known], pace: Pace) -> int:
         """Remember a call and where the locals that its arguments name live; its number.
 
         ``known`` remembers this of the calls among the arguments, by ``id``.
         """
-        names = known[id(node)] = _names(node.args or (), binding, known)
+        names = known[id(node)] = _names(node.args or (), binding, known, pace)
         self._sites.append((node, names))
         return len(self._sites) - 1
 
@@ -48,7 +66,7 @@ class LateSites:
     ) -> list[Callable[[], Any]]:
         """The arguments of a call as functions; ``run(node, this, locals)`` evaluates a node that sees ``locals``."""
         node, names = self._sites[site]
-        local = FrameLocals(frame, names, place)
+        local = FrameLocals(frame, names.all(), place)
         return [lambda arg=arg: run(arg, this, local) for arg in node.args or ()]  # type: ignore[misc]
 
 
@@ -81,11 +99,13 @@ class FrameLocals:
             ctypes.pythonapi.PyFrame_LocalsToFast(ctypes.py_object(self._frame), ctypes.c_int(0))
 
 
-def _names(nodes: tuple[ast.Node, ...], binding: Binding, known: dict[int, Names]) -> Names:
+def _names(nodes: tuple[ast.Node, ...], binding: Binding, known: dict[int, Known], pace: Pace) -> Known:
     """All locals that the nodes name."""
     found: Names = {}
+    inner: list[Known] = []
     todo: list[Any] = list(nodes)
     while todo:
+        pace.step()
         node = todo.pop()
         if isinstance(node, tuple):
             todo.extend(node)
@@ -95,8 +115,8 @@ def _names(nodes: tuple[ast.Node, ...], binding: Binding, known: dict[int, Names
                 found[local.name] = (local.python, local.boxed)
             if id(node) in known:
                 assert isinstance(node, ast.Call)
-                found.update(known[id(node)])
+                inner.append(known[id(node)])
                 todo.append(node.target)
             else:
                 todo.extend(getattr(node, field) for field in type(node).__dataclass_fields__ if field != "span")
-    return found
+    return inner[0] if len(inner) == 1 and not found else Known(found, tuple(inner))

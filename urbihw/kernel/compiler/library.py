@@ -102,4 +102,4 @@ def _unpack(code: bytes, entries: list[tuple[tuple[int, int, int, int], str | No
     cold = Syntax(packed=syntax)
     table = [Entry(Span(*span), name, outer) for span, name, outer in entries]
     constants = [FunctionInfo(*info[:6], cold, info[6]) for info in infos]
-    return Compiled(Unit(marshal.loads(code), table, constants, cold), Position(*base), separator)
+    return Compiled(Unit(marshal.loads(code), table, constants, cold, []), Position(*base), separator)

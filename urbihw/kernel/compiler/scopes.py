@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 from urbihw.kernel import errors
 from urbihw.kernel.syntax import ast
+from urbihw.kernel.syntax.pace import Pace
 
 MOST_FRAMES = 250
 """How deep functions may nest; the time that Python takes to compile them grows with the square of it."""
@@ -99,7 +100,7 @@ class Binding:
 OPERATIONS = (ast.Call, ast.And, ast.Or)
 
 
-def spine(node: ast.Node, kinds: tuple[type[ast.Node], ...] = OPERATIONS) -> list[ast.Node]:
+def spine(node: ast.Node, pace: Pace, kinds: tuple[type[ast.Node], ...] = OPERATIONS) -> list[ast.Node]:
     """A node, what stands at its left, what stands at the left of that, and so on, while it is one of some operations.
 
     ``a + b - c`` is the subtraction and the addition.  Long sums are deep at the left: who walks them must not recurse.
@@ -107,6 +108,7 @@ def spine(node: ast.Node, kinds: tuple[type[ast.Node], ...] = OPERATIONS) -> lis
     found = []
     at: ast.Node | None = node
     while at is not None and isinstance(at, kinds):
+        pace.step()
         found.append(at)
         at = left_of(at)
     return found

@@ -92,7 +92,7 @@ class Statements(Functions):
         """
         self.counter += 1
         loop = Loop(self.w, self.counter)
-        if id(inside) in self.binding.detaching and _has(inside, ast.Break):
+        if id(inside) in self.binding.detaching and self.has(inside, ast.Break):
             loop.detached = self.fresh("_d")
             self.emit(set_(loop.detached, call("loop_tag", [], p), p))
         self.w.loops.append(loop)
@@ -123,7 +123,7 @@ class Statements(Functions):
                 try_(inside, [except_("Leave", "_l", handler, p)], [], [], p),
             ]
         rest = self.block(after)
-        if not rest or not _has(body, ast.Continue):
+        if not rest or not self.has(body, ast.Continue):
             return inside + rest
         inside = inside or [py.Pass(**p)]
         once = py.For(py.Name("_once", STORE, **p), name("ONCE", p), inside, [*rest, py.Continue(**p)], None, **p)
@@ -286,8 +286,8 @@ class Statements(Functions):
             p = self.mark(clause)
             return [do(call(self.thunk(clause), [], p), p)]
         outer = self.copies
-        self.copies = outer * (2 + count(node, (ast.Return, ast.Break, ast.Continue)))
-        if self.copies * count(clause, (ast.Node,)) > MOST_COPIED:
+        self.copies = outer * (2 + self.count(node, (ast.Return, ast.Break, ast.Continue)))
+        if self.copies * self.count(clause, (ast.Node,)) > MOST_COPIED:
             raise errors.TooDeep
         made = self.block(lambda: self.stmt(clause, None))
         self.copies = outer
@@ -317,27 +317,29 @@ class Statements(Functions):
         else:
             self.emit(raise_(call("thrown", [self.value(node.value)], p), p))
 
+    # ---------------------------------------------------------------- looking
 
-def count(node: ast.Node, kinds: tuple[type[ast.Node], ...]) -> int:
-    """How many nodes of these kinds there are in a node, itself included."""
-    found, todo = 0, [node]
-    while todo:
-        each = todo.pop()
-        found += isinstance(each, kinds)
-        todo.extend(children(each))
-    return found
-
-
-def _has(node: ast.Node, kind: type[ast.Node]) -> bool:
-    """Whether a loop's body has a break or ``continue`` of its own (not one of an inner loop or function)."""
-    todo = [node]
-    while todo:
-        each = todo.pop()
-        if isinstance(each, kind):
-            return True
-        if not isinstance(each, ast.Function | ast.While | ast.For | ast.ForEach | ast.Every):
+    def count(self, node: ast.Node, kinds: tuple[type[ast.Node], ...]) -> int:
+        """How many nodes of these kinds there are in a node, itself included."""
+        found, todo = 0, [node]
+        while todo:
+            self.pace.step()
+            each = todo.pop()
+            found += isinstance(each, kinds)
             todo.extend(children(each))
-    return False
+        return found
+
+    def has(self, node: ast.Node, kind: type[ast.Node]) -> bool:
+        """Whether a loop's body has a break or ``continue`` of its own (not one of an inner loop or function)."""
+        todo = [node]
+        while todo:
+            self.pace.step()
+            each = todo.pop()
+            if isinstance(each, kind):
+                return True
+            if not isinstance(each, ast.Function | ast.While | ast.For | ast.ForEach | ast.Every):
+                todo.extend(children(each))
+        return False
 
 
 __all__ = ["RETURN", "Statements"]

@@ -14,8 +14,10 @@ from typing import Any
 from urbihw.kernel import errors
 from urbihw.kernel.compiler.late import LateSites
 from urbihw.kernel.compiler.linemap import Entry, LineMap
+from urbihw.kernel.compiler.pieces import Linker, code_of, cut
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.location import Position
+from urbihw.kernel.syntax.pace import Pace
 
 DEEPER = 7000
 """Python calls that the compiler may nest on top of the usual limit."""
@@ -92,6 +94,7 @@ class Unit:
     entries: list[Entry]
     constants: list[FunctionInfo]
     syntax: Syntax
+    pieces: list[CodeType]
     tree: pyast.Module | None = field(default=None, repr=False)
 
     def function(
@@ -106,6 +109,8 @@ class Unit:
             "_N": self.syntax,
             "_L": late_locals,
         }
+        if self.pieces:
+            names["_P"] = Linker(self.pieces)
         return FunctionType(self.code, names)
 
 
@@ -116,35 +121,39 @@ def compile_node(
     late: Iterable[str] = (),
     generic: bool = False,
     keep_tree: bool = False,
+    pace: Pace | None = None,
 ) -> Unit:
-    """Compile one top-level statement.
+    """Compile one top-level statement; with a ``pace`` what takes long goes by it, and long functions are cut.
 
     ``lazy_names`` are the names known to belong to lazy functions; ``late`` are local variables reached through
     ``FrameLocals`` (see ``late``); ``generic`` sends arithmetic as messages, because somebody redefined an operator of
-    Float.  Raises ``TooDeep``: beyond a thousand levels of expressions, or some hundreds of functions or loops.
+    Float.  Raises ``TooDeep``: beyond a thousand levels of expressions, or some hundreds of functions or loops;
+    ``TooLong``: what cannot be cut into pieces short enough, or captures too many variables.
     """
     from urbihw.kernel.compiler.bind import bind
     from urbihw.kernel.compiler.codegen import Codegen
 
-    def write(apart: bool) -> tuple[Codegen, pyast.Module, CodeType]:
+    def write(apart: bool) -> tuple[Codegen, pyast.FunctionDef, CodeType, list[CodeType]]:
         with _deep():
-            generator = Codegen(bind(node, lazy_names, late, apart), generic)
-            module = generator.statement(node)
-        return generator, module, compile(module, "<urbiscript>", "exec", dont_inherit=True)
+            steps = Pace() if pace is None else pace
+            generator = Codegen(bind(node, lazy_names, late, apart, steps), generic, steps)
+            function = generator.statement(node)
+        pieces = [] if pace is None else cut(function, pace)
+        return generator, function, code_of(function), pieces
 
     try:
         try:
-            generator, module, code = write(apart=False)
+            generator, function, code, pieces = write(apart=False)
         except (SyntaxError, errors.TooDeep):  # too many loops and the like inside each other
-            generator, module, code = write(apart=True)
+            generator, function, code, pieces = write(apart=True)
     except SyntaxError:
         raise errors.TooDeep from None
     except RecursionError:
         if _depth() > sys.getrecursionlimit() // 2:  # it is the program that has gone deep, by ``eval``
             raise
         raise errors.TooDeep from None
-    inner = next(const for const in code.co_consts if isinstance(const, CodeType))
-    return Unit(inner, generator.entries, generator.constants, generator.syntax, module if keep_tree else None)
+    tree = pyast.Module([function], []) if keep_tree else None
+    return Unit(code, generator.entries, generator.constants, generator.syntax, pieces, tree)
 
 
 @contextmanager

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, Final
 
+from urbihw.kernel import errors
 from urbihw.kernel.compiler.scopes import Binding, Frame, Local, Scope, binding_names
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.check import children
+from urbihw.kernel.syntax.pace import Pace
 
 BLOCKS: Final[dict[type[ast.Node], int]] = {
     **dict.fromkeys((ast.While, ast.For, ast.ForEach, ast.Every), 5),
@@ -23,14 +25,18 @@ SCOPED: Final = (
 """What keeps the variables declared in it to itself."""
 MOST_BLOCKS = 18
 """Python nests 20 of them in a function; the function itself may need two."""
+MOST_CAPTURES = 200_000
+"""How many variables the functions of a statement may capture, each counted in each function that it goes through."""
 
 
 class Walker:
     """One walk over the statement; a method ``_Node`` per node with scoping rules of its own."""
 
-    def __init__(self, lazy_names: Iterable[str], apart: bool) -> None:
+    def __init__(self, lazy_names: Iterable[str], apart: bool, pace: Pace) -> None:
         """``apart``: loops, tags and ``try`` deep inside others become functions of their own."""
         self.apart = apart
+        self.pace = pace
+        self.captures = 0
         self.blocks = 0
         self.bodies: list[int] = []
         self.result = Binding()
@@ -65,7 +71,11 @@ class Walker:
         frame: Frame | None = self.frame
         while frame is not None and frame is not local.frame:
             local.captured = True
-            frame.free[local] = None
+            if local not in frame.free:
+                self.captures += 1
+                if self.captures > MOST_CAPTURES:
+                    raise errors.TooLong
+                frame.free[local] = None
             frame = frame.parent
 
     def use_this(self, node: ast.Node) -> None:
@@ -93,6 +103,7 @@ class Walker:
 
     def visit(self, node: ast.Node) -> None:
         """Visit a node by its own method."""
+        self.pace.step()
         method = getattr(self, "_" + type(node).__name__, None)
         if method is not None:
             method(node)
@@ -101,7 +112,7 @@ class Walker:
 
     def block(self, node: ast.Node, weight: int) -> None:
         """Visit what Python can nest only so deep in one function."""
-        if self.blocks + weight > MOST_BLOCKS and not _declares(node):
+        if self.blocks + weight > MOST_BLOCKS and not _declares(node, self.pace):
             self.result.apart.add(id(node))
             self.framed(node)
             return
@@ -163,10 +174,11 @@ class Walker:
         self.frame.loops -= 1
 
 
-def _declares(node: ast.Node) -> bool:
+def _declares(node: ast.Node, pace: Pace) -> bool:
     """Whether a node declares variables of the scope around it."""
     todo = [node]
     while todo:
+        pace.step()
         each = todo.pop()
         if isinstance(each, ast.Var | ast.Class):
             return True

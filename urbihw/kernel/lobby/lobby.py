@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from urbihw.kernel.lobby.connection_tag import ConnectionTag
 from urbihw.kernel.lobby.output import Output
+from urbihw.kernel.lobby.printing import described
 from urbihw.kernel.lobby.shell import Shell
 from urbihw.kernel.lobby.statements import execute
 from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.object import Obj
-from urbihw.kernel.runtime.passage import TagObject
-from urbihw.kernel.sched.tag import Tag
 
 if TYPE_CHECKING:
     from urbihw.kernel.lobby.shell import Programs
@@ -25,7 +25,11 @@ if TYPE_CHECKING:
 class Lobby(Obj):
     """An urbiscript Lobby."""
 
-    __slots__ = ("connected", "intake", "on_quit", "output", "programs", "received", "shell", "tag")
+    of_connection = True
+    __slots__ = (
+        "connected", "in_command", "intake", "on_quit", "output", "peer", "programs", "received", "shell", "tag",
+        "user",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -38,12 +42,18 @@ class Lobby(Obj):
         super().__init__(world, [world.lobby_proto])
         scheduler = world.scheduler
         self.programs = programs
-        self.output = Output(lambda: scheduler.now, lambda: wanted(self), limit)
+        self.output = Output(scheduler, lambda: wanted(self), limit)
         self.connected = True
+        self.in_command = True
+        """Whether the client can still say something, a stop for instance; without that it moves nothing."""
         self.received = 0
         self.on_quit: Callable[[], None] = lambda: None
+        self.peer = remote
+        """The address of the client, None for none; ``remoteIP`` says the same, but a program may change a slot."""
+        self.user = ""
+        """The name of who showed a token, "" if nobody was asked."""
         name = programs.lobby_name()
-        self.tag = TagObject(world, [world.tag_proto], Tag(scheduler, name))
+        self.tag = ConnectionTag(world, name)
         self.slots["connectionTag"] = self.tag
         if remote is not None:
             self.slots["remoteIP"] = world.string(remote)
@@ -52,11 +62,36 @@ class Lobby(Obj):
         """What takes the bytes of the client; a remote in binary mode sends no urbiscript."""
         programs.lobbies[self] = None
 
+    def greet(self) -> None:
+        """Say the banner: the one of the library, whatever a program made of it since."""
+        try:
+            self.world.invoke(self.world.record.original(self.world.lobby_proto, "banner"), self)
+        except Exception as error:
+            self.report(error)
+
     def feed(self, data: bytes) -> None:
         """Bytes from the client."""
         self.received += len(data)
         if self.connected:
             self.intake(data)
+
+    def end_of_input(self, done: Callable[[], None]) -> None:
+        """The client has ended its sending side: ``done`` is called once what it sent was run in the foreground.
+
+        A client that was killed looks the same from the other end of a tunnel.  So what this one moves is stopped.
+        """
+        self.lose_command()
+        if self.intake == self.shell.feed:
+            self.shell.when_idle(done)
+        else:
+            done()  # a remote in binary mode, whose foreground never ends
+
+    def lose_command(self) -> None:
+        """The client will say nothing new: what it moves is stopped, and it moves nothing any more."""
+        if self.in_command:
+            self.in_command = False
+            for hear in list(self.world.client_gone):
+                hear(self)
 
     def execute(self, text: str) -> None:
         """Run one statement in the running job, as if the client had typed it; raises what it raises."""
@@ -64,19 +99,8 @@ class Lobby(Obj):
 
     def report(self, error: BaseException) -> None:
         """Tell the client of an uncaught error; never fails, though describing one may run the client's functions."""
-        try:
-            lines = self.world.describe(error)
-        except Exception as second:
-            lines = self._describe_plainly(second)
-        for line in lines:
+        for line in described(self, error):
             self.output.line(f"!!! {line}", "error")
-
-    def _describe_plainly(self, error: Exception) -> list[str]:
-        """What went wrong while an error was described; if that cannot be described either, only that there was one."""
-        try:
-            return self.world.describe(error)
-        except Exception as third:
-            return [f"error while printing an error: {type(self.world.normalized(third)).__name__}"]
 
     def close(self) -> None:
         """The connection is gone: what it runs ends, its ``finally`` clauses run, ``Lobby.onDisconnect`` is emitted."""
@@ -85,16 +109,29 @@ class Lobby(Obj):
         self.connected = False
         self.programs.lobbies.pop(self, None)
         self.output.close()
-        for hear in list(self.world.client_gone):
-            hear(self)
-        self.world.scheduler.spawn(self._end, "disconnect")
+        try:
+            self.lose_command()
+        finally:
+            # In this order, but in two jobs: the guards of those who hear of it may wait as long as they like.
+            self.world.spawn_own(self._say_gone, "disconnect")
+            self.world.spawn_own(self._end, "disconnect")
+            # The lobbies that it made speak through it, and end with it.
+            for other in [lobby for lobby in self.programs.lobbies if lobby.output.root is self.output]:
+                other.close()
 
-    def _end(self) -> None:
+    def _say_gone(self) -> None:
         event = self.world.lobby_proto.slots.get("onDisconnect")
         if isinstance(event, Event):
             event.emit([self])
-        self.shell.close()
-        self.tag.tag.stop(self.world.void)
+
+    def _end(self) -> None:
+        try:
+            self.shell.close()
+        finally:
+            try:
+                self.tag.tag.stop(self.world.void)  # what is left by it may run code of the program
+            finally:
+                self.output.let_go()
 
     def quit(self) -> None:
         """``lobby.quit``: what was said is delivered, then the connection is closed."""

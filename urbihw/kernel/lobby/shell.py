@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import logging
 from collections import deque
@@ -10,14 +11,17 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
-from urbihw.kernel.compiler import compile_node, library
+from urbihw.kernel.compiler import Unit, compile_node, library
 from urbihw.kernel.compiler.cache import UnitCache
+from urbihw.kernel.lobby.long_work import SHORT, LongWork, end_of_slice
+from urbihw.kernel.lobby.printing import show
 from urbihw.kernel.runtime.backtrace import current_stack
 from urbihw.kernel.sched.group import Group
 from urbihw.kernel.sched.job import Job
-from urbihw.kernel.sched.signals import Interrupted, StopTag
+from urbihw.kernel.sched.signals import Interrupted, JobKilled, StopTag
 from urbihw.kernel.sched.waiting import WaitQueue
 from urbihw.kernel.syntax.location import Location
+from urbihw.kernel.syntax.pace import Pace
 from urbihw.kernel.syntax.reader import Item, Reader, Statement, StatementCache, SyntaxProblem, parse_program
 
 if TYPE_CHECKING:
@@ -30,13 +34,15 @@ log = logging.getLogger("urbihw.kernel")
 class Programs:
     """What all lobbies of a kernel share: caches of read and compiled statements, the verbs of generated code, and what
     the host says of itself (``name``, ``arguments``, ``listen_port``, ``quiet``; ``shutdown()`` ends the process,
-    ``reboot()`` does so and starts it anew, None if it cannot)."""
+    ``reboot()`` does so and starts it anew, None if it cannot; ``exit_status`` is the exit code that a program wants,
+    None for the host's own)."""
 
     def __init__(self, world: World, ops: dict[str, Any]) -> None:
         self.world = world
         self.ops = ops
         self.read = StatementCache()
         self.units = UnitCache()
+        self.long_work = LongWork(world.scheduler)
         self._lobbies = 0
         self.lobbies: dict[Lobby, None] = {}
         self.name = "urbi"
@@ -45,6 +51,12 @@ class Programs:
         self.listen_port = -1
         self.shutdown: Callable[[], None] = lambda: None
         self.reboot: Callable[[], None] | None = None
+        self.exit_status: int | None = None
+
+    def exit(self, status: int) -> None:
+        """End the process as ``shutdown`` does, in order; the host gives the status, 0 to 255, as its exit code."""
+        self.exit_status = status & 0xFF
+        self.shutdown()
 
     def lobby_name(self) -> str:
         """A name for the next connection's tag."""
@@ -54,18 +66,29 @@ class Programs:
     def function(self, statement: Statement) -> Callable[[Any], Any]:
         """A statement as a Python function of ``this``."""
         world = self.world
-        try:
-            unit = self.units.get(statement.text, statement.node, world.lazy_names, world.generic_floats)
-        except errors.TooDeep as error:
-            raise too_deep(error, statement) from None
+        unit = self.units.get(statement.text, world.lazy_names, world.generic_floats, partial(self.unit, statement))
         return unit.function(self.ops, statement.base)
+
+    def unit(self, statement: Statement) -> Unit:
+        """A statement, compiled; a long one by and by.  Must be called in a job then."""
+        world = self.world
+        make = partial(compile_node, statement.node, world.lazy_names, generic=world.generic_floats)
+        try:
+            return make() if len(statement.text) <= SHORT else self.long_work.run(lambda pace: make(pace=pace))
+        except (errors.TooDeep, errors.TooLong) as error:
+            place = Location.of(statement.node.span, statement.base)
+            raise errors.Raised("Syntax", error.message, None, loc=str(place), input=statement.text) from None
 
     def evaluate(self, text: str, this: Any, file: str | None = None) -> Any:
         """Run a program (``eval``, ``load``): the value of its last statement.
 
         A syntax error anywhere means that nothing runs; it is raised as Exception.Syntax.  Must be called in a job.
         """
-        return self._run(self._compiled(text, file), this, system=False)
+        return self._run(self._compiled(self.parse(text, file), text, self.unit), this, system=False)
+
+    def parse(self, text: str, file: str | None = None) -> list[Item]:
+        """All of a program; of a long one by and by.  Must be called in a job then."""
+        return parse_program(text, file) if len(text) <= SHORT else self.long_work.read(text, file)
 
     def load_library(self, text: str, file: str) -> None:
         """Run a part of the library with Global as ``this``; compiled code is kept on the disk.
@@ -80,28 +103,30 @@ class Programs:
         made: list[library.Compiled] = []
 
         def remember() -> Iterator[library.Compiled]:
-            for part in self._compiled(text, file):
+            for part in self._compiled(parse_program(text, file), text, self._library_unit):
                 made.append(part)
                 yield part
 
         self._run(remember(), self.world.global_, system=True)
         library.store(key, made)
 
-    def _compiled(self, text: str, file: str | None) -> Iterator[library.Compiled]:
-        items = parse_program(text, file)
+    def _library_unit(self, statement: Statement) -> Unit:
+        """A statement of the library; nobody waits yet, and its functions stay whole."""
+        return compile_node(statement.node, self.world.lazy_names, generic=self.world.generic_floats)
+
+    def _compiled(
+        self, items: list[Item], text: str, make: Callable[[Statement], Unit]
+    ) -> Iterator[library.Compiled]:
         for item in items:
             if isinstance(item, SyntaxProblem):
                 if not item.warning:
                     raise errors.Raised("Syntax", item.message, None, loc=str(item.location), input=text)
                 self._warn(item)
-        world = self.world
-        for item in items:
+        items.reverse()
+        while items:  # what has been run is not kept
+            item = items.pop()
             if isinstance(item, Statement):
-                try:
-                    unit = compile_node(item.node, world.lazy_names, generic=world.generic_floats)
-                except errors.TooDeep as error:
-                    raise too_deep(error, item) from None
-                yield library.Compiled(unit, item.base, item.separator)
+                yield library.Compiled(make(item), item.base, item.separator)
 
     def _warn(self, problem: SyntaxProblem) -> None:
         """Tell the lobby of the running job of a warning about a text, and who had the text evaluated."""
@@ -125,13 +150,9 @@ class Programs:
                     value = function(this)
                     if scheduler.ready:
                         scheduler.yield_()
+                    elif not system:
+                        self.long_work.give_way()
         return value
-
-
-def too_deep(error: errors.TooDeep, statement: Statement) -> errors.Raised:
-    """The syntax error that tells of a statement that nests too deep, and where it stands."""
-    place = Location.of(statement.node.span, statement.base)
-    return errors.Raised("Syntax", error.message, None, loc=str(place), input=statement.text)
 
 
 class Shell:
@@ -141,23 +162,40 @@ class Shell:
         self._lobby = lobby
         self._scheduler = lobby.world.scheduler
         self._reader = Reader(cache=lobby.programs.read)
+        self._pace = Pace(self._pause)
+        self._input = bytearray()
         self._items: deque[Item] = deque()
         self._more = WaitQueue(self._scheduler)
         self._numbers = itertools.count(1)
         self._when_idle: Callable[[], None] | None = None
+        self._open = True
         self._job = self._scheduler.spawn(self._run, name, context=lobby)
 
     def feed(self, data: bytes) -> None:
-        """Bytes from the client."""
+        """Bytes from the client.  What is short is read at once, unless other bytes or statements wait already."""
+        if self._input or self._items or self._reader.pending + len(data) > SHORT:
+            self._input += data
+            self._more.wake_one()
+            return
         items = self._reader.feed(data)
         if items:
             self._items.extend(items)
             self._more.wake_one()
 
+    @property
+    def waiting(self) -> int:
+        """How many bytes have not been read yet, since what came before them is still running."""
+        return len(self._input)
+
     def close(self) -> None:
         """End the main job; what was not yet run is dropped."""
-        self._items.clear()
+        self._open = False
+        self._drop()
         self._scheduler.kill(self._job)
+
+    def serves(self, job: Job) -> bool:
+        """Whether a job is the main job: it runs what the client types, and ends with the connection only."""
+        return job is self._job
 
     def is_running(self) -> bool:
         """Whether the statement in the foreground holds the interpreter."""
@@ -166,9 +204,9 @@ class Shell:
     def interrupt(self) -> None:
         """Kill the statement in the foreground and drop what waits behind it, the half of a statement too.
 
-        Nothing happens when there is none.  To be called outside any job (``Kernel.post``).
+        Nothing happens when there is none.  The statement itself may call it, or what runs outside any job.
         """
-        if not self._more:
+        if self._job.started and not self._more:
             self._scheduler.throw(self._job, Interrupted())
 
     def next_name(self) -> str:
@@ -184,26 +222,59 @@ class Shell:
         while True:
             try:
                 self._serve()
-            except Interrupted:
-                self._items.clear()
-                self._reader = Reader(cache=self._lobby.programs.read)
+            except StopTag:
+                pass  # of a statement that was over already
+            except (Interrupted, JobKilled) as signal:
+                if not self._open:
+                    raise
+                self._drop()
+                if isinstance(signal, Interrupted) and signal.told:
+                    continue
                 self._lobby.output.line("!!! received interruption, killing foreground job.", "error")
 
     def _serve(self) -> None:
         while True:
             while not self._items:
+                if self._input:
+                    self._read()
+                    continue
                 if self._when_idle is not None:
                     self._when_idle()
                 self._more.wait()
-            item = self._items.popleft()
-            if isinstance(item, SyntaxProblem):
-                self._complain(item)
-            elif item.separator == ",":
-                self._background(item)
-            else:
-                self._foreground(item)
-                if self._scheduler.ready:
-                    self._scheduler.yield_()
+            self._do(self._items.popleft())
+
+    def _do(self, item: Item) -> None:
+        if isinstance(item, SyntaxProblem):
+            self._complain(item)
+        elif item.separator == ",":
+            self._background(item)
+        else:
+            self._foreground(item)
+            if self._scheduler.ready:
+                self._scheduler.yield_()
+                return
+        if self._items:
+            self._lobby.programs.long_work.give_way()
+
+    def _read(self) -> None:
+        """Read on until there is something to do."""
+        with self._lobby.programs.long_work:
+            while self._input and not self._items:
+                size = end_of_slice(self._input)
+                self._items.extend(self._reader.feed(bytes(self._input[:size]), self._pace))
+                del self._input[:size]
+                self._pause()
+
+    def _pause(self) -> None:
+        """Let others have a turn while something long is being read."""
+        with contextlib.suppress(StopTag):  # of a statement that was over already
+            self._lobby.programs.long_work.pause()
+
+    def _drop(self) -> None:
+        """Forget what has not been run, the half of a statement too."""
+        self._items.clear()
+        self._input.clear()
+        self._reader = Reader(cache=self._lobby.programs.read)
 
     def _complain(self, problem: SyntaxProblem) -> None:
         if problem.warning:
@@ -238,7 +309,7 @@ class Shell:
             if value is not world.void:
                 world.send(channel, "<<", value)
         elif value is not world.void and value is not world.nil:
-            self._lobby.output.line(world.text(world.ops.send0(value, "asToplevelPrintable")))
+            show(self._lobby, value)
 
     def _background(self, statement: Statement) -> None:
         lobby = self._lobby

@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel.runtime.backtrace import current_stack
-from urbihw.kernel.syntax.reader import Statement, SyntaxProblem, parse_program
+from urbihw.kernel.syntax.reader import Statement, SyntaxProblem
 
 if TYPE_CHECKING:
     from urbihw.kernel.lobby.lobby import Lobby
@@ -17,7 +17,7 @@ def execute(lobby: Lobby, text: str) -> None:
     """Run the first top-level statement of a text in the running job, as if typed: its value is printed, with ``,`` it
     runs in the background.  Whatever follows it is left out.  Errors are raised, those of syntax are told.
     """
-    for item in parse_program(text):
+    for item in lobby.programs.parse(text):
         if isinstance(item, SyntaxProblem):
             kind, channel = ("", "warning") if item.warning else ("syntax error: ", "error")
             lobby.output.line(f"!!! {item.location}: {kind}{item.message}", channel)

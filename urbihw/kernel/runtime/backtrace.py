@@ -13,6 +13,10 @@ from types import FrameType, TracebackType
 from typing import Any, NamedTuple, Protocol
 
 LINE_MAP = "__urbi__"
+BREAKABLE = "__breakable__"
+MOST_CALLS = 500
+"""How many calls a call stack tells at either end; what lies between is left out, with their number.  An error that
+comes through thousands of jobs has tens of thousands of calls behind it, which takes seconds to tell."""
 
 
 class LineMap(Protocol):
@@ -45,16 +49,27 @@ NO_STACK = Stack(None, None, ())
 
 def stack_of(error: BaseException, hide_system: bool = True) -> Stack:
     """The urbiscript call stack of an exception, innermost first: what it went through, and who called that."""
-    steps: list[tuple[bool, list[Frame]]] = []
+    places: list[tuple[LineMap, int]] = []
     tb: TracebackType | None = error.__traceback__
     outer = None if tb is None else tb.tb_frame.f_back
     while tb is not None:
         line_map = tb.tb_frame.f_globals.get(LINE_MAP)
         if line_map is not None:
-            steps.append((line_map.system, line_map.frames(tb.tb_lineno)))
+            places.append((line_map, _entry(tb.tb_frame, tb.tb_lasti)))
         tb = tb.tb_next
-    steps.reverse()
-    return _stack(steps + _callers(outer), hide_system)
+    places.reverse()
+    return _stack(places + _callers(outer), hide_system)
+
+
+def failed_in_program(error: BaseException) -> bool:
+    """Whether an exception went through a function of a program, and not only through the library."""
+    tb: TracebackType | None = error.__traceback__
+    while tb is not None:
+        line_map = tb.tb_frame.f_globals.get(LINE_MAP)
+        if line_map is not None and not line_map.system:
+            return True
+        tb = tb.tb_next
+    return False
 
 
 def current_stack(hide_system: bool = True) -> Stack:
@@ -70,38 +85,61 @@ def calling_frame() -> FrameType | None:
     return frame
 
 
+def entry_of(frame: FrameType) -> int:
+    """Where a frame of generated code stands, as an index into its line map."""
+    return _entry(frame, frame.f_lasti)
+
+
+def _entry(frame: FrameType, at: int) -> int:
+    """The index for the instruction at an offset.  CPython writes some of its own, such as a jump back to the head of a
+    loop, that have none: they belong to what comes before them."""
+    entry = 0
+    for begin, _, line in frame.f_code.co_lines():
+        if begin > at:
+            break
+        entry = line or entry
+    return entry
+
+
 def running_call() -> str | None:
     """The name of the call that the innermost urbiscript function is making."""
     frame = calling_frame()
-    steps = [] if frame is None else frame.f_globals[LINE_MAP].frames(frame.f_lineno)
+    steps = [] if frame is None else frame.f_globals[LINE_MAP].frames(entry_of(frame))
     return steps[0].name if steps else None
 
 
-def _callers(frame: FrameType | None) -> list[tuple[bool, list[Frame]]]:
-    steps: list[tuple[bool, list[Frame]]] = []
+def _callers(frame: FrameType | None) -> list[tuple[LineMap, int]]:
+    places: list[tuple[LineMap, int]] = []
     while frame is not None:
         line_map = frame.f_globals.get(LINE_MAP)
         if line_map is not None:
-            steps.append((line_map.system, line_map.frames(frame.f_lineno)))
+            places.append((line_map, entry_of(frame)))
         frame = frame.f_back
-    return steps
+    return places
 
 
-def _stack(steps: list[tuple[bool, list[Frame]]], hide_system: bool) -> Stack:
-    if hide_system:
-        shown = [frames for system, frames in steps if not system]
+def _stack(places: list[tuple[LineMap, int]], hide_system: bool) -> Stack:
+    shown = [place for place in places if not (hide_system and place[0].system)]
+    left_out = len(shown) - 2 * MOST_CALLS
+    if left_out > 0:
+        inner, outer = _flat(shown[:MOST_CALLS]), _flat(shown[-MOST_CALLS:])
+        flat = [*inner, Frame(outer[0].location if outer else None, f"... {left_out} calls left out"), *outer]
     else:
-        shown = [frames for _, frames in steps]
-    flat = [frame for frames in shown for frame in frames]
+        flat = _flat(shown)
     if not flat:
         return NO_STACK
     calls = tuple(frame for frame in flat[1:] if frame.name is not None)
     return Stack(flat[0].location, flat[0].name, calls)
 
 
+def _flat(places: list[tuple[LineMap, int]]) -> list[Frame]:
+    return [frame for line_map, index in places for frame in line_map.frames(index)]
+
+
 def is_program(frame: FrameType) -> bool:
-    """Whether a Python frame is one of generated code."""
-    return LINE_MAP in frame.f_globals
+    """Whether a Python frame may be left by an error wherever it calls or loops: it is generated code, or that of a
+    module that says so of itself by ``BREAKABLE``, because what it has done by half nobody sees."""
+    return LINE_MAP in frame.f_globals or BREAKABLE in frame.f_globals
 
 
 def describe_frame(frame: FrameType | None) -> str:
@@ -109,7 +147,7 @@ def describe_frame(frame: FrameType | None) -> str:
     while frame is not None:
         line_map = frame.f_globals.get(LINE_MAP)
         if line_map is not None:
-            steps: list[Frame] = line_map.frames(frame.f_lineno)
+            steps: list[Frame] = line_map.frames(entry_of(frame))
             if steps:
                 return f" at {steps[0].location}" + (f" in {steps[0].name}" if steps[0].name else "")
         frame = frame.f_back

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
 
 from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.sched.errors import TooManyJobs
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.tag import TagEntry
 from urbihw.kernel.sched.timequeue import Timer
@@ -178,9 +179,22 @@ class Handlers:
         """Whether a tag holds what was set up."""
         return self.world.scheduler.frozen_tags > 0 and any(entry.tag.is_frozen() for entry in self._entries)
 
-    def spawn(self, body: Callable[[], Any]) -> Job:
-        """A job under the tags of the maker."""
-        return self.world.scheduler.spawn(body, self.name, context=self._context, entries=self._entries)
+    def spawn(self, body: Callable[[], Any], jobs: list[Job] | None = None) -> None:
+        """A job under the tags of the maker, added to ``jobs``.
+
+        Raises TooManyJobs to somebody of the same connection, who makes them.  Anybody else goes on, and the maker is
+        told.
+        """
+        scheduler = self.world.scheduler
+        try:
+            made = scheduler.spawn(body, self.name, context=self._context, entries=self._entries)
+        except TooManyJobs as error:
+            if self._context is None or (scheduler.current is not None and scheduler.current.payer is self._context):
+                raise
+            self.fail(error)
+        else:
+            if jobs is not None:
+                jobs.append(made)
 
     def fail(self, error: Exception) -> None:
         """A condition or a guard failed: tell the maker; the job that happened to evaluate it goes on."""
@@ -250,7 +264,7 @@ class Subscription(Handlers):
         if self._simple:
             body = self._enter(match, emission)
             if body is not None:
-                emission.jobs.append(scheduler.spawn(body, "at", self._context, None, self._entries))
+                self.spawn(body, emission.jobs)
             return
         emission.matches.append((self, match))
         if self._duration is None:
@@ -265,7 +279,7 @@ class Subscription(Handlers):
         self._on[emission] = match
         body = self._enter(match, emission)
         if body is not None:
-            emission.jobs.append(self.spawn(body))
+            self.spawn(body, emission.jobs)
 
     def ended(self, emission: Emission, match: Any) -> None:
         """An emission that was accepted is over."""
@@ -276,7 +290,7 @@ class Subscription(Handlers):
             return
         body = self._leave(match)
         if body is not None:
-            emission.jobs.append(self.spawn(body))
+            self.spawn(body, emission.jobs)
 
     def close(self) -> None:
         """The tag was stopped: hear no more, leave what is on."""

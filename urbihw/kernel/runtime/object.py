@@ -36,6 +36,8 @@ class Obj:
     """Whether an assignment to a slot it does not have goes to its members (a Group)."""
     heirs_alike = False
     """Whether only what is a Finalizable too may have it as a prototype."""
+    of_connection = False
+    """Whether it belongs to one connection, and not to the library that all share."""
 
     def __init__(self, world: World, protos: list[Obj]) -> None:
         self.world = world
@@ -98,11 +100,16 @@ class Obj:
     # ---------------------------------------------------------------- structure
 
     def set_protos(self, protos: list[Any]) -> None:
-        """Change the prototypes."""
+        """Change the prototypes; raises an error if that would take from others what is owed to all."""
         if not self.heirs_alike and any(isinstance(proto, Obj) and proto.heirs_alike for proto in protos):
             raise errors.unfinalizable()
-        self.protos = protos
+        before, self.protos = self.protos, protos
         self.world.flush()
+        lost = self.world.record.lost()
+        if lost:
+            self.protos = before
+            self.world.flush()
+            raise errors.owed(lost)
 
     def clone(self) -> Obj:
         """A fresh object whose only prototype is this one; a value class copies its value."""

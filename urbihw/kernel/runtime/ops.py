@@ -249,7 +249,7 @@ def _slots(world: World) -> dict[str, Any]:
 def _flow(world: World) -> dict[str, Any]:
     def thrown(value: Any) -> BaseException:
         """The Python exception for ``throw value``."""
-        if isinstance(value, Obj):
+        if isinstance(value, Obj) and not world.record.is_shared(value):
             value.slots.pop("backtrace", None)
         return errors.UrbiError(value)
 

@@ -6,7 +6,7 @@ freezes.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from urbihw.kernel.runtime.event import Accept, Event, Subscription
 from urbihw.kernel.runtime.object import Obj
@@ -37,14 +37,18 @@ class Passage(Protocol):
 
 
 class TagObject(Obj):
-    """An urbiscript Tag; a clone of one is its child."""
+    """An urbiscript Tag; a clone of one is its child.  ``above`` is the Tag it derives from: it tags the same code."""
 
-    __slots__ = ("enter_event", "leave_event", "tag")
+    __slots__ = ("above", "enter_event", "leave_event", "tag")
+    for_all = ""
+    """For one that others go through who know nothing of it: why it can be stopped but neither blocked nor frozen.  Who
+    listens at its events is not waited for."""
 
     def __init__(self, world: World, protos: list[Obj], tag: Tag) -> None:
         super().__init__(world, protos)
         self.tag = tag
         tag.face = self
+        self.above: TagObject | None = protos[0] if protos and isinstance(protos[0], TagObject) else None
         self.enter_event: Event | None = None
         self.leave_event: Event | None = None
 
@@ -57,9 +61,12 @@ class TagObject(Obj):
         """A passage through code under this tag."""
         return TagPassage(self)
 
-    def parent(self) -> Any:
-        """What it derives from; if that is a tag, it tags the same code."""
-        return self.protos[0] if self.protos else None
+
+class RootTag(TagObject):
+    """Tag itself."""
+
+    __slots__ = ()
+    for_all = "all tags derive from Tag: use one made by Tag.new"
 
 
 class TagPassage:
@@ -81,11 +88,11 @@ class TagPassage:
                 self.entry = signal.entry
             raise
         self._entered = True
-        face: Any = self._face
-        while isinstance(face, TagObject):
+        face: TagObject | None = self._face
+        while face is not None:
             if face.enter_event is not None:
-                _announce(face.enter_event)
-            face = face.parent()
+                _announce(face, face.enter_event)
+            face = face.above
 
     def owns(self, signal: StopTag) -> bool:
         """Whether this passage is to be left."""
@@ -95,17 +102,19 @@ class TagPassage:
         """Go out."""
         if self._entered and self.entry is not None:
             self._face.tag.leave(self.entry)
-            face: Any = self._face
-            while isinstance(face, TagObject):
+            face: TagObject | None = self._face
+            while face is not None:
                 if face.leave_event is not None:
-                    _announce(face.leave_event)
-                face = face.parent()
+                    _announce(face, face.leave_event)
+                face = face.above
 
 
-def _announce(event: Event) -> None:
+def _announce(face: TagObject, event: Event) -> None:
     """Emit an event, and let its handlers begin before the running job goes on."""
-    if event.emit([]).jobs:
-        event.world.scheduler.yield_()
+    if face.for_all:  # in a job of its own: the guards of subscriptions are functions of any program
+        face.world.spawn_own(lambda: event.emit([]), "tag")
+    elif event.emit([]).jobs:
+        face.world.scheduler.yield_()
 
 
 class _Guard:

@@ -30,6 +30,8 @@ from urbihw.kernel.runtime.values import FloatObject, List, String
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
+__breakable__ = True
+
 Function = Callable[..., Any]
 Check = Callable[[Any, int | None], Any]
 

@@ -32,6 +32,7 @@ class SlotOps:
 
     def __init__(self, world: World) -> None:
         self.world = world
+        self._owed = world.record.owed
         recorder = world.recorder
         float_proto = world.float_proto
 
@@ -216,7 +217,12 @@ class SlotOps:
             notify(meta)
 
     def put(self, obj: Obj, name: str, value: Any) -> None:
-        """Create a local slot, or overwrite it, whatever was there; the structure may change."""
+        """Create a local slot, or overwrite it, whatever was there; the structure may change.
+
+        Raises an error for what is owed to all (``record``).
+        """
+        if name in self._owed:
+            self.world.record.guard(obj, name)
         if name not in obj.slots and obj.cache is not None:
             self.world.flush()
         obj.slots[name] = value
@@ -239,10 +245,12 @@ class SlotOps:
         return value
 
     def remove_slot(self, target: Any, name: str) -> None:
-        """Remove a local slot if there is one."""
+        """Remove a local slot if there is one; raises an error for what is owed to all (``record``)."""
         obj = self.world.as_obj(target)
         if name not in obj.slots:
             return
+        if name in self._owed:
+            self.world.record.guard_removal(obj, name)
         del obj.slots[name]
         if obj.cache is not None:
             self.world.flush()

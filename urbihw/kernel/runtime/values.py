@@ -15,6 +15,17 @@ if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
 
+MOST_CHARACTERS: Final = 64 * 1024 * 1024
+"""How long a String may become, and how much is read of a file at once: a few that double would take all memory."""
+MOST_MEMBERS: Final = 10_000_000
+"""How long a List may be that is made at once, as by ``+``; one that grows by single members has no bound."""
+
+
+def too_long(what: str, most: int) -> errors.Raised:
+    """What is thrown instead of making something so large."""
+    return errors.bad_number("BadNumber", f"expected a result of at most {most} {what}")
+
+
 class Container(Obj):
     """An object whose content conditions may watch."""
 
@@ -34,6 +45,9 @@ class String(Container):
     __slots__ = ("s",)
 
     def __init__(self, world: World, protos: list[Obj], s: str) -> None:
+        """Raises BadNumber for one that is too long."""
+        if len(s) > MOST_CHARACTERS:
+            raise too_long("characters", MOST_CHARACTERS)
         self.world = world
         self.protos = protos
         self.slots = {}
@@ -57,6 +71,8 @@ class String(Container):
     def grow(self, text: str) -> String:
         """Append in place, for one that nobody but a local variable holds: then it is as good as a fresh string, and
         adding to it again and again costs what is added and not the whole each time, as with Python's own strings."""
+        if len(self.s) + len(text) > MOST_CHARACTERS:
+            raise too_long("characters", MOST_CHARACTERS)
         s, self.s = self.s, ""  # CPython appends in place to what one variable alone holds
         s += text
         self.s = s

@@ -6,22 +6,26 @@ standard library put their slots on the bare prototypes made here.
 
 from __future__ import annotations
 
+import contextlib
 import logging
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime import convert
-from urbihw.kernel.runtime.backtrace import Stack, stack_of
+from urbihw.kernel.runtime.backtrace import Stack, failed_in_program, stack_of
 from urbihw.kernel.runtime.code import Executable, make_primitive
 from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.object import Nil, Obj, Plain, Truth, Void
-from urbihw.kernel.runtime.passage import TagObject
+from urbihw.kernel.runtime.passage import RootTag, TagObject
+from urbihw.kernel.runtime.plain import plain_error, plain_text
+from urbihw.kernel.runtime.record import Record
 from urbihw.kernel.runtime.slots import SlotOps
 from urbihw.kernel.runtime.values import CallMessage, Dictionary, FloatObject, Lazy, List, String, Tuple
 from urbihw.kernel.runtime.watch import Recorder
-from urbihw.kernel.sched.errors import TooManyJobs
-from urbihw.kernel.sched.job import Job
+from urbihw.kernel.sched.errors import HeldTooLong, TooManyJobs
+from urbihw.kernel.sched.job import SLEEPING, WAITING, Job
 from urbihw.kernel.sched.scheduler import Scheduler
 from urbihw.kernel.sched.tag import Tag
 
@@ -29,6 +33,8 @@ log = logging.getLogger("urbihw.kernel")
 
 UID_BASE, UID_STEP = 0x10000000, 0x10
 """Unique identifiers look like addresses, as in the manual, but the same program gives the same ones."""
+OWN = "own"
+"""The ``face`` of a job of the kernel itself."""
 FLOATS_NUMBERED = 1000
 """How many numbers without slots keep the identifier they were asked for; they are kept alive meanwhile."""
 
@@ -49,7 +55,10 @@ class World:
         self._float_numbers: dict[int, tuple[float, int]] = {}
         self.float_slots: dict[int, tuple[float, Obj]] = {}
         self.lazy_names: set[str] = set()
+        self.classes: dict[str, Any] = {}
+        """The built-in prototypes by their names (``A.B`` for a slot of another), where no program reaches them."""
         self.generic_floats = False
+        self.record = Record(self)
 
         self.object = Plain(self, [])
         self.global_ = Plain(self, [self.object])
@@ -77,13 +86,14 @@ class World:
         self.lobby_proto = self.proto()
         self.uvar_proto = self.proto()
         self.uobject_proto = self.proto()
-        self._soon: list[Callable[[], None]] = []
+        self._soon: deque[Callable[[], None]] = deque()
+        self._notifier: Job | None = None
         self.client_gone: list[Callable[[Any], None]] = []
         """Called with a lobby at once when its connection is gone, before what it runs is ended."""
         self.uobjects: Any = None
         self.external: Callable[..., Any] = _no_compiler
         self.event_proto = Event(self, [self.object])
-        self.tag_proto = TagObject(self, [self.object], Tag(scheduler, "tag"))
+        self.tag_proto = RootTag(self, [self.object], Tag(scheduler, "tag"))
         self.tags = self.proto()
         self.run_late: Callable[..., Any] = _no_compiler
         self.redefining: Callable[[], bool] = lambda: False
@@ -346,10 +356,12 @@ class World:
             raised: errors.UrbiError = errors.primitive("division by 0", "/")
         elif isinstance(error, RecursionError):
             raised = errors.Raised("Scheduling", "stack exhausted", None)
-        elif isinstance(error, TooManyJobs):
-            raised = errors.Raised("Scheduling", "too many jobs", None)
+        elif isinstance(error, TooManyJobs | HeldTooLong):
+            raised = errors.Raised("Scheduling", str(error), None)
         elif isinstance(error, MemoryError):
             raised = errors.Raised("Scheduling", "memory exhausted", None)
+        elif isinstance(error, OSError):
+            raised = errors.primitive(error.strerror or str(error), None)
         else:
             log.error("bug in urbihw: %s: %s", type(error).__name__, error)
             log.debug("traceback of the bug", exc_info=error)
@@ -369,7 +381,21 @@ class World:
         return value
 
     def describe(self, error: BaseException) -> list[str]:
-        """The lines that tell a user of an uncaught error, without the leading marks."""
+        """The lines that tell a user of an uncaught error, without the leading marks.
+
+        Never fails, though it may run a program's functions: an error in one of these is told instead, and where the
+        library itself cannot print any more, the text is plain.
+        """
+        try:
+            return self._described(error)
+        except Exception as second:
+            if failed_in_program(second):
+                with contextlib.suppress(Exception):
+                    return self._described(second)
+        urbi = self.normalized(error)
+        return plain_error(self, urbi, stack_of(urbi, self.hide_system))
+
+    def _described(self, error: BaseException) -> list[str]:
         urbi = self.normalized(error)
         stack = stack_of(urbi, self.hide_system)
         value = self.caught(urbi)
@@ -403,7 +429,7 @@ class World:
 
     def _exception(self, raised: errors.Raised) -> Obj:
         base = self.exception_proto
-        kind = base if raised.kind == "Exception" else base.slots.get(raised.kind, base)
+        kind = base if raised.kind == "Exception" else self.classes.get(f"Exception.{raised.kind}", base)
         made = Plain(self, [kind])
         made.slots["message"] = self.string(raised.message)
         stack = stack_of(raised, self.hide_system)
@@ -427,6 +453,22 @@ class World:
         """A list of StackFrames (replaced by the standard library)."""
         return self.new_list([])
 
+    def shown(self, value: Any) -> str:
+        """What the top level prints of a value.
+
+        An error in a program's own function is raised; where the library itself cannot print any more, the text is
+        plain.
+        """
+        try:
+            text = self.ops.send0(value, "asToplevelPrintable")
+        except errors.UrbiError as error:
+            if failed_in_program(error):
+                raise
+        else:
+            if isinstance(text, String):
+                return text.s
+        return plain_text(self, value)
+
     # ---------------------------------------------------------------- conversions
 
     def from_python(self, value: Any) -> Any:
@@ -441,22 +483,29 @@ class World:
         if self.scheduler.current is not None:
             action()
             return
-        if not self._soon:
-            self.scheduler.spawn(self._do_soon, "notify")
         self._soon.append(action)
+        job = self._notifier
+        # One that a condition or a guard of a program holds up is not waited for.
+        if job is None or job.done or job.state in (SLEEPING, WAITING):
+            self._notifier = self.spawn_own(self._do_soon, "notify")
 
     def _do_soon(self) -> None:
         while self._soon:
-            actions, self._soon = self._soon, []
-            for action in actions:
-                try:
-                    action()
-                except Exception as error:
-                    log.error("error in a notification: %s", "; ".join(self.describe(error)))
+            action = self._soon.popleft()
+            try:
+                action()
+            except Exception as error:
+                log.error("error in a notification: %s", "; ".join(self.describe(error)))
 
     def spawn(self, body: Callable[[], Any], name: str = "", parent: Job | None = None) -> Job:
         """A new job that ends alone; its errors are reported to the lobby of its context."""
         return self.scheduler.spawn(body, name, parent=parent)
+
+    def spawn_own(self, body: Callable[[], Any], name: str) -> Job:
+        """A job of the kernel itself: no program can see it or end it."""
+        job = self.scheduler.spawn(body, name)
+        job.face = OWN
+        return job
 
 
 def _no_compiler(*args: Any) -> Any:

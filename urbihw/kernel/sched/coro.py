@@ -7,13 +7,18 @@ short.  So jobs are run by *carriers*, greenlets that take one job after the oth
 from __future__ import annotations
 
 import contextlib
+import sys
+from collections.abc import Callable
+from functools import partial
 from types import FrameType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from greenlet import GreenletExit, error, getcurrent, greenlet
 
 if TYPE_CHECKING:
     from urbihw.kernel.sched.job import Job
+
+T = TypeVar("T")
 
 POOL = 64
 """How many carriers rest at most; more are let go."""
@@ -52,6 +57,52 @@ class Carrier:
             if not self._pool.rest(self):
                 return
             scheduler.hand_over()
+
+
+class Steps(Generic[T]):
+    """A computation on a stack of its own, done step by step: ``work(pause)`` goes on until it calls ``pause()``.
+
+    Whoever does the steps may give the processor away between them, however deep the work is in calls.  Python's limit
+    of recursion belongs to the process: work that needs another one sets it, and has it during its steps only.
+    """
+
+    def __init__(self, work: Callable[[Callable[[], None]], T]) -> None:
+        self._work = work
+        self._coro = greenlet(self._run)
+        self._limit = sys.getrecursionlimit()
+        self._results: list[T] = []
+
+    def step(self) -> bool:
+        """Do a step; whether more are to come.  Raises what the work raises."""
+        self._switch(self._coro.switch)
+        return not self._coro.dead
+
+    @property
+    def result(self) -> T:
+        """What the work gave, when it is done."""
+        return self._results[0]
+
+    def end(self) -> None:
+        """Give the work up, if it is not done."""
+        if not self._coro.dead:
+            self._switch(partial(self._coro.throw, GreenletExit))
+
+    def _run(self) -> None:
+        self._results.append(self._work(self._pause))
+
+    def _pause(self) -> None:
+        assert self._coro.parent is not None
+        self._coro.parent.switch()
+
+    def _switch(self, switch: Callable[[], object]) -> None:
+        usual = sys.getrecursionlimit()
+        self._coro.parent = getcurrent()
+        sys.setrecursionlimit(self._limit)
+        try:
+            switch()
+        finally:
+            self._limit = sys.getrecursionlimit()
+            sys.setrecursionlimit(usual)
 
 
 class Pool:

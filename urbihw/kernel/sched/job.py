@@ -45,6 +45,7 @@ class Job:
         "held",
         "name",
         "on_end",
+        "payer",
         "pending",
         "result",
         "scheduler",
@@ -80,6 +81,8 @@ class Job:
         self.group: Group | None = None
         self.on_end: list[Callable[[Job], None]] | None = None
         self.face: Any = None
+        self.payer = context
+        """The context among whose jobs this one counts, whatever it speaks to for a moment."""
 
     def main(self) -> None:
         """Run the body (in a carrier) and tell the scheduler of the end."""

@@ -1,8 +1,9 @@
 """The scheduler: runs the jobs that are ready, in turn, and says when it wants to be called next.
 
-One *round* runs each job that was ready when it began, once, first in first out; a round has one time (``now``),
-which is also the time stamp of what is written in it.  ``run()`` makes rounds until nobody is ready and returns the
-time of the next wake-up; who calls it (an asyncio loop, a simulated clock) is not its business.
+One *round* runs each job that was ready when it began, once, first in first out (of very many jobs only some: see
+``crowd``); a round has one time (``now``), which is also the time stamp of what is written in it.  ``run()`` makes
+rounds until nobody is ready and returns the time of the next wake-up; who calls it (an asyncio loop, a simulated
+clock) is not its business.
 
 Jobs made by ``spawn`` start at the end of the queue; ``start_now`` gives the processor to the new job at once and
 puts its maker at the end of the queue, which is what a ``,`` in urbiscript does.
@@ -19,11 +20,13 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel.sched import job as states
+from urbihw.kernel.sched.breaker import Breaker
 from urbihw.kernel.sched.clock import Clock
 from urbihw.kernel.sched.coro import Pool
+from urbihw.kernel.sched.crowd import REST, Crowd, Mark
 from urbihw.kernel.sched.errors import TooManyJobs
 from urbihw.kernel.sched.job import Job
-from urbihw.kernel.sched.signals import Interrupted, JobKilled, StopTag
+from urbihw.kernel.sched.signals import JobKilled, goes_further
 from urbihw.kernel.sched.timequeue import TimeQueue, Timer
 from urbihw.kernel.sched.trace import Tracer
 
@@ -34,16 +37,14 @@ if TYPE_CHECKING:
 MOST_JOBS = 150_000
 """How many jobs there may be; each takes about 8 kB once it has begun, and a program that forks without end gets there
 within seconds."""
+AIR = 0.004
+"""Seconds after which ``run`` returns between two rounds although jobs are ready: the sockets must have their turn."""
+SPARED = 100
+"""How many jobs a context may have even when there are too many of the others."""
 
 
-class _Interrupt:
-    """A mark in the ready queue: it makes a job that runs alone look up from its loop."""
-
-    carrier = None
-    frozen = False
-
-
-_INTERRUPT = _Interrupt()
+_INTERRUPT = Mark()
+"""Makes a job that runs alone look up from its loop."""
 
 
 class Scheduler:
@@ -52,7 +53,7 @@ class Scheduler:
     def __init__(self, clock: Clock, wake_host: Callable[[], None] = lambda: None) -> None:
         self.clock = clock
         self._pool = Pool()
-        self.ready: deque[Job | _Interrupt] = deque()
+        self.ready: deque[Job | Mark] = deque()
         self.timers = TimeQueue()
         self.current: Job | None = None
         self.now = clock.now()
@@ -63,8 +64,21 @@ class Scheduler:
         self.epoch = 0
         """Advanced by who must tell the statements that began before a moment from those that began after it."""
         self.most_jobs = MOST_JOBS
+        self.most_jobs_of_one = MOST_JOBS
+        """How many jobs of one context there may be."""
+        self._shares: dict[Any, int] = {}
+        """How many jobs there are of each context."""
+        self.latest: Job | None = None
+        """Who had the turn last, of those that were given it by ``run`` itself."""
+        self.breaker = Breaker(self)
         self._left = 0
+        """How many jobs of the round have not had their turn."""
         self._interrupted = False
+        self._preferred: tuple[Job | None, int, Job] | None = None
+        """Who made the last job that was preferred in this round, its place in the queue, and that job."""
+        self._crowd = Crowd()
+        self._crowded = False
+        """Whether the ready jobs are shared out, since a round of all of them takes too long."""
         self.place: Callable[[FrameType], str] = lambda frame: ""
         """Says for the log where in its program a Python frame stands; the layer above knows."""
         self.is_program: Callable[[FrameType], bool] = lambda frame: False
@@ -87,14 +101,22 @@ class Scheduler:
         """A new job at the end of the ready queue.
 
         ``parent`` gives its tags, its context and its own time; without one, ``entries`` are the tags it begins under.
-        ``failed`` is called with whatever error ends a job that belongs to no group.  Raises TooManyJobs, but never for
-        a job without parent and tags: those are the kernel's own.
+        ``failed`` is called with whatever error ends a job that belongs to no group.  Raises TooManyJobs; a job without
+        parent and tags is made all the same, and fails by that as soon as it begins, unless it has no context: then it
+        is the kernel's own and is never refused.
         """
-        if len(self.jobs) >= self.most_jobs and (parent is not None or entries):
-            raise TooManyJobs
         if parent is not None:
             context = parent.context if context is None else context
             entries = parent.entries
+        share = self._shares.get(context, 0)
+        if share >= self.most_jobs_of_one or (share >= SPARED and len(self.jobs) >= self.most_jobs):
+            refusal = TooManyJobs(f"too many jobs: {share} of this connection") \
+                if share >= self.most_jobs_of_one else TooManyJobs("too many jobs")
+            if parent is not None or entries:
+                raise refusal
+            if context is not None:
+                body = refusal.throw
+        self._shares[context] = share + 1
         made = Job(self, body, name, context)
         if parent is not None:
             made.shift = parent.shift
@@ -110,6 +132,10 @@ class Scheduler:
         if self.tracer is not None:
             self.tracer.created(made)
         return made
+
+    def jobs_of(self, context: Any) -> int:
+        """How many jobs there are of a context."""
+        return self._shares.get(context, 0)
 
     def start_now(self, made: Job) -> None:
         """Run a job just spawned before its maker goes on; the maker queues up behind it."""
@@ -127,14 +153,24 @@ class Scheduler:
         self._leave(maker)
 
     def prefer(self, made: Job) -> None:
-        """Let a job just spawned take its turn before those that have begun, behind others as new as itself."""
+        """Let a job just spawned take its turn before those of its context that have begun, behind the new ones."""
         self._take_back(made)
+        ready = self.ready
         place = 0
-        for waiting in self.ready:
-            if isinstance(waiting, _Interrupt) or waiting.started:
+        if self._preferred is not None:  # thousands may be made in one turn
+            maker, at, last = self._preferred
+            if maker is self.current and at < len(ready) and ready[at] is last and not last.started:
+                place = at + 1
+        while place < len(ready):  # another thread may append meanwhile
+            waiting = ready[place]
+            if waiting is REST:
+                self._crowd.prefer(made)
+                return
+            if isinstance(waiting, Mark) or (waiting.started and waiting.payer is made.payer):
                 break
             place += 1
-        self.ready.insert(place, made)
+        ready.insert(place, made)
+        self._preferred = (self.current, place, made)
 
     def _take_back(self, made: Job) -> None:
         """Out of the ready queue again; a job just spawned is its last entry unless a thread interrupted."""
@@ -172,6 +208,12 @@ class Scheduler:
             error, job.pending = job.pending, None
             raise error
 
+    def give_way(self, seconds: float) -> None:
+        """Let the sockets and other jobs have their turn if this round has lasted longer than that."""
+        if self.clock.now() - self.now > seconds:
+            self.interrupt()
+            self.yield_()
+
     def sleep(self, seconds: float) -> None:
         """Come back after this much time, less what is spent frozen; zero or less is a yield."""
         if seconds <= 0:
@@ -206,7 +248,7 @@ class Scheduler:
         if job is self.current:
             raise error
         if job.pending is not None:
-            if _goes_further(error, job.pending):
+            if goes_further(error, job.pending):
                 job.pending = error
             return
         job.pending = error
@@ -283,9 +325,10 @@ class Scheduler:
     def run(self) -> float | None:
         """Run rounds until no job is ready (or ``interrupt``); the time of the next wake-up, None for never.
 
-        Returns the present time when interrupted: call again soon.
+        Returns the present time when interrupted, or after ``AIR`` seconds: call again soon.
         """
         self._pool.enter_hub()
+        enough = self.clock.now() + AIR
         while True:
             self.now = now = self.clock.round()
             while self._posted:
@@ -298,10 +341,18 @@ class Scheduler:
             if not ready:
                 self._round_over()
                 if not ready and not self._posted:
+                    self.latest = None
                     return self.timers.next_deadline()
                 continue
+            if now > enough:
+                return now
             self.cycle += 1
-            self._left = len(ready)
+            self._preferred = None
+            if self._crowded:
+                self._left = self._crowd.share_out(ready)
+                self._crowded = REST in ready
+            else:
+                self._left = len(ready)
             while self._left:
                 self._left -= 1
                 job = ready.popleft()
@@ -309,14 +360,22 @@ class Scheduler:
                     self._resume(job)  # type: ignore[arg-type]
                 if self._interrupted:
                     self._interrupted = False
+                    self._crowded = self._crowded or self._left > 0
                     self._round_over()
                     return now
             self._round_over()
+
+    def run_turn(self) -> float | None:
+        """The same, but only one job gets a turn; ``latest`` tells which."""
+        self._interrupted = True
+        return self.run()
 
     def run_simulated(self, until: float | None = None) -> None:
         """With a simulated clock: run until all jobs are over or wait for ever, or until a time."""
         while True:
             deadline = self.run()
+            if self.ready:
+                continue
             if deadline is None or (until is not None and deadline > until):
                 if until is not None:
                     self.clock.idle(until)
@@ -346,6 +405,11 @@ class Scheduler:
         job.done = True
         job.state = states.TERMINATED
         self.jobs.pop(job, None)
+        share = self._shares[job.payer] - 1
+        if share:
+            self._shares[job.payer] = share
+        else:
+            del self._shares[job.payer]
         if job.entries:
             for entry in job.entries:
                 entry.forget(job)
@@ -396,7 +460,7 @@ class Scheduler:
             job.held = True
             job.state = states.WAITING if job.state == states.READY else job.state
             return
-        self.current = job
+        self.current = self.latest = job
         job.state = states.RUNNING
         if not job.started:
             job.started = True
@@ -411,11 +475,3 @@ class Scheduler:
         assert carrier is not None
         carrier.coro.switch()
         self.current = None
-
-
-def _goes_further(new: BaseException, old: BaseException) -> bool:
-    if isinstance(old, JobKilled | Interrupted):
-        return isinstance(new, JobKilled)
-    if isinstance(new, StopTag) and isinstance(old, StopTag):
-        return bool(new.entry.depth < old.entry.depth)
-    return True

@@ -17,7 +17,14 @@ class JobKilled(Signal):
 
 
 class Interrupted(Signal):
-    """The user wants the prompt back: the foreground job of his lobby is to be left."""
+    """The user wants the prompt back: the foreground job of his lobby is to be left.
+
+    ``told`` says that he is told of it in other words.
+    """
+
+    def __init__(self, told: bool = False) -> None:
+        super().__init__()
+        self.told = told
 
 
 class StopTag(Signal):
@@ -39,3 +46,12 @@ class Leave(Signal):
         super().__init__()
         self.token = token
         self.value = value
+
+
+def goes_further(new: BaseException, old: BaseException) -> bool:
+    """Whether, of two that are to reach one job, the new one leads further out."""
+    if isinstance(old, JobKilled | Interrupted):
+        return isinstance(new, JobKilled)
+    if isinstance(new, StopTag) and isinstance(old, StopTag):
+        return bool(new.entry.depth < old.entry.depth)
+    return True

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable
 from types import FrameType
 
 from urbihw.kernel.lobby.lobby import Lobby
-from urbihw.kernel.sched.breaker import Breaker
+from urbihw.kernel.sched.breaker import DEEPER
 from urbihw.kernel.sched.scheduler import Scheduler
 from urbihw.kernel.sched.signals import Interrupted, JobKilled
 
@@ -42,7 +43,7 @@ class Interrupter:
         self.lobby = lobby
         self._scheduler = scheduler
         self._shutdown = shutdown
-        self._breaker = Breaker(scheduler, now)
+        self._breaker = scheduler.breaker
         self._now = now
         self._last = -math.inf
         self._former: signal.Handlers | Callable[[int, FrameType | None], object] | int | None = None
@@ -61,6 +62,14 @@ class Interrupter:
 
     def __call__(self, number: int = signal.SIGINT, frame: FrameType | None = None) -> None:
         """An interruption; ``frame`` is what the signal interrupted."""
+        usual = sys.getrecursionlimit()
+        sys.setrecursionlimit(usual + DEEPER)
+        try:
+            self._interrupted(frame)
+        finally:
+            sys.setrecursionlimit(usual)
+
+    def _interrupted(self, frame: FrameType | None) -> None:
         now = self._now()
         again = now - self._last < TWICE
         self._last = now

@@ -4,45 +4,32 @@
 whoever brought news (a socket, a timer, a post from another thread), so an answer leaves in the same turn of the loop
 as the question came in.
 
-A watchdog thread looks on while the scheduler is busy.  It makes ``run`` come up for air, so that an endless loop of
-``;`` does not starve the sockets, and it logs a job that holds the interpreter for more than a second.  It is not woken
-for each run, which would cost more than a short command does: it looks from time to time, and rests only when nothing
-has run for a while.
+A watchdog thread looks on while the scheduler is busy (see ``watchdog``).
 """
 
 from __future__ import annotations
 
 import asyncio
-import logging
-import sys
-import threading
-import time
 
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.sched.scheduler import Scheduler
-
-log = logging.getLogger("urbihw.kernel")
-
-AIR = 0.004
-"""Seconds of uninterrupted work after which the sockets get a turn, once the watchdog looks closely."""
-CALM = 0.02
-"""Seconds between two looks of the watchdog while all runs are short."""
-REST = 1.0
-"""Seconds without a run after which the watchdog rests."""
-HELD = 1.0
-"""Seconds after which a job that does not yield is named in the log."""
+from urbihw.kernel.server.bounds import NONE, Bounds
+from urbihw.kernel.server.watchdog import Watchdog
 
 
 class Driver:
     """Runs one scheduler inside one asyncio loop."""
 
-    def __init__(self, scheduler: Scheduler) -> None:
+    def __init__(self, scheduler: Scheduler, bounds: Bounds = NONE) -> None:
+        """To be made in the loop, which runs in the main thread if ``bounds`` are to be kept."""
         self.scheduler = scheduler
+        scheduler.most_jobs_of_one = bounds.max_jobs
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.Handle | None = None
         self._driving = False
         self._closed = False
-        self._watchdog = Watchdog(scheduler)
+        self._watchdog = Watchdog(scheduler, bounds)
+        self._memory = self._watchdog.memory
         scheduler.set_wake_host(self._wake)
 
     def _wake(self) -> None:
@@ -56,7 +43,12 @@ class Driver:
         self._driving = True
         self._watchdog.begin()
         try:
-            deadline = self.scheduler.run()
+            if self._memory is not None and self._memory.near:
+                self._memory.begin()
+                deadline = self.scheduler.run_turn()
+                self._memory.turn(self.scheduler.latest)
+            else:
+                deadline = self.scheduler.run()
         finally:
             self._watchdog.end()
             self._driving = False
@@ -80,78 +72,3 @@ class Driver:
         if self._timer is not None:
             self._timer.cancel()
         self._watchdog.close()
-
-
-class Watchdog:
-    """The thread that looks on while the scheduler is busy."""
-
-    def __init__(self, scheduler: Scheduler) -> None:
-        self._scheduler = scheduler
-        self._main = threading.get_ident()
-        self._count = 0
-        """Beginnings and ends of runs so far: odd while one lasts."""
-        self._rests = False
-        self._wake = threading.Event()
-        self._closed = False
-        self._thread = threading.Thread(target=self._watch, name="urbihw-watchdog", daemon=True)
-        self._thread.start()
-
-    def begin(self) -> None:
-        """The scheduler begins to run."""
-        self._count += 1
-        if self._rests:
-            self._wake.set()
-
-    def end(self) -> None:
-        """The scheduler is idle."""
-        self._count += 1
-
-    def close(self) -> None:
-        """End the thread."""
-        self._closed = True
-        self._wake.set()
-
-    def _watch(self) -> None:
-        """Look, sleep, look.  What is found busy twice is interrupted, even if it is another run by then."""
-        last = _Look(0, 0.0)
-        while not self._closed:
-            busy = self._count % 2 == 1
-            look = last if last.count == self._count else _Look(self._count, time.monotonic())
-            if busy and last.count % 2:
-                self._interrupt(look)
-            elif not busy and time.monotonic() - look.began > REST:
-                self._rest(look)
-            last = look
-            time.sleep(AIR if busy else CALM)
-
-    def _interrupt(self, look: _Look) -> None:
-        """Interrupt a run; it goes on to the end of the present job's turn, and if that takes long, name the job."""
-        if not look.interrupted:
-            look.interrupted = True
-            self._scheduler.interrupt()
-        elif not look.named and time.monotonic() - look.began > HELD:
-            look.named = True
-            job = self._scheduler.current
-            frame = sys._current_frames().get(self._main)
-            where = "" if frame is None else self._scheduler.place(frame)
-            log.warning("job %s holds the interpreter for more than a second%s", job.name if job else "?", where)
-
-    def _rest(self, look: _Look) -> None:
-        """Wait until something runs."""
-        self._wake.clear()
-        self._rests = True
-        if self._count == look.count and not self._closed:
-            self._wake.wait()
-        self._rests = False
-
-
-class _Look:
-    """What the watchdog saw: the count, when it saw it first, and what it did about it."""
-
-    __slots__ = ("began", "count", "interrupted", "named")
-
-    def __init__(self, count: int, began: float) -> None:
-        self.count = count
-        self.began = began
-        self.interrupted = False
-        self.named = False

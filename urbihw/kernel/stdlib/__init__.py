@@ -86,15 +86,16 @@ MODULES = (
 
 def prototype(world: World, name: str) -> Obj:
     """The object in Global called ``name`` (``A.B`` for a slot of another), made as a child of Object if missing."""
-    holder: Any = world.global_
-    for part in name.split("."):
-        if part not in holder.slots:
-            made = world.proto()
-            made.slots["type"] = world.string(part)
-            holder.slots[part] = made
-        holder = holder.slots[part]
-    assert isinstance(holder, Obj)
-    return holder
+    found = world.classes.get(name)
+    if found is None:
+        path, _, last = name.rpartition(".")
+        holder = prototype(world, path) if path else world.global_
+        found = holder.slots.get(last)
+        if found is None:
+            found = world.proto()
+            put_prototype(world, name, found)
+    assert isinstance(found, Obj)
+    return found
 
 
 def put_prototype(world: World, name: str, made: Obj) -> None:
@@ -102,7 +103,7 @@ def put_prototype(world: World, name: str, made: Obj) -> None:
     path, _, last = name.rpartition(".")
     made.slots["type"] = world.string(last)
     holder = prototype(world, path) if path else world.global_
-    holder.slots[last] = made
+    holder.slots[last] = world.classes[name] = made
 
 
 def _roots(world: World) -> None:
@@ -126,9 +127,11 @@ def _roots(world: World) -> None:
         "Tag": world.tag_proto,
     }
     for name, proto in known.items():
-        world.global_.slots[name] = proto
+        world.global_.slots[name] = world.classes[name] = proto
         proto.slots["type"] = world.string(name)
-    world.global_.slots.update({"nil": world.nil, "void": world.void, "true": world.true, "false": world.false})
+    values = {"nil": world.nil, "void": world.void, "true": world.true, "false": world.false}
+    world.global_.slots.update(values)
+    world.classes.update(values)
 
 
 def install(world: World, programs: Any) -> None:

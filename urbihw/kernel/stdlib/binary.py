@@ -9,6 +9,7 @@ from typing import Any
 
 from urbihw.kernel.runtime.binary import BinaryObject, Buffer
 from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.values import MOST_CHARACTERS, too_long
 from urbihw.kernel.runtime.world import World
 
 TABLE = Table("Binary")
@@ -19,7 +20,7 @@ CLASSES = {"Binary": BinaryObject}
 
 def binary(world: World, keywords: str, content: Buffer) -> BinaryObject:
     """A Binary."""
-    return BinaryObject(world, [world.global_.slots["Binary"]], keywords, content)
+    return BinaryObject(world, [world.classes["Binary"]], keywords, content)
 
 
 @TABLE.primitive("init")
@@ -74,4 +75,6 @@ def differs(world: World, this: BinaryObject, other: Any) -> bool:
 @TABLE.primitive("+")
 def plus(world: World, this: BinaryObject, other: BinaryObject) -> Any:
     """The bytes of both, with the keywords of this one, or of the other if this one has none."""
+    if len(this.content) + len(other.content) > MOST_CHARACTERS:
+        raise too_long("bytes", MOST_CHARACTERS)
     return binary(world, this.keywords or other.keywords, bytes(this.content) + bytes(other.content))

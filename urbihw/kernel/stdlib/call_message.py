@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from urbihw.kernel import errors
+from urbihw.kernel.runtime.plain import float_text
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import Lazy, List
 from urbihw.kernel.runtime.world import World
-from urbihw.kernel.stdlib.float import float_text
 from urbihw.kernel.stdlib.object import send_lazies
 
 TABLE = Table("CallMessage")

@@ -39,7 +39,7 @@ CLASSES = {"Date": DateObject}
 
 
 def _make(world: World, moment: datetime) -> DateObject:
-    proto: Any = world.global_.slots["Date"]
+    proto: Any = world.classes["Date"]
     return DateObject(world, [proto], moment)
 
 

@@ -9,12 +9,14 @@ from typing import Any
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.object import Plain
+from urbihw.kernel.runtime.plain import escaped
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import Dictionary, List, String
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.members import equal, same_members
-from urbihw.kernel.stdlib.string import escaped
 from urbihw.kernel.stdlib.tuple import pair
+
+__breakable__ = True
 
 TABLE = Table("Dictionary")
 PROTOS = {
@@ -42,7 +44,7 @@ def _key(world: World, value: Any) -> str:
 
 def missing(world: World, key: Any) -> errors.UrbiError:
     """``missing key: K``, an object with the slot ``key``."""
-    error = Plain(world, [world.dictionary_proto.slots["KeyError"]])
+    error = Plain(world, [world.classes["Dictionary.KeyError"]])
     error.slots["key"] = key
     error.slots["message"] = world.string(f"missing key: {world.text(key)}")
     return errors.UrbiError(error)

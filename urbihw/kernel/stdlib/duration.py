@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.plain import float_text
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import FloatObject
 from urbihw.kernel.runtime.world import World
-from urbihw.kernel.stdlib.float import float_text
 
 TABLE = Table("Duration")
 PROTOS = {"Duration": ("Float",)}
@@ -32,7 +32,7 @@ CLASSES = {"Duration": DurationObject}
 
 def make_duration(world: World, seconds: float) -> DurationObject:
     """A Duration."""
-    proto: Any = world.global_.slots["Duration"]
+    proto: Any = world.classes["Duration"]
     return DurationObject(world, [proto], seconds)
 
 

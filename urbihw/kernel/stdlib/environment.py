@@ -107,4 +107,11 @@ def install(world: World, programs: Any) -> None:
             raise errors.primitive("this server cannot start itself anew: use shutdown, and start it again")
         programs.reboot()
 
+    @table.primitive("_exit")
+    def exit_(world: World, this: Any, status: int) -> None:
+        """End the server as ``shutdown`` does, with this exit code; what follows is not run."""
+        # The manual has it end brutally.  A robot is served here, and others are connected: they are not left so.
+        programs.exit(status)
+        world.scheduler.suspend(None)
+
     table.install(world, prototype(world, "System"))

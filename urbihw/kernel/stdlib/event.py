@@ -61,7 +61,7 @@ def sync_emit(world: World, this: Event, *payload: Any) -> None:
 @EVENT.primitive("trigger")
 def trigger(world: World, this: Event, *payload: Any) -> Any:
     """Begin to emit, with any number of values; lasts until ``stop`` of what this gives."""
-    return EmissionObject(world, [world.event_proto.slots["Handler"]], this.begin([*payload]))
+    return EmissionObject(world, [world.classes["Event.Handler"]], this.begin([*payload]))
 
 
 @HANDLER.primitive("stop")

@@ -14,11 +14,12 @@ from typing import Any
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.plain import escaped
 from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.values import MOST_CHARACTERS
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.binary import binary
 from urbihw.kernel.stdlib.path import failure, from_system, name_of, path, system
-from urbihw.kernel.stdlib.string import escaped
 from urbihw.kernel.stdlib.support import in_thread
 
 FILE = Table("File")
@@ -115,15 +116,18 @@ def names(directory: str) -> list[str]:
 
 
 def read(world: World, name: str) -> str:
-    """The bytes of a file, as characters."""
+    """The bytes of a file, as characters.  Some devices have no end: an error if there is more than a String may hold.
+    """
     def whole() -> bytes:
         with open(system(name), "rb") as file:
-            return file.read()
+            return file.read(MOST_CHARACTERS + 1)
 
     try:
         data: bytes = _patiently(world, name, whole)
     except OSError as error:
         raise failure(error, name) from error
+    if len(data) > MOST_CHARACTERS:
+        raise errors.primitive(f"file too large (more than {MOST_CHARACTERS} bytes): {name}")
     return data.decode("latin-1")
 
 
@@ -167,7 +171,7 @@ def init_file(world: World, this: FileObject, name: Any) -> None:
 def create(world: World, this: Obj, name: Any) -> Any:
     """A file of this name (a String or a Path), empty, whatever was there before."""
     write(world, name_of(world, name), "")
-    return FileObject(world, [world.global_.slots["File"]], name_of(world, name))
+    return FileObject(world, [world.classes["File"]], name_of(world, name))
 
 
 @FILE.primitive("save")

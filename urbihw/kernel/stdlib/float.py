@@ -9,28 +9,18 @@ from collections.abc import Callable
 from typing import Any
 
 from urbihw.kernel import errors
+from urbihw.kernel.runtime.plain import float_text
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import FloatObject
 from urbihw.kernel.runtime.world import World
 
 TABLE = Table("Float")
 PROTOS = {"Float": ("Comparable", "Orderable", "RangeIterable")}
-SINGLE_MAX = 3.4028234663852886e38
-"""Printing knows single precision only: beyond this a number shows as ``inf``."""
 
 NOTES = {
     "Float": "Numbers: all are 64-bit floating point, integers too.",
 }
 """What no docstring can say: of classes, and of slots that are values or fields."""
-
-
-def float_text(value: float) -> str:
-    """How a number is shown: in full if it is integral and fits 64 bits, else with six significant digits."""
-    if value.is_integer() and abs(value) < 2.0**63:
-        return str(int(value))
-    if abs(value) > SINGLE_MAX:
-        return "inf" if value > 0 else "-inf"
-    return f"{value:g}"
 
 
 def number(world: World, value: Any, index: int | None, routine: str) -> float:

@@ -8,10 +8,11 @@ from collections.abc import Iterable
 from typing import Any
 
 from urbihw.kernel import errors
+from urbihw.kernel.runtime.plain import float_text
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib import members, prototype
-from urbihw.kernel.stdlib.float import float_text, whole
+from urbihw.kernel.stdlib.float import whole
 from urbihw.kernel.stdlib.support import native
 
 TABLE = Table("Float")

@@ -23,7 +23,7 @@ FLOAT = Table("Float")
 STRING = Table("String")
 TABLES = [INFO, FORMATTER, FLOAT, STRING]
 
-OPTIONS = r"(?P<flags>[-=+ 0#']*)(?P<width>\d*)(?:\.(?P<precision>\d+))?"
+OPTIONS = r"(?P<flags>[-=+ 0#']*)(?P<width>\d{0,5})(?:\.(?P<precision>\d{1,5}))?"
 BARE_OPTIONS = OPTIONS.replace("P<", "P<bare_")
 PATTERN = re.compile(rf"%(?:\|{OPTIONS}(?P<spec>[sdDxXoeEf]?)\||{BARE_OPTIONS}(?P<bare_spec>[sdDxXoeEf]))")
 EXACT = 2.0**63

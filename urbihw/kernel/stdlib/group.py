@@ -51,7 +51,7 @@ class GroupObject(Obj):
 
     def gathered(self, results: list[Any]) -> Any:
         """The Group of results that are not void, or void."""
-        made = GroupObject(self.world, [self.world.global_.slots["Group"]])
+        made = GroupObject(self.world, [self.world.classes["Group"]])
         made.members = [result for result in results if result is not self.world.void]
         return made if made.members else self.world.void
 

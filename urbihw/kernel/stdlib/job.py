@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from urbihw.kernel.runtime.backtrace import LINE_MAP, NO_STACK, Frame, Stack, current_stack
+from urbihw.kernel.runtime.backtrace import LINE_MAP, NO_STACK, Frame, Stack, current_stack, entry_of
 from urbihw.kernel.runtime.event import wait_for
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.passage import TagObject
@@ -56,7 +56,7 @@ CLASSES = {"Job": JobObject}
 def job_value(world: World, job: Job) -> JobObject:
     """The Job object of a job, always the same."""
     if job.face is None:
-        proto: Any = world.global_.slots["Job"]
+        proto: Any = world.classes["Job"]
         job.face = JobObject(world, [proto], job)
     face = job.face
     assert isinstance(face, JobObject)
@@ -98,8 +98,10 @@ def status(world: World, this: JobObject) -> str:
 
 @TABLE.primitive("tags")
 def tags(world: World, this: JobObject) -> Any:
-    """The tags under which the job runs, outermost first."""
-    faces = [entry.tag.face for entry in this.known().entries]
+    """The tags under which the job runs, outermost first; none for a job of another connection, whose they are."""
+    job = this.known()
+    asking = world.scheduler.running().context
+    faces = [entry.tag.face for entry in job.entries] if job.context in (asking, None) else []
     return world.new_list([face for face in faces if isinstance(face, TagObject)])
 
 
@@ -119,7 +121,7 @@ def job_stack(this: JobObject) -> Stack:
     while frame is not None:
         line_map = frame.f_globals.get(LINE_MAP)
         if line_map is not None and not line_map.system:
-            calls += [step for step in line_map.frames(frame.f_lineno) if step.name is not None]
+            calls += [step for step in line_map.frames(entry_of(frame)) if step.name is not None]
         frame = frame.f_back
     return Stack(None, None, (*calls, *this.origin))
 
@@ -143,8 +145,13 @@ def set_side_effect_free(world: World, this: JobObject, value: Any) -> None:
 
 @TABLE.primitive("terminate")
 def terminate(world: World, this: JobObject) -> None:
-    """End the job; its finally clauses run."""
-    world.scheduler.kill(this.known())
+    """End the job; its finally clauses run.  What a client types is done by one job, which goes on with what is typed
+    next."""
+    job = this.known()
+    if job.context is not None and job.context.shell.serves(job):
+        job.context.shell.interrupt()
+    else:
+        world.scheduler.kill(job)
 
 
 @TABLE.primitive("timeShift")

@@ -9,7 +9,7 @@ from typing import Any
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.primitive import Table
-from urbihw.kernel.runtime.values import List, String
+from urbihw.kernel.runtime.values import MOST_MEMBERS, List, String, too_long
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.channel import deprecated
 from urbihw.kernel.stdlib.members import (
@@ -25,6 +25,8 @@ from urbihw.kernel.stdlib.members import (
     repetitions,
     same_members,
 )
+
+__breakable__ = True
 
 TABLE = Table("List")
 PROTOS = {"List": ("Container", "RangeIterable", "Orderable")}
@@ -423,10 +425,17 @@ def remove_back(world: World, this: List) -> Any:
     return value
 
 
+def _bounded(members: list[Any], more: list[Any]) -> list[Any]:
+    """The second of two lists that become one, which must not be too long."""
+    if len(members) + len(more) > MOST_MEMBERS:
+        raise too_long("members", MOST_MEMBERS)
+    return more
+
+
 @TABLE.primitive("+=")
 def extend(world: World, this: List, that: list[Any]) -> Any:
     """Add the members of another list at the end of this one; gives this list."""
-    this.l.extend(list(that))
+    this.l.extend(_bounded(this.l, list(that)))
     this.touch()
     return this
 
@@ -435,7 +444,7 @@ def extend(world: World, this: List, that: list[Any]) -> Any:
 def append(world: World, this: List, that: list[Any]) -> Any:
     """Deprecated: ``+=``."""
     deprecated(world, "list.append(that)", "list += that")
-    this.l.extend(list(that))
+    this.l.extend(_bounded(this.l, list(that)))
     this.touch()
     return this
 
@@ -448,7 +457,8 @@ def plus(world: World) -> Any:
     """A new list of the members of both."""
 
     def run(this: Any, other: Any) -> Any:
-        return world.new_list(_list(world, this) + _list(world, other, 1))
+        members = _list(world, this)
+        return world.new_list(members + _bounded(members, _list(world, other, 1)))
 
     return run
 
@@ -463,4 +473,4 @@ def minus(world: World, this: list[Any], other: list[Any]) -> Any:
 @TABLE.primitive("*")
 def times(world: World, this: list[Any], number: Any) -> Any:
     """A new list of the same members over and over, a non-negative number of times."""
-    return world.new_list(this * repetitions(world, number, len(this)))
+    return world.new_list(this * repetitions(world, number, len(this), MOST_MEMBERS, "members"))

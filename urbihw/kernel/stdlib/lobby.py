@@ -32,6 +32,7 @@ class Output(Protocol):
     """What is needed of a lobby's output."""
 
     sent: int
+    root: Any
 
     def line(self, text: str, channel: str = "") -> None:
         """Send one line."""
@@ -78,6 +79,15 @@ def real(this: Any) -> Lobby:
     return lobby
 
 
+def mine(world: World, this: Any) -> Lobby:
+    """A lobby of the running job's own connection, or one that was created by it; raises for anybody else's."""
+    lobby = real(this)
+    context = current(world)
+    if context is not world.nil and lobby.output.root is not context.output.root:
+        raise errors.primitive(f"{world.text(this)} belongs to another connection: only that one may do this")
+    return lobby
+
+
 def echo_to(world: World, lobby: Lobby, value: Any, channel: str) -> None:
     """One line behind three stars."""
     lobby.output.line(starred(world.text(value)), channel)
@@ -113,20 +123,26 @@ def write(world: World, this: Any, text: str) -> None:
 
 @TABLE.primitive("receive")
 def receive(world: World, this: Any, text: str) -> None:
-    """Take a string as if the client had typed it; a lobby whose connection is gone takes nothing."""
-    real(this).feed(text.encode("latin-1", "replace"))
+    """Take a string as if the client had typed it; a lobby whose connection is gone takes nothing.
+
+    For a lobby of one's own connection only: nobody speaks in somebody else's name.
+    """
+    mine(world, this).feed(text.encode("latin-1", "replace"))
 
 
 @TABLE.primitive("interrupt")
 def interrupt(world: World, this: Any) -> None:
-    """Kill what the client runs in the foreground, and drop what waits behind it.  Not in the manual."""
+    """Kill what the client runs in the foreground, and drop what waits behind it.  Not in the manual.
+
+    For any lobby: the console asks for it on a connection of its own, and stopping ``connectionTag`` does as much.
+    """
     world.scheduler.post(real(this).shell.interrupt)
 
 
 @TABLE.primitive("quit")
 def quit_(world: World, this: Any) -> None:
-    """Close the connection; the server goes on."""
-    real(this).quit()
+    """Close the connection, one's own; the server goes on."""
+    mine(world, this).quit()
 
 
 # ---------------------------------------------------------------- asking
@@ -198,7 +214,8 @@ def install(world: World, programs: Any) -> None:
 
     @table.primitive("create")
     def create(world: World, this: Any) -> Any:
-        """A fresh lobby without connection; what it says goes where the running job's lobby speaks to."""
+        """A fresh lobby without connection; what it says goes where the running job's lobby speaks to.  It ends with
+        the connection of that lobby, if not before by ``quit``."""
         return _created(world, current(world))
 
     @table.primitive("wall")
@@ -231,6 +248,7 @@ class Relay:
 
     def __init__(self, output: Output) -> None:
         self._output = output
+        self.root = output.root
         self.sent = 0
         self.open = True
 
@@ -253,3 +271,6 @@ class Relay:
     def close(self) -> None:
         """Nothing more is handed on."""
         self.open = False
+
+    def let_go(self) -> None:
+        """Who waits for room waits at the other output."""

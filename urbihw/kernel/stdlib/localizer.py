@@ -41,7 +41,7 @@ class LocalizerObject(Obj):
 
     def group(self) -> GroupObject:
         """The parts as a Group."""
-        made = GroupObject(self.world, [self.world.global_.slots["Group"]])
+        made = GroupObject(self.world, [self.world.classes["Group"]])
         made.members = [part for _, part in self.parts]
         return made
 

@@ -64,7 +64,7 @@ def make_location(world: World, location: Any) -> Any:
     if location is None:
         return world.nil
     begin, end = location
-    proto: Any = world.global_.slots["Location"]
+    proto: Any = world.classes["Location"]
     made = LocationObject(world, [proto], make_position(world, begin.line, begin.column, begin.file))
     made.end = make_position(world, end.line, end.column, end.file)
     return made
@@ -113,7 +113,7 @@ def frame_string(world: World, this: Obj) -> str:
 
 def make_frames(world: World, stack: Stack) -> Any:
     """The calls of a stack as a List of StackFrames, innermost first."""
-    proto: Any = world.global_.slots["StackFrame"]
+    proto: Any = world.classes["StackFrame"]
     frames: list[Any] = []
     for step in stack.calls:
         frame = Plain(world, [proto])

@@ -18,8 +18,8 @@ from urbihw.kernel.sched.group import Group
 
 Less = Callable[[Any, Any], bool]
 
-MOST = 1e8
-"""How large a repeated List or String may become."""
+__breakable__ = True
+
 MANY = 1e7
 """How many members a built-in function may be asked to go through: it does not give way to others meanwhile."""
 
@@ -134,11 +134,11 @@ def count(world: World, value: Any) -> int:
     return int(number)
 
 
-def repetitions(world: World, value: Any, size: int) -> int:
-    """How often something of this size is to be repeated; raises for what no memory could hold."""
+def repetitions(world: World, value: Any, size: int, most: int, what: str) -> int:
+    """How often something of this size is to be repeated; raises if it would be more than ``most`` in all."""
     number = count(world, value)
-    if number * size > MOST:
-        wanted = f"expected a result of at most {MOST:.0f} members, got {world.text(value)} times {size}"
+    if number * size > most:
+        wanted = f"expected a result of at most {most} {what}, got {world.text(value)} times {size}"
         raise errors.bad_number("BadNumber", wanted)
     return number
 

@@ -124,7 +124,7 @@ class ServerObject(Obj):
             self.service.happened(lambda: self._welcome(stream))
 
     def _welcome(self, stream: TcpStream) -> None:
-        proto = self.world.global_.slots["Socket"]
+        proto = self.world.classes["Socket"]
         made = SocketObject(self.world, [proto], self.service)
         made.events()
         made.adopt(stream)
@@ -319,7 +319,7 @@ def server_service(world: World, this: ServerObject) -> Any:
 @SERVICE.primitive("makeSocket")
 def make_socket(world: World, this: ServiceObject) -> Any:
     """A new Socket of this service."""
-    made = SocketObject(world, [world.global_.slots["Socket"]], this)
+    made = SocketObject(world, [world.classes["Socket"]], this)
     made.events()
     return made
 
@@ -327,20 +327,20 @@ def make_socket(world: World, this: ServiceObject) -> Any:
 @SERVICE.primitive("makeServer")
 def make_server(world: World, this: ServiceObject) -> Any:
     """A new Server of this service."""
-    made = ServerObject(world, [world.global_.slots["Server"]], this)
+    made = ServerObject(world, [world.classes["Server"]], this)
     init_server(world, made)
     return made
 
 
 def install(world: World, programs: Any) -> None:
     """The service that needs no polling, and the sockets and servers that use it."""
-    service = ServiceObject(world, [world.global_.slots["IoService"]], True)
+    service = ServiceObject(world, [world.classes["IoService"]], True)
     for name in ("Socket", "Server"):
-        world.global_.slots[name].service = service
+        world.classes[name].service = service
     interval = [0.01]
 
     def write_interval(this: Any, value: Any) -> None:
         interval[0] = world.as_float(value, 1, "pollInterval")
         service.look_after_itself(interval[0] != 0)
 
-    field(world, world.global_.slots["Socket"], "pollInterval", lambda this: interval[0] + 0.0, write_interval)
+    field(world, world.classes["Socket"], "pollInterval", lambda this: interval[0] + 0.0, write_interval)

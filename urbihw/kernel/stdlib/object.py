@@ -6,6 +6,7 @@ from typing import Any
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.record import lineage
 from urbihw.kernel.runtime.slot import meta_of
 from urbihw.kernel.runtime.values import CallMessage, List
 from urbihw.kernel.runtime.world import World
@@ -150,7 +151,7 @@ def local_slot_names(world: World, this: Any) -> Any:
 @TABLE.primitive("slotNames", "allSlotNames")
 def slot_names(world: World, this: Any) -> Any:
     """The names of all slots, inherited ones too, in alphabetical order."""
-    names = {name for value in _lineage(world, this) for name in world.peek_obj(value).slots}
+    names = {name for value in lineage(world, this) for name in world.peek_obj(value).slots}
     return world.new_list([world.string(name) for name in sorted(names)])
 
 
@@ -193,21 +194,7 @@ def remove_proto(world: World, this: Any, proto: Any) -> Any:
 @TABLE.primitive("allProtos")
 def all_protos(world: World, this: Any) -> Any:
     """This object, its prototypes, theirs, and so on, each once, in the order of look-up."""
-    return world.new_list(_lineage(world, this))
-
-
-def _lineage(world: World, this: Any) -> list[Any]:
-    """Depth first, as slots are looked up."""
-    found: list[Any] = []
-    seen: set[int] = set()
-    todo = [this]
-    while todo:
-        value = todo.pop()
-        if id(value) not in seen:
-            seen.add(id(value))
-            found.append(value)
-            todo.extend(reversed(world.protos_of(value)))
-    return found
+    return world.new_list(lineage(world, this))
 
 
 @TABLE.primitive("isA")

@@ -11,10 +11,10 @@ from typing import Any
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.plain import escaped
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import String
 from urbihw.kernel.runtime.world import World
-from urbihw.kernel.stdlib.string import escaped
 
 TABLE = Table("Path")
 PROTOS = {"Path": ("Comparable", "Orderable")}
@@ -45,7 +45,7 @@ def simplified(text: str) -> str:
 
 def path(world: World, text: str) -> PathObject:
     """A Path."""
-    return PathObject(world, [world.global_.slots["Path"]], simplified(text))
+    return PathObject(world, [world.classes["Path"]], simplified(text))
 
 
 def name_of(world: World, value: Any, index: int = 1) -> str:
@@ -177,7 +177,7 @@ def writable(world: World, this: PathObject) -> bool:
 def open_(world: World, this: PathObject) -> Any:
     """The Directory or the File that is there."""
     kind = "Directory" if os.path.isdir(system(this.path)) else "File"
-    return world.send(world.global_.slots[kind], "new", this)
+    return world.send(world.classes[kind], "new", this)
 
 
 @TABLE.primitive("/")

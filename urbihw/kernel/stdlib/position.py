@@ -52,7 +52,7 @@ CLASSES = {"Position": PositionObject}
 
 def make_position(world: World, line: int, column: int, file: str | None) -> PositionObject:
     """A Position."""
-    proto: Any = world.global_.slots["Position"]
+    proto: Any = world.classes["Position"]
     return PositionObject(world, [proto], line, column, file)
 
 
@@ -126,7 +126,7 @@ def install(world: World, programs: Any) -> None:
     def read_file(this: Any) -> Any:
         if this.file is None:
             return world.nil
-        return world.send(world.global_.slots["Path"], "new", world.string(this.file))
+        return world.send(world.classes["Path"], "new", world.string(this.file))
 
     def write_file(this: Any, value: Any) -> None:
         this.file = None if value is world.nil else value.s if isinstance(value, String) else world.text(value)

@@ -75,6 +75,7 @@ class ProcessObject(Obj):
                 readers.append(in_background(pump_in, out, source, self.world.scheduler))
         in_background(self.sink.pump, inner.stdin)
         in_background(self._wait, inner, readers)
+        self.world.scheduler.give_way(AIR)
 
     def _wait(self, inner: subprocess.Popen[bytes], readers: list[threading.Thread]) -> None:
         code = inner.wait()
@@ -98,6 +99,9 @@ def _made(name: str) -> int:
 
 
 CLASSES = {"Process": ProcessObject}
+
+AIR = 0.002
+"""Seconds after which others have a turn: starting a program takes some milliseconds."""
 
 
 @PROCESS.primitive("init")
@@ -166,7 +170,7 @@ def done(world: World, this: ProcessObject) -> bool:
 @PROCESS.primitive("status")
 def status(world: World, this: ProcessObject) -> Any:
     """An object that tells what became of the program: ``exitStatus`` or ``signal`` once it is over."""
-    made = Plain(world, [world.global_.slots["Process"].slots["Status"]])
+    made = Plain(world, [world.classes["Process.Status"]])
     text = "not started" if this.inner is None else "running"
     if this.code is not None and this.code >= 0:
         text = f"exited with status {this.code}"
@@ -208,10 +212,10 @@ def _stream(world: World, this: ProcessObject, name: str) -> Obj:
     made = this.slots.get(slot)
     if made is None:
         if name == "stdin":
-            made = OutputStreamObject(world, [world.global_.slots["OutputStream"]], this.sink)
+            made = OutputStreamObject(world, [world.classes["OutputStream"]], this.sink)
         else:
             source = this.sources[name == "stderr"]
-            made = InputStreamObject(world, [world.global_.slots["InputStream"]], source)
+            made = InputStreamObject(world, [world.classes["InputStream"]], source)
         this.slots[slot] = made
     assert isinstance(made, Obj)
     return made

@@ -37,10 +37,15 @@ def get_property(world: World, this: Any, slot: str, name: str) -> Any:
 @TABLE.primitive("setProperty")
 def set_property(world: World, this: Any, slot: str, name: str, value: Any) -> Any:
     """Set a property of a slot; raises ``lookup failed`` for the slot."""
-    meta = meta_of(slot_holder(world, this, slot), slot)
+    holder = slot_holder(world, this, slot)
+    meta = meta_of(holder, slot)
     if name == "constant":
+        if slot in world.record.owed:
+            world.record.guard_removal(holder, slot)
         meta.constant = bool(value)
     elif name == "changed":
+        if not isinstance(value, Event):
+            raise world.type_error(3, value, "Event")
         meta.changed = value
     else:
         if meta.properties is None:

@@ -18,8 +18,10 @@ from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.file import FileObject
 from urbihw.kernel.stdlib.path import failure, system
-from urbihw.kernel.stdlib.pipe import PipeSink, PipeSource, in_background, pump_in
+from urbihw.kernel.stdlib.pipe import LIMIT, PipeSink, PipeSource, in_background, pump_in
 from urbihw.kernel.stdlib.support import in_thread
+
+__breakable__ = True
 
 INPUT = Table("InputStream")
 OUTPUT = Table("OutputStream")
@@ -77,8 +79,8 @@ class FileSource:
         return self._file.read(1)
 
     def line(self) -> bytes:
-        """The rest of the line."""
-        return self._file.readline()
+        """The rest of the line.  One that is too long comes in pieces."""
+        return self._file.readline(LIMIT)
 
     def close(self) -> None:
         """Close the file."""

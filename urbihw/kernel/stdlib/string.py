@@ -9,22 +9,18 @@ import re
 from typing import Any
 
 from urbihw.kernel import errors
+from urbihw.kernel.runtime.plain import escaped
 from urbihw.kernel.runtime.primitive import Table
-from urbihw.kernel.runtime.values import String
+from urbihw.kernel.runtime.values import MOST_CHARACTERS, String, too_long
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.members import count, members_of, repetitions, strings_of
+
+__breakable__ = True
 
 TABLE = Table("String")
 PROTOS = {"String": ("Comparable", "Orderable", "RangeIterable")}
 
 NUMBER = re.compile(r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|inf|nan)\Z")
-ESCAPES = {"\b": "\\b", "\f": "\\f", "\n": "\\n", "\r": "\\r", "\t": "\\t", "\v": "\\v", '"': '\\"', "\\": "\\\\"}
-
-
-def escaped(text: str) -> str:
-    """A text as a string literal, quotes included; bytes that are no printable ASCII as ``\\xNN``."""
-    parts = [ESCAPES.get(c) or (c if " " <= c <= "~" else f"\\x{ord(c):02x}") for c in text]
-    return '"' + "".join(parts) + '"'
 
 
 # ---------------------------------------------------------------- conversions
@@ -165,13 +161,20 @@ def _split(text: str, separators: list[str], lim: float, keep_sep: bool, keep_em
 @TABLE.primitive("join")
 def join(world: World, this: str, members: Any, prefix: str = "", suffix: str = "") -> str:
     """The members' ``asString``, with this string between them, a prefix before and a suffix behind."""
-    return prefix + this.join([world.text(member) for member in members_of(world, members)]) + suffix
+    texts = [world.text(member) for member in members_of(world, members)]
+    if sum(map(len, texts)) + len(this) * len(texts) > MOST_CHARACTERS:
+        raise too_long("characters", MOST_CHARACTERS)
+    return prefix + this.join(texts) + suffix
 
 
 @TABLE.primitive("replace")
 def replace(world: World, this: str, old: str, new: str) -> str:
     """A copy with every occurrence of ``old`` replaced by ``new``."""
-    return this.replace(old, new) if old else this
+    if not old:
+        return this
+    if len(new) > len(old) and len(this) + this.count(old) * (len(new) - len(old)) > MOST_CHARACTERS:
+        raise too_long("characters", MOST_CHARACTERS)
+    return this.replace(old, new)
 
 
 @TABLE.raw("[]", least=1, most=2)
@@ -196,6 +199,8 @@ def set_item(world: World, this: String, begin: Any, end: Any, other: Any = None
     if not isinstance(other, String):
         raise world.type_error(position, other, "String")
     start, stop = _range(world, this.s, begin, end)
+    if len(this.s) + len(other.s) - (stop - start) > MOST_CHARACTERS:
+        raise too_long("characters", MOST_CHARACTERS)
     this.s = this.s[:start] + other.s + this.s[stop:]
     this.touch()
     return other
@@ -243,7 +248,7 @@ def times(world: World) -> Any:
 
     def run(this: Any, number: Any) -> String:
         text = _text(world, this)
-        return world.string(text * repetitions(world, number, len(text)))
+        return world.string(text * repetitions(world, number, len(text), MOST_CHARACTERS, "characters"))
 
     return run
 

@@ -14,10 +14,12 @@ from urbihw.kernel.compiler import print_node
 from urbihw.kernel.runtime.backtrace import calling_frame, current_stack
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import CallMessage, String
-from urbihw.kernel.runtime.world import World
+from urbihw.kernel.runtime.world import OWN, World
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.stdlib import prototype
+from urbihw.kernel.stdlib.file import read
 from urbihw.kernel.stdlib.job import job_value
+from urbihw.kernel.stdlib.path import from_system
 from urbihw.kernel.stdlib.support import field, native, say
 
 TABLE = Table("System")
@@ -83,20 +85,20 @@ def sleep(world: World, this: Any, duration: float = float("inf")) -> None:
 def cycle(world: World, this: Any) -> int:
     """The number of rounds of the scheduler since the beginning."""
     # `;` makes a new round only when somebody else is ready: who reads the cycle wants to see every `;`
-    world.spawn(lambda: world.void, "cycle")
+    world.spawn_own(lambda: world.void, "cycle")
     return world.scheduler.cycle
 
 
 @TABLE.primitive("jobs")
 def jobs(world: World, this: Any) -> Any:
-    """The jobs that are not over."""
-    return world.new_list([job_value(world, job) for job in world.scheduler.jobs])
+    """The jobs of programs that are not over; the server's own are nobody's business."""
+    return world.new_list([job_value(world, job) for job in world.scheduler.jobs if job.face is not OWN])
 
 
 @TABLE.primitive("aliveJobs")
 def alive_jobs(world: World, this: Any) -> int:
-    """How many jobs are not over."""
-    return len(world.scheduler.jobs)
+    """How many jobs of programs are not over."""
+    return sum(job.face is not OWN for job in world.scheduler.jobs)
 
 
 # ---------------------------------------------------------------- assertions
@@ -138,10 +140,16 @@ def backtrace(world: World, this: Any) -> None:
 # ---------------------------------------------------------------- the process
 
 
-@TABLE.primitive("_exit")
-def exit_(world: World, this: Any, status: int) -> None:
-    """End the process at once: nothing is closed, no motor is stopped."""
-    os._exit(status & 0xFF)
+@TABLE.primitive("resetLibrary")
+def reset_library(world: World, this: Any, what: Any = None) -> Any:
+    """Bring back what programs removed from the library, or defined anew: all of it, one object, or what a name such as
+    "String.size" or "Object.protos" means.  Gives the names of what was put back.
+
+    Variables keep their values, unless named.  Raises Primitive for what the library does not have.  The name is long
+    since all objects inherit the slots of System, and ``reset`` is a name for many things.
+    """
+    names = world.record.reset(what.s if isinstance(what, String) else what)
+    return world.new_list([world.string(name) for name in names])
 
 
 @TABLE.primitive("version")
@@ -173,8 +181,7 @@ def file_not_found(name: str) -> errors.Raised:
 
 
 def _file_name(world: World, value: Any) -> str:
-    path = world.global_.slots.get("Path")
-    if path is not None and world.is_a(value, path):
+    if world.is_a(value, world.classes["Path"]):
         return world.text(value)
     if not isinstance(value, String):
         raise world.type_error(1, value, "String")
@@ -198,7 +205,7 @@ def search_file(world: World, this: Any, file: Any) -> Any:
 
 
 def _path(world: World, name: str) -> Any:
-    return world.send(world.global_.slots["Path"], "new", world.string(name))
+    return world.send(world.classes["Path"], "new", world.string(name))
 
 
 def install(world: World, programs: Any) -> None:
@@ -220,7 +227,7 @@ def install(world: World, programs: Any) -> None:
     def run_file(this: Any, path: Path | None, name: str) -> Any:
         if path is None or not path.is_file():
             raise file_not_found(name)
-        return programs.evaluate(path.read_text("latin-1"), context(this), name)
+        return programs.evaluate(read(world, from_system(os.fsencode(path))), context(this), name)
 
     def load(this: Any, file: Any) -> Any:
         name = _file_name(world, file)

@@ -102,8 +102,17 @@ def stop(world: World, this: TagObject, value: Any = None) -> None:
 @TABLE.primitive("block")
 def block(world: World, this: TagObject, value: Any = None) -> None:
     """Stop all code under this tag, and skip all code that comes to it until ``unblock``; it is worth a value, void if
-    none is given."""
+    none is given.
+
+    Raises Primitive for Tag itself and for the tag of a connection, which others need.
+    """
+    _check(this)
     this.tag.block(world.void if value is None else value)
+
+
+def _check(this: TagObject) -> None:
+    if this.for_all:
+        raise errors.primitive(this.for_all)
 
 
 @TABLE.primitive("unblock")
@@ -120,7 +129,11 @@ def blocked(world: World, this: TagObject) -> bool:
 
 @TABLE.primitive("freeze")
 def freeze(world: World, this: TagObject) -> None:
-    """Hold all code under this tag, and all that comes to it, until ``unfreeze``."""
+    """Hold all code under this tag, and all that comes to it, until ``unfreeze``.
+
+    Raises Primitive for Tag itself and for the tag of a connection, which others need.
+    """
+    _check(this)
     this.tag.freeze()
 
 
@@ -181,3 +194,4 @@ def install(world: World, programs: Any) -> None:
     """Tags used without declaration are slots of ``Tag.tags``, where all can see them."""
     world.tag_proto.slots["tags"] = world.tags
     world.global_.protos.insert(0, world.tags)
+    world.record.open_ended.append(world.tags)

@@ -14,6 +14,8 @@ from urbihw.kernel.runtime.values import Tuple
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.members import index_in, less_members, same_members
 
+__breakable__ = True
+
 TUPLE = Table("Tuple")
 PAIR = Table("Pair")
 TRIPLET = Table("Triplet")
@@ -75,7 +77,7 @@ PROTOS = {"Pair": ("Tuple",), "Triplet": ("Tuple",)}
 
 def pair(world: World, first: Any, second: Any) -> Obj:
     """A Pair."""
-    return Pair(world, [world.global_.slots["Pair"]], [first, second])
+    return Pair(world, [world.classes["Pair"]], [first, second])
 
 
 # ---------------------------------------------------------------- Tuple

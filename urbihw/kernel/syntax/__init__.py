@@ -11,5 +11,6 @@ Reading order:
 - ``parser`` is the machine that runs the grammar, and how it goes on after an error; ``statements`` and
   ``expressions`` make the nodes, one method per rule; ``tables`` has lark compute the machine's tables once.
 - ``check``: what is a syntax error although the grammar accepts it.
+- ``pace``: how long work, here and in the compiler, gives way to others.
 - ``printer``: nodes to urbiscript, as the server shows functions and failed assertions.
 """

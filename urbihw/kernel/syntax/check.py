@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.ast import Node
 from urbihw.kernel.syntax.expressions import Problem
+from urbihw.kernel.syntax.pace import Pace
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,18 +38,22 @@ _Step = tuple[Node, _Around]
 _TOP = _Around()
 
 
-def check(statement: Node) -> list[Problem]:
-    """The errors of a whole statement, in the order of the text."""
+def check(statement: Node, pace: Pace) -> list[Problem]:
+    """The errors of a whole statement, in the order of the text; each node is two steps."""
     problems: list[Problem] = []
     todo: list[_Step] = [(statement, _TOP)]
     while todo:
+        pace.step()
         node, around = todo.pop()
         message = _complaint(node, around)
         if message is not None:
             problems.append(Problem(message, node.span))
         if isinstance(node, ast.Try):
             problems.extend(_unreachable(node))
-        steps = list(_steps(node, around))
+        steps = []
+        for step in _steps(node, around):
+            pace.step()
+            steps.append(step)
         steps.reverse()
         todo += steps
     return problems

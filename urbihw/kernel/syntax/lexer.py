@@ -113,6 +113,11 @@ class Lexer(Source):
             if self._at == at:
                 return None
 
+    def forget(self) -> None:
+        """Let go of the text of the present statement so far, and of what is read of a string or binary."""
+        super().forget()
+        self._parts.clear()
+
     def _may_grow(self, kind: str | None, at: int, end: int) -> bool:
         """Whether the token at the end of the buffer may become longer."""
         rest = self._buffer[at:]

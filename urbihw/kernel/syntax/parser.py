@@ -19,6 +19,7 @@ from typing import Any
 
 from urbihw.kernel.syntax.check import CHECKED, check
 from urbihw.kernel.syntax.location import Span
+from urbihw.kernel.syntax.pace import Pace
 from urbihw.kernel.syntax.statements import Command, Statements
 from urbihw.kernel.syntax.tables import Tables, load_tables
 from urbihw.kernel.syntax.tokens import Token, shown
@@ -29,6 +30,7 @@ _ACCEPT = "$END"
 # The tail ", expecting A or B" names at most this many kinds, in this order; a set with others is not shown.
 _MOST_EXPECTED = 4
 _EXPECTED = ["END", "=", "[", "(", ")", "]", ",", ";", ":", "case", "catch", "default", "finally", "}", "var", "NAME"]
+_OPENERS = frozenset(["{", "(", "["])
 _CLOSERS = frozenset(["}", ")", "]"])
 
 # How many tokens must be accepted after an error before another one is reported: the rule of yacc.
@@ -67,13 +69,28 @@ class Parser(Statements):
         """Whether no token of the present statement has come yet."""
         return len(self._states) == 1
 
-    def take(self) -> Command:
+    @property
+    def depth(self) -> int:
+        """How many symbols the present statement has begun and not ended; an open bracket is at least one."""
+        return len(self._states)
+
+    def open_brackets(self) -> int:
+        """How many brackets of the present statement are open."""
+        kinds = [value.kind for value in self._values if type(value) is Token]
+        return sum(kind in _OPENERS for kind in kinds) - sum(kind in _CLOSERS for kind in kinds)
+
+    def give_up(self) -> None:
+        """Forget the present statement."""
+        self._begin()
+        self.problems.clear()
+
+    def take(self, pace: Pace) -> Command:
         """The statement that is complete; what is wrong with its sense is added to the problems."""
         command, doubtful = self._values[-1], self._doubtful
         assert isinstance(command, Command)
         self._begin()
         if doubtful and command.node is not None and all(problem.warning for problem in self.problems):
-            self.problems.extend(check(command.node))
+            self.problems.extend(check(command.node, pace))
         return command
 
     def push(self, token: Token) -> bool:

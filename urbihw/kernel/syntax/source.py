@@ -141,6 +141,17 @@ class Source:
         return text
 
     @property
+    def inside(self) -> bool:
+        """Whether a statement has begun and not ended."""
+        return self._inside
+
+    def forget(self) -> None:
+        """Let go of the text of the present statement so far; it is not wanted."""
+        self._text.clear()
+        self._text_at = self._at
+        del self._waiting[1:]
+
+    @property
     def rest(self) -> tuple[str, int]:
         """The buffer and where the next character is in it, for who knows the statement that begins there."""
         return self._buffer, self._at

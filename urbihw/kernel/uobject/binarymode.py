@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 import logging
-from collections import deque
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.event import Event
+from urbihw.kernel.sched.signals import Interrupted, StopTag
 from urbihw.kernel.sched.waiting import WaitQueue
-from urbihw.kernel.uobject.frames import LIMIT, BadFrame, Decoder, Emit, Frame, Program, Result, SlotName, Update
+from urbihw.kernel.uobject.frames import (
+    AT_A_TIME,
+    LIMIT,
+    BadFrame,
+    Decoder,
+    Emit,
+    Frame,
+    Program,
+    Result,
+    SlotName,
+    Update,
+)
 from urbihw.kernel.uobject.uvalue import to_urbi
 from urbihw.kernel.uobject.uvar import UVar
 
@@ -24,49 +35,54 @@ MOST_WAITING = 2 * LIMIT
 
 
 class _Intake:
-    """The frames that came and were not handled yet."""
+    """The bytes that came and were not handled yet; they are read in the job that handles them, and no earlier."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
+        self._scheduler = connection.world.scheduler
         self._decoder = Decoder()
-        self._waiting = WaitQueue(connection.world.scheduler)
-        self._frames: deque[Frame] = deque()
-        self._bytes = 0
+        self._more = WaitQueue(self._scheduler)
+        self._skipped = False
 
     def feed(self, data: bytes) -> None:
         """Bytes of the client."""
-        self._bytes += len(data)
-        try:
-            self._frames.extend(self._decoder.feed(data))
-        except BadFrame as error:
-            self._give_up(f"not understood: {error}")
-            return
-        if self._decoder.skipped:
-            log.warning("remote %s: unknown code %s skipped", self._name(), self._decoder.skipped[-1])
-            self._decoder.skipped.clear()
-        if self._bytes > MOST_WAITING and len(self._frames) > 1:
-            self._give_up(f"{self._bytes} bytes wait for a statement of it to end")
-        self._waiting.wake_one()
-
-    def _name(self) -> str:
-        return str(self._connection.lobby.tag.tag.name)
+        self._decoder.add(data)
+        if self._decoder.waiting > MOST_WAITING:
+            self._give_up(f"{self._decoder.waiting} bytes wait for a statement of it to end")
+        self._more.wake_one()
 
     def _give_up(self, reason: str) -> None:
-        log.warning("remote %s closed: %s", self._name(), reason)
+        log.warning("remote %s closed: %s", self._connection.name, reason)
         lobby = self._connection.lobby
         lobby.output.line(f"!!! binaryMode: {reason}", "error")
         lobby.quit()
 
     def get(self) -> Frame:
-        """The next frame, when it has come."""
-        while not self._frames:
-            self._bytes = 0
-            self._waiting.wait()
-        return self._frames.popleft()
+        """The next frame, when it has come; the connection ends with bytes that are none."""
+        while True:
+            try:
+                frame = self._decoder.next()
+            except BadFrame as error:
+                self._give_up(f"not understood: {error}")
+                frame = None
+            if self._decoder.skipped and not self._skipped:
+                self._skipped = True
+                log.warning("remote %s: unknown code %s skipped", self._connection.name, self._decoder.skipped[0])
+            self._decoder.skipped.clear()
+            if frame is not None:
+                return frame
+            if not self._decoder.paused:
+                self._more.wait()
+            elif self._scheduler.ready:
+                self._scheduler.yield_()
 
 
 def binary_mode(world: World, connection: Connection, on: bool, tag: str) -> None:
-    """``binaryMode(on, tag)``: from now on the running job, the lobby's own, handles frames and nothing else."""
+    """``binaryMode(on, tag)``: from now on the running job, the lobby's own, handles frames and nothing else.
+
+    Whoever stops a tag of it, or interrupts it, ends what the frame at hand does, and no more: there is nobody else to
+    handle the next one.
+    """
     lobby = connection.lobby
     lobby.output.line("true" if on else "false", tag)
     if not on:
@@ -78,13 +94,19 @@ def binary_mode(world: World, connection: Connection, on: bool, tag: str) -> Non
     connection.binary = True
     intake = _Intake(connection)
     lobby.intake = intake.feed
+    scheduler = world.scheduler
     while True:
-        frame = intake.get()
-        world.scheduler.running().renew()
         try:
+            frame = intake.get()
+            scheduler.running().renew()
             _handle(world, connection, frame)
         except Exception as error:
             lobby.report(error)
+        except (StopTag, Interrupted):
+            if not lobby.connected:
+                raise
+        if scheduler.ready:
+            scheduler.yield_()
 
 
 def _handle(world: World, connection: Connection, frame: Frame) -> None:
@@ -99,16 +121,31 @@ def _handle(world: World, connection: Connection, frame: Frame) -> None:
 
 
 def value_of(world: World, connection: Connection, value: Any) -> Any:
-    """The urbiscript value for one of a frame; raises ``lookup failed`` for an object that is not there."""
-    if isinstance(value, SlotName):
-        return connection.registry.object(value.name)
-    if isinstance(value, list):
-        return world.new_list([world.nil if one is None else value_of(world, connection, one) for one in value])
-    if isinstance(value, dict):
-        return world.dictionary(
-            {key: world.nil if one is None else value_of(world, connection, one) for key, one in value.items()}
-        )
-    return to_urbi(world, value)
+    """The urbiscript value for one of a frame; raises ``lookup failed`` for an object that is not there.
+
+    Of a large value the running job makes a part at a time, and others have their turns.
+    """
+    scheduler, made = world.scheduler, 0
+
+    def one(value: Any) -> Any:
+        nonlocal made
+        made += 1
+        if made % AT_A_TIME == 0 and scheduler.ready:
+            scheduler.yield_()
+        if value.__class__ is float:
+            return value
+        if isinstance(value, SlotName):
+            return connection.registry.object(value.name)
+        if isinstance(value, list):
+            return world.new_list([member(each) for each in value])
+        if isinstance(value, dict):
+            return world.dictionary({key: member(each) for key, each in value.items()})
+        return to_urbi(world, value)
+
+    def member(value: Any) -> Any:
+        return world.nil if value is None else one(value)
+
+    return one(value)
 
 
 def _var(world: World, connection: Connection, name: str) -> UVar:
@@ -119,7 +156,9 @@ def _var(world: World, connection: Connection, name: str) -> UVar:
     if slot not in holder.slots:
         raise errors.lookup_failed(slot)
     found = holder.slots[slot]
-    return found if isinstance(found, UVar) else UVar(world, holder, slot, value=found)
+    if not isinstance(found, UVar):
+        raise errors.primitive(f"{name} is no variable of a device", "binaryMode")
+    return found
 
 
 def _event(connection: Connection, name: str) -> Event:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import logging
 import re
+import secrets
 from collections.abc import Callable
 from typing import Any
 
@@ -36,13 +37,13 @@ HELLO, BINARY = "urbihw_hello", "urbihw_binary"
 class Bridge(DeviceMirror):
     """Between the devices of ``host`` and a server.
 
-    ``token`` tells this process apart from others; ``write`` takes parts of bytes.  ``taken`` are the classes that the
-    server has from somebody else.
+    ``token`` tells this process apart from others, in names; ``write`` takes parts of bytes.  ``taken`` are the classes
+    that the server has from somebody else.
     """
 
     def __init__(self, host: Host, token: str, write: Callable[[list[bytes | memoryview]], None]) -> None:
         super().__init__(host, write)
-        self._token = token
+        self._secret = secrets.token_hex(16)
         self._failed: dict[str, str] = {}
         self._emissions: dict[str, list[Emission]] = {}
         self.taken: list[str] = []
@@ -59,7 +60,7 @@ class Bridge(DeviceMirror):
         self._reader = Reader()
         self._reader.valued |= {HELLO, BINARY}
         self._out.reset()
-        for word, argument in (("rejoin", quoted(self._token)), ("exactNumbers", "true")):
+        for word, argument in (("rejoin", quoted(self._secret)), ("exactNumbers", "true")):
             self._out.say(f"if (isdef(UObject.{word})) UObject.{word}({argument})")
         asked = ["isdef(binaryMode)", "isdef(UVar.own)", *(f"isdef(uobjects.{name})" for name in self._faces)]
         self._out.say(f'Channel.new("{HELLO}") << [{", ".join(asked)}]')

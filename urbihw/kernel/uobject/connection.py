@@ -1,4 +1,9 @@
-"""One remote, as the server sees it: its objects, the calls it owes answers to, the variables it wants to hear of."""
+"""One remote, as the server sees it: its objects, the calls it owes answers to, the variables it wants to hear of.
+
+What a remote declares is its own: no other connection may change the functions of its objects, or own or report their
+variables (``claim``).  Names stay with the connection as long as it lasts, even of objects that were destroyed.  What
+waits for a remote is bounded, as it may never answer.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +14,6 @@ from urbihw.kernel.runtime.binary import BinaryObject
 from urbihw.kernel.runtime.code import Executable
 from urbihw.kernel.runtime.event import Emission, Event
 from urbihw.kernel.runtime.object import Obj
-from urbihw.kernel.runtime.values import String
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.uobject.external_text import message
 from urbihw.kernel.uobject.frames import SlotName, Update
@@ -23,6 +27,11 @@ if TYPE_CHECKING:
     from urbihw.kernel.uobject.registry import Registry
 
 DISCONNECTED = "Remote disconnected"
+
+MOST_DECLARED = 10_000
+"""How many objects one remote may have; how many variables, and how many events, it may watch."""
+MOST_CALLS = 1_000
+"""How many calls, and how many instances that are to be made, may wait for one remote."""
 
 
 class _Watch:
@@ -49,10 +58,38 @@ class Connection:
         self.binary = False
         self._tickets = registry.tickets
         self._pending: dict[str, _Call] = {}
-        self._newborn: dict[str, Job] = {}
+        self._newborn: dict[str, Job | None] = {}
+        self._ended: dict[str, None] = {}
         self._watches: dict[UVar, _Watch] = {}
         self._ears: dict[str, tuple[Event, _Ear]] = {}
         self._rtp: RtpLink | None = None
+
+    # ---------------------------------------------------------------- belonging
+
+    @property
+    def name(self) -> str:
+        """How errors and the log call it: its lobby, and the address of the client."""
+        peer = self.lobby.peer
+        return str(self.lobby.tag.tag.name) + (f" ({peer})" if peer else "")
+
+    def has_name(self, name: str) -> bool:
+        """Whether a name belongs to this remote: of an object that it has, is asked to make, or had."""
+        return name in self.objects or name in self._newborn or name in self._ended
+
+    def take(self, name: str, face: Obj) -> None:
+        """An object is this remote's from now on; raises an urbiscript error for one too many."""
+        if len(self.objects) >= MOST_DECLARED:
+            raise errors.primitive(f"this connection has {MOST_DECLARED} objects already")
+        self.objects[name] = face
+        self.registry.owners[face] = self
+        self._ended.pop(name, None)
+
+    def claim(self, target: Obj, name: str) -> None:
+        """Raise the error that says whose ``target`` is, unless it is this remote's; ``name`` is what is wanted."""
+        owner = self.registry.owners.get(target)
+        if owner is not self:
+            whose = "this server" if owner is None else owner.name
+            raise errors.primitive(f"{name} belongs to {whose}, not to this connection")
 
     # ---------------------------------------------------------------- saying
 
@@ -61,13 +98,11 @@ class Connection:
         if self.open:
             now, members = self.world.scheduler.now, [float(code), *values]
             direct = code == Code.CALL and not self.exact
-            for part in message(self.world, now, CHANNEL, self.exact, members, direct):
-                self.lobby.output.write(part)
+            self.lobby.output.write(message(self.world, now, CHANNEL, self.exact, members, direct))
 
     def say(self, channel: str, value: Any) -> None:
         """A value on a channel, as remotes read it."""
-        for part in message(self.world, self.world.scheduler.now, channel, self.exact, value):
-            self.lobby.output.write(part)
+        self.lobby.output.write(message(self.world, self.world.scheduler.now, channel, self.exact, value))
 
     # ---------------------------------------------------------------- calls
 
@@ -75,6 +110,8 @@ class Connection:
         """Call a function of the remote while the running job waits; its value, or raises what it raised."""
         if not self.open:
             raise errors.primitive(DISCONNECTED)
+        if len(self._pending) >= MOST_CALLS:
+            raise errors.primitive(f"{MOST_CALLS} calls wait for an answer of {self.name} already")
         world = self.world
         ticket = f"_{next(self._tickets)}"
         pending = self._pending[ticket] = _Call(world.scheduler.running())
@@ -106,6 +143,8 @@ class Connection:
         """A new instance of a class of the remote, once the remote has announced its ``init``."""
         if not self.open:
             raise errors.primitive(DISCONNECTED)
+        if len(self._newborn) >= MOST_CALLS:
+            raise errors.primitive(f"{MOST_CALLS} instances wait to be made by {self.name} already")
         world = self.world
         name = self.registry.fresh_name()
         self._newborn[name] = world.scheduler.running()
@@ -113,8 +152,10 @@ class Connection:
         try:
             while name in self._newborn:
                 world.scheduler.suspend(None)
-        finally:
-            self._newborn.pop(name, None)
+        except BaseException:
+            if name in self._newborn:
+                self._newborn[name] = None
+            raise
         made = self.objects.get(name)
         if made is None:
             raise errors.primitive(DISCONNECTED)
@@ -122,25 +163,38 @@ class Connection:
         return made
 
     def arrived(self, name: str) -> None:
-        """The remote has announced the ``init`` of an object."""
-        job = self._newborn.pop(name, None)
+        """The remote has announced the ``init`` of an object; one for which nobody waits any more is ended."""
+        if name not in self._newborn:
+            return
+        job = self._newborn.pop(name)
         if job is not None:
             self.world.scheduler.wake(job)
+        elif name in self.objects:
+            self.destroy(name)
 
     def destroy(self, name: str) -> None:
         """An object is to end: the remote is told, and nobody finds it any more."""
         face = self.objects.pop(name)
+        self.registry.owners.pop(face, None)
+        self._ended[name] = None
+        if len(self._ended) > MOST_DECLARED:
+            del self._ended[next(iter(self._ended))]
         self.send(Code.DELETE, self.world.string(name))
         self.registry.remove(name, face)
         for var in [value for value in face.slots.values() if isinstance(value, UVar)]:
             self.unwatch(var, None)
+        for heard in [one for one in self._ears if one.startswith(f"{name}.")]:
+            event, ear = self._ears.pop(heard)
+            event.subscriptions.pop(ear, None)
 
     # ---------------------------------------------------------------- variables and events
 
     def watch(self, var: UVar, name: str, owner: bool = False) -> None:
-        """The remote wants to hear of a variable, once more."""
+        """The remote wants to hear of a variable, once more; raises an urbiscript error for one too many."""
         watch = self._watches.get(var)
         if watch is None:
+            if len(self._watches) >= MOST_DECLARED:
+                raise errors.primitive(f"this connection watches {MOST_DECLARED} variables already")
             watch = self._watches[var] = _Watch(name)
         if var.subscribers is None:
             var.subscribers = {}
@@ -172,12 +226,11 @@ class Connection:
             self.send(Code.CHANGED, self.world.string(watch.name), value, var.stamp)
 
     def update(self, var: UVar, value: Any, stamp: float) -> None:
-        """The remote reports a value, which does not come back, or writes the variable of a device of the server."""
-        mine = var.holder in self.objects.values()
-        if var.effector is not None and not mine:
+        """The remote reports a value, which does not come back; or writes another's variable, as anybody may."""
+        if self.registry.owners.get(var.holder) is self:
+            var.receive(value, self._seconds(stamp), self)
+        else:
             var.write(var.holder, value)
-            return
-        var.receive(value, self._seconds(stamp), self if mine else None)
 
     def _seconds(self, stamp: float) -> float:
         """Microseconds since the server's ``timeReference``, or since it began, whichever is nearer to now."""
@@ -185,19 +238,21 @@ class Connection:
         other = seconds - self.registry.midnight
         return seconds if abs(seconds - now) <= abs(other - now) else other
 
-    def open_rtp(self, secret: bytes, port: int, open_port: OpenPort) -> int:
-        """Values may travel by RTP from now on; the port of this side.  Raises ``primitive`` if that cannot be."""
-        peer = self.lobby.slots.get("remoteIP")
-        if not isinstance(peer, String):
+    def open_rtp(self, secret: bytes, port: int, source: int, open_port: OpenPort) -> RtpLink:
+        """Values may travel by RTP from now on; this end of it.  Raises ``primitive`` if that cannot be.
+
+        ``port`` and ``source`` are those of the remote; its address is that of the connection.
+        """
+        if not self.lobby.peer:
             raise errors.primitive("this connection has no address")
         if self._rtp is not None:
             self._rtp.close()
         try:
-            self._rtp = RtpLink(peer.s, secret, self.world.scheduler.post, self._heard, open_port)
+            self._rtp = RtpLink(self.lobby.peer, secret, self.world.scheduler.post, self._heard, open_port)
         except OSError as error:
             raise errors.primitive(f"no port for RTP: {error.strerror}") from error
-        self._rtp.to(port)
-        return self._rtp.port
+        self._rtp.to(port, source)
+        return self._rtp
 
     def _by_rtp(self, name: str, var: UVar, value: Any) -> bool:
         wanted = isinstance(value, BinaryObject) if var.rtp is None else var.rtp
@@ -216,8 +271,13 @@ class Connection:
             self.world.soon(lambda: self.update(found, to_urbi(self.world, update.value), update.stamp))
 
     def listen(self, event: Event, name: str, arity: int) -> None:
-        """The remote wants to hear of emissions with so many arguments; asked twice is once."""
+        """The remote wants to hear of emissions with so many arguments; asked twice is once.
+
+        Raises an urbiscript error for one event too many.
+        """
         if name not in self._ears:
+            if len(self._ears) >= MOST_DECLARED:
+                raise errors.primitive(f"this connection hears of {MOST_DECLARED} events already")
             ear = _Ear(self, name, arity)
             self._ears[name] = (event, ear)
             event.subscriptions[ear] = None
@@ -234,7 +294,8 @@ class Connection:
             self._rtp.close()
         for name, face in self.objects.items():
             self.registry.remove(name, face)
-            self.registry.left[name] = face
+            self.registry.owners.pop(face, None)
+            self.registry.left[self.token, name] = face
         for event, ear in self._ears.values():
             event.subscriptions.pop(ear, None)
         for var in list(self._watches):
@@ -245,7 +306,8 @@ class Connection:
                 self.world.scheduler.wake(call.job)
         waiting, self._newborn = list(self._newborn.values()), {}
         for job in waiting:
-            self.world.scheduler.wake(job)
+            if job is not None:
+                self.world.scheduler.wake(job)
         self.objects.clear()
         self._ears.clear()
 
@@ -287,25 +349,25 @@ class _Ear:
 
 
 class RemoteFunction(Executable):
-    """A function of a remote, as it stands in a slot."""
+    """A function of a remote, as it stands in a slot; takes from ``least`` to ``most`` arguments (-1: any number)."""
 
-    __slots__ = ("_connection", "_path", "least", "most")
+    __slots__ = ("_path", "connection", "least", "most")
 
     def __init__(self, world: World, connection: Connection, path: str, arity: int) -> None:
         super().__init__(world, [world.primitive_proto])
-        self._connection = connection
+        self.connection = connection
         self._path = path
         self.least = self.most = arity
 
-    def replaceable(self, by: Connection) -> bool:
-        """Whether a connection may put another function in the place of this one: its own, or that of one who left."""
-        return not self._connection.open
+    def replaceable(self) -> bool:
+        """Whether another function may be put in the place of this one: its connection is gone."""
+        return not self.connection.open
 
     def call(self, this: Any, args: tuple[Any, ...]) -> Any:
         """Call it; the number of arguments is checked here, as a remote may die of a wrong one."""
         if len(args) < self.least or (0 <= self.most < len(args)):
             raise errors.arity(len(args), self.least, self.most)
-        return self._connection.call(self._path, args)
+        return self.connection.call(self._path, args)
 
 
 class RemoteClone(Executable):

@@ -1,4 +1,4 @@
-"""What a server prints for a remote: lines of values, in parts so that binaries are not copied."""
+"""What a server prints for a remote: lines of values."""
 
 from __future__ import annotations
 
@@ -15,9 +15,7 @@ if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
 
-def message(
-    world: World, now: float, channel: str, exact: bool, value: Any, direct: bool = False
-) -> list[bytes]:
+def message(world: World, now: float, channel: str, exact: bool, value: Any, direct: bool = False) -> bytes:
     """The line ``[stamp:channel] value``.
 
     A Python list is a list of its members; of those, if ``direct``, devices and variables are sent as strings with
@@ -38,9 +36,7 @@ def message(
     else:
         _put(world, parts, value, exact)
     parts.append(b"\n")
-    if len(parts) > 1 and all(len(part) < 4096 for part in parts):
-        return [b"".join(parts)]
-    return parts
+    return b"".join(parts)
 
 
 def _name(world: World, value: Any) -> str | None:

@@ -17,7 +17,7 @@ code    fields                                                       meaning
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,8 +31,10 @@ LIMIT = 64 << 20
 """The most bytes that a frame may have; an image of 4000 by 4000 pixels has 48 million."""
 DEEPEST = 64
 """How deep lists may nest."""
-MOST = 1 << 20
-"""The most members of a list."""
+MOST = 1 << 17
+"""The most values of a frame in all its lists; what has more, such as a cloud of points, is a Binary."""
+AT_A_TIME = 1024
+"""How many values are read, or made, in one go: a millisecond or two."""
 
 _U16, _U32, _DOUBLE = struct.Struct(">H"), struct.Struct(">I"), struct.Struct("<d")
 
@@ -87,149 +89,178 @@ class Program:
 Frame = Update | Emit | Result | Program
 
 
-class _Short(Exception):
-    """The frame goes on behind the bytes at hand; ``wanted`` is how many there have to be at least."""
-
-    def __init__(self, wanted: int) -> None:
-        self.wanted = wanted
-
-
 # ---------------------------------------------------------------- reading
 
 
 class Decoder:
     """Bytes, cut anywhere, to frames; values are Python values, UBinary and SlotName.
 
-    ``skipped`` is called with each code byte that is unknown and was left out, as the original does.
+    What was read of a frame is not read again when more of it comes, and ``next`` reads a limited number of values at a
+    time, so that no sender can keep the reader busy.
+
+    Attributes:
+        skipped: each code byte that is unknown and was left out, as the original does.
+        paused: whether ``next`` has stopped for a pause, and not because more bytes are needed.
     """
 
-    def __init__(self, limit: int = LIMIT) -> None:
+    def __init__(self, limit: int = LIMIT, most: int = MOST) -> None:
+        """``limit`` is the most bytes of a frame, ``most`` the most values in its lists."""
         self._buffer = bytearray()
-        self._wanted = 1
-        self._begun = False
+        self._at = 0
         self._limit = limit
+        self._most = most
+        self._values = 0
+        self._read = 0
+        self._frames = self._run()
         self.skipped: list[int] = []
+        self.paused = False
+
+    @property
+    def waiting(self) -> int:
+        """How many bytes wait to be read, or are of a frame that is not complete."""
+        return len(self._buffer)
 
     def feed(self, data: bytes) -> Iterator[Frame]:
         """The frames that these bytes complete; raises BadFrame."""
+        self.add(data)
+        while True:
+            frame = self.next()
+            if frame is not None:
+                yield frame
+            elif not self.paused:
+                return
+
+    def add(self, data: bytes) -> None:
+        """More bytes, to be read by ``next``."""
         self._buffer += data
-        while len(self._buffer) >= self._wanted:
-            if not self._begun:
-                if not self._begin():
-                    return
-                continue
+
+    def next(self) -> Frame | None:
+        """The next frame, None if there is none yet (see ``paused``); raises BadFrame."""
+        self.paused, self._read = False, 0
+        return next(self._frames, None)
+
+    def _run(self) -> Iterator[Frame | None]:
+        """The frames one after the other; None when more bytes are needed, or it is time for a pause."""
+        yield from self._begin()
+        while True:
+            yield from self._need(1)
             code = self._buffer[0]
-            if code not in (UPDATE, EMIT, RESULT, PROGRAM):
+            if code in (UPDATE, EMIT, RESULT, PROGRAM):
+                self._at, self._values = 1, 0
+                frame = yield from self._frame(code)
+                del self._buffer[: self._at]
+                self._at = 0
+                yield frame
+            else:
                 self.skipped.append(code)
                 del self._buffer[0]
-                self._wanted = 1
-                continue
-            reader = _Reader(self._buffer, self._limit)
-            try:
-                frame = reader.frame()
-            except _Short as short:
-                self._wanted = short.wanted
-                if self._wanted > self._limit:
-                    raise BadFrame(f"a frame of more than {self._limit} bytes") from None
-                reader.close()
-                continue
-            reader.close()
-            del self._buffer[: reader.at]
-            self._wanted = 1
-            yield frame
+                yield from self._pause()
 
-    def _begin(self) -> bool:
-        """Skip what was left of the text, and the sizes; false if they are not there yet."""
-        while self._buffer and self._buffer[0] in b"\r\n \t;":
+    def _begin(self) -> Iterator[None]:
+        """Skip what was left of the text, and the sizes."""
+        yield from self._need(1)
+        while self._buffer[0] in b"\r\n \t;":
             del self._buffer[0]
-        if len(self._buffer) < len(SIZES):
-            self._wanted = len(SIZES)
-            return False
+            yield from self._pause()
+            yield from self._need(1)
+        yield from self._need(len(SIZES))
         if self._buffer[: len(SIZES)] != SIZES:
             sizes = self._buffer[: len(SIZES)].hex(" ")
             raise BadFrame(f"a sender with sizes {sizes} is not understood, only {SIZES.hex(' ')}")
         del self._buffer[: len(SIZES)]
-        self._begun = True
-        self._wanted = 1
-        return True
 
+    def _need(self, size: int) -> Iterator[None]:
+        """Wait until there are so many bytes behind what was read."""
+        if self._at + size > self._limit:
+            raise BadFrame(f"a frame of more than {self._limit} bytes")
+        while len(self._buffer) < self._at + size:
+            yield None
 
-class _Reader:
-    """Reads one frame from the beginning of a buffer."""
+    def _pause(self) -> Iterator[None]:
+        """Stop for a while when much was read at a time."""
+        self._read += 1
+        if self._read >= AT_A_TIME:
+            self.paused = True
+            yield None
 
-    def __init__(self, buffer: bytearray, limit: int) -> None:
-        self._view = memoryview(buffer)
-        self._size = len(buffer)
-        self._limit = limit
-        self.at = 0
-
-    def close(self) -> None:
-        self._view.release()
-
-    def frame(self) -> Frame:
-        code = self._byte()
+    def _frame(self, code: int) -> Generator[None, None, Frame]:
         if code == PROGRAM:
-            return Program(self._string())
-        if code == RESULT:
-            return Result(self._string(), self._value())
-        name = self._string()
+            return Program((yield from self._string()))
+        name = yield from self._string()
         if code == EMIT:
-            return Emit(name, self._values())
-        value = self._value()
-        low, high = self._u32(), self._u32()
+            return Emit(name, (yield from self._list(0)))
+        value = yield from self._value(0)
+        if code == RESULT:
+            return Result(name, value)
+        low = yield from self._u32()
+        high = yield from self._u32()
         return Update(name, value, high << 32 | low)
 
-    def _take(self, size: int) -> int:
-        """Move on; where the bytes begin."""
-        at, end = self.at, self.at + size
-        if end > self._size:
-            raise _Short(end)
-        self.at = end
-        return at
+    def _u32(self) -> Generator[None, None, int]:
+        yield from self._need(4)
+        self._at += 4
+        return int(_U32.unpack_from(self._buffer, self._at - 4)[0])
 
-    def _byte(self) -> int:
-        return self._view[self._take(1)]
+    def _bytes(self, size: int) -> Generator[None, None, bytes]:
+        yield from self._need(size)
+        self._at += size
+        with memoryview(self._buffer) as view:
+            return bytes(view[self._at - size : self._at])
 
-    def _u32(self) -> int:
-        at = self._take(4)
-        return int(_U32.unpack_from(self._view, at)[0])
+    def _string(self) -> Generator[None, None, str]:
+        yield from self._need(2)
+        self._at += 2
+        size = int(_U16.unpack_from(self._buffer, self._at - 2)[0])
+        return (yield from self._bytes(size)).decode("latin-1")
 
-    def _bytes(self, size: int) -> bytes:
-        at = self._take(size)
-        return bytes(self._view[at : at + size])
+    def _count(self, deep: int, what: str) -> Generator[None, None, int]:
+        """How many members a list or a dictionary has."""
+        count = yield from self._u32()
+        self._values += count
+        if self._values > self._most or deep > DEEPEST:
+            raise BadFrame(f"a {what} of {count} members, {deep} deep, {self._values} values in all")
+        return count
 
-    def _string(self) -> str:
-        at = self._take(2)
-        return self._bytes(_U16.unpack_from(self._view, at)[0]).decode("latin-1")
+    def _list(self, deep: int) -> Generator[None, None, list[Any]]:
+        count = yield from self._count(deep, "list")
+        found: list[Any] = []
+        buffer = self._buffer
+        while len(found) < count:
+            at = self._at
+            if len(buffer) >= at + 9 and buffer[at] == NUMBER:  # the most frequent, without a generator of its own
+                self._at += 9
+                found.append(_DOUBLE.unpack_from(buffer, at + 1)[0])
+            else:
+                found.append((yield from self._value(deep + 1)))
+            yield from self._pause()
+        return found
 
-    def _values(self, deep: int = 0) -> list[Any]:
-        count = self._u32()
-        if count > MOST or deep > DEEPEST:
-            raise BadFrame(f"a list of {count} members, {deep} deep")
-        return [self._value(deep + 1) for _ in range(count)]
-
-    def _value(self, deep: int = 0) -> Any:
-        kind = self._byte()
+    def _value(self, deep: int) -> Generator[None, None, Any]:
+        yield from self._need(1)
+        kind = self._buffer[self._at]
+        self._at += 1
         if kind == NUMBER:
-            at = self._take(8)
-            return _DOUBLE.unpack_from(self._view, at)[0]
+            yield from self._need(8)
+            self._at += 8
+            return _DOUBLE.unpack_from(self._buffer, self._at - 8)[0]
         if kind == STRING:
-            return self._string()
+            return (yield from self._string())
         if kind == BINARY:
-            keywords = self._string()
-            size = self._u32()
-            if size > self._limit:
-                raise BadFrame(f"a binary of {size} bytes")
-            return make_binary(self._bytes(size), keywords.partition("\n")[0].replace(";", " "))
+            keywords = yield from self._string()
+            size = yield from self._u32()
+            return make_binary((yield from self._bytes(size)), keywords.partition("\n")[0].replace(";", " "))
         if kind == LIST:
-            return self._values(deep)
+            return (yield from self._list(deep))
         if kind == DICTIONARY:
-            count = self._u32()
-            if count > MOST or deep > DEEPEST:
-                raise BadFrame(f"a dictionary of {count} members, {deep} deep")
-            return {self._string(): self._value(deep + 1) for _ in range(count)}
+            count = yield from self._count(deep, "dictionary")
+            members: dict[str, Any] = {}
+            for _ in range(count):
+                key = yield from self._string()
+                members[key] = yield from self._value(deep + 1)
+                yield from self._pause()
+            return members
         if kind == SLOT:
-            return SlotName(self._string())
+            return SlotName((yield from self._string()))
         if kind == VOID:
             return None
         raise BadFrame(f"a value of unknown type {kind}")
@@ -256,6 +287,15 @@ def encode(frame: Frame) -> list[bytes | memoryview]:
     else:
         parts.append(b"\x0b" + _string(frame.text))
     return parts
+
+
+def members_of(value: Any) -> int:
+    """How many values there are in the lists and dictionaries of a value."""
+    if isinstance(value, list | tuple):
+        return len(value) + sum(map(members_of, value))
+    if isinstance(value, dict):
+        return len(value) + sum(map(members_of, value.values()))
+    return 0
 
 
 def _string(text: str) -> bytes:

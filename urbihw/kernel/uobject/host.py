@@ -118,7 +118,7 @@ class Host:
         self._classes[kind] = face
         if issubclass(kind, UObjectHub):
             hub = kind(self, face)
-            face.python = hub
+            face.python, face.lasting = hub, True
             self._hubs[kind] = hub
             self.observer.registered(face)
             hub.init()
@@ -141,8 +141,12 @@ class Host:
         return [self.register(kind) for kind in classes_of(import_module(name))]
 
     def create(self, kind: type[U], name: str | None = None, *args: Any) -> U:
-        """A new instance, as ``Class.new(args)`` would make it; ``name`` makes it a slot of Global."""
+        """A new instance, as ``Class.new(args)`` would make it, but for this: no program may destroy it.
+
+        ``name`` makes it a slot of Global.
+        """
         face = self.register(kind).clone()
+        face.lasting = True
         made = face.python
         assert isinstance(made, kind)
         made.init(*args)
@@ -204,15 +208,16 @@ class Host:
     # ---------------------------------------------------------------- running
 
     def run(self, text: str, file: str, done: Callable[[str], None] = lambda problem: None) -> None:
-        """Run urbiscript in Global, in a job of its own, as if loaded from ``file``.
+        """Run urbiscript of the robot itself in Global, in a job of its own, as if loaded from ``file``.
 
+        What it changes in the library is what the library should be from then on (``record.adopt``).
         ``done(problem)`` is called at the end, with "" or one line that says what went wrong and where
         (``file:line.column: message``).
         """
 
         def body() -> None:
             try:
-                self._programs.evaluate(text, self.world.global_, file)
+                self.world.record.adopt(lambda: self._programs.evaluate(text, self.world.global_, file))
             except Exception as error:
                 done(self.world.describe(error)[0])
             else:

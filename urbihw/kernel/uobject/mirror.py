@@ -19,7 +19,7 @@ from urbihw.kernel.uobject.outbox import Outbox
 from urbihw.kernel.uobject.remote import Reader, literal, quoted
 from urbihw.kernel.uobject.rtp import SECRET_SIZE
 from urbihw.kernel.uobject.rtplink import OpenPort, RtpLink
-from urbihw.kernel.uobject.udp import UdpPort
+from urbihw.kernel.uobject.udp import UdpPort, is_same
 from urbihw.kernel.uobject.uevent import UEvent
 from urbihw.kernel.uobject.uobject import UObject, UObjectFace
 from urbihw.kernel.uobject.uvar import UVar
@@ -53,6 +53,8 @@ class DeviceMirror(Observer):
         self._rtp_link: RtpLink | None = None
         self.peer = "127.0.0.1"
         """The address of the server, for RTP."""
+        self.local = ""
+        """The address of this process as the server sees it, "" if that is not known."""
         self.open_port: OpenPort = UdpPort
         self.ready = False
 
@@ -284,19 +286,23 @@ class DeviceMirror(Observer):
         """Agree on RTP with the server."""
         secret = secrets.token_bytes(SECRET_SIZE)
         try:
-            link = RtpLink(self.peer, secret, self._host.post, self._heard_by_rtp, self.open_port)
+            link = RtpLink(self.peer, secret, self._host.post, self._heard_by_rtp, self.open_port, self.local)
         except OSError as error:
             log.warning("no port for RTP: %s; values stay on the connection", error.strerror)
             return
 
-        def answer(port: Any) -> None:
-            if isinstance(port, float) and self._rtp_link is link:
-                link.to(int(port))
-            else:
-                log.warning("the server does not take RTP; values stay on the connection")
+        def answer(agreed: Any) -> None:
+            match agreed:
+                case [str(address), float(port), float(source)] if self._rtp_link is link:
+                    if is_same(address, link.peer):
+                        link.to(int(port), int(source))
+                        return
+            log.warning("the server does not take RTP; values stay on the connection")
+            if self._rtp_link is link:
+                self._close_rtp()
 
         self._rtp_link = link
-        self._ask(f'UObject.rtpOpen("{secret.hex()}", {link.port})', answer)
+        self._ask(f'UObject.rtpOpen("{secret.hex()}", {link.port}, {link.source})', answer)
 
     def _close_rtp(self) -> None:
         link, self._rtp_link = self._rtp_link, None

@@ -8,7 +8,8 @@ worker.  So nobody keeps a list of what a stop has to end.
 A statement is as old as the moment in which it began (``Job.epoch``).  A statement that began before a stop and tries
 to move the robot after it gets an error that says why; a program that catches it goes on as if begun anew.
 
-A client (a lobby) holds a *lease* on the effectors that it wrote last.  When its connection ends they are stopped.
+A client (a lobby) holds a *lease* on the effectors that it wrote last.  When its connection ends they are stopped,
+and also when it ends its sending side, because then it cannot stop them any more.
 """
 
 from __future__ import annotations
@@ -150,7 +151,8 @@ class Motion:
         if origin is None or origin.epoch != self.epoch or statement is None:
             origin = self.origin()
         if not self._lease_lasts(origin):
-            raise errors.Refused(f"the connection of {origin.client} is closed, so it cannot move {self._name}")
+            gone = f"the connection of {origin.client} is closed on its side"
+            raise errors.Refused(f"{gone}, so it cannot move {self._name}")
         self._moved_by[device] = origin
         self.at_rest = False
         return origin
@@ -187,7 +189,7 @@ class Motion:
         return Origin(self.epoch, ROBOT, "", "", scheduler.clock.now(), None, scheduler.epoch)
 
     def _lease_lasts(self, origin: Origin) -> bool:
-        return self.keep or origin.lease is None or bool(getattr(origin.lease, "connected", True))
+        return self.keep or origin.lease is None or bool(getattr(origin.lease, "in_command", True))
 
     def origin(self) -> Origin:
         """Where something comes from that is written now."""
@@ -198,7 +200,7 @@ class Motion:
         # The statement itself, rather than the function that it has come to.
         place = str((stack.calls[-1].location if stack.calls else stack.location) or "")
         scheduler = self._world.scheduler
-        client, now = _client(self._world, job.context), scheduler.clock.now()
+        client, now = _client(job.context), scheduler.clock.now()
         return Origin(self.epoch, client, _tag(job), place, now, job.context, scheduler.epoch)
 
     # ---------------------------------------------------------------- leases
@@ -211,7 +213,7 @@ class Motion:
             for device in devices:
                 del self._moved_by[device]
             self.stops += 1
-            self._release(devices, f"the connection of {_client(self._world, lease)} is closed, which moved it")
+            self._release(devices, f"the connection of {_client(lease)} is closed, which moved it")
 
 
 class Effector:
@@ -297,13 +299,13 @@ class EffectorDevice(UObject):
             self.why.sense(f"{origin}, {origin.time:.3f} s")
 
 
-def _client(world: World, lease: Any) -> str:
+def _client(lease: Any) -> str:
     """The name of a client."""
     tag = getattr(lease, "tag", None)
     if tag is None:
         return ROBOT
-    address = lease.slots.get("remoteIP")
-    return str(tag.tag.name) + (f" ({world.text(address)})" if address is not None else "")
+    who = ", ".join(text for text in (getattr(lease, "user", ""), getattr(lease, "peer", None)) if text)
+    return str(tag.tag.name) + (f" ({who})" if who else "")
 
 
 def _tag(job: Job) -> str:

@@ -15,7 +15,8 @@ from urbihw.kernel.runtime.world import World
 from urbihw.kernel.uobject import external
 from urbihw.kernel.uobject.errors import DeviceError
 from urbihw.kernel.uobject.registry import Registry, registry_of
-from urbihw.kernel.uobject.uvar import UVar
+from urbihw.kernel.uobject.uobject import UObjectFace
+from urbihw.kernel.uobject.uvar import UVar, check_hookable, hook
 
 UVAR = Table("UVar")
 UOBJECT = Table("UObject")
@@ -31,54 +32,57 @@ HOOK_CHANGED = "URBI_UVAR_HOOK_CHANGED"
 @UVAR.primitive("new")
 def new(world: World, this: Any, holder: Any, name: str) -> Any:
     """Hook a variable: ``UVar.new(object, "slot")`` makes the slot, or keeps the value of the one there is."""
-    obj = world.as_obj(holder)
-    old = obj.slots.get(name)
-    if isinstance(old, UVar):
-        return old
-    return UVar(world, obj, name, value=old)
+    return hook(world, world.as_obj(holder), name)
 
 
 @UVAR.primitive("copy")
 def copy(world: World, this: UVar, holder: Any, name: str) -> Any:
-    """Let another slot share this variable."""
-    this.put(world.as_obj(holder), name)
+    """Let another slot share this variable; one that has another variable, or a function, is left alone."""
+    target = world.as_obj(holder)
+    if isinstance(target.slots.get(name), UVar):
+        raise errors.redefinition(name)
+    check_hookable(target, name)
+    this.put(target, name)
     return this
 
 
 @UVAR.primitive("notifyChange")
 def notify_change(world: World, this: UVar, handle: Any, code: Any = None) -> None:
     """Call a function each time the variable is written to."""
-    this.notify_change(_in_context(world, this, handle if code is None else code, "notifyChange"))
+    this.notify_change(_Handler(world, this, handle if code is None else code, "notifyChange"))
 
 
 @UVAR.primitive("notifyAccess")
 def notify_access(world: World, this: UVar, handle: Any, code: Any = None) -> None:
     """Call a function each time the variable is read."""
-    this.notify_access(_in_context(world, this, handle if code is None else code, "notifyAccess"))
+    this.notify_access(_Handler(world, this, handle if code is None else code, "notifyAccess"))
 
 
-def _in_context(world: World, var: UVar, function: Any, name: str) -> Callable[[], None]:
+class _Handler:
     """A callback that speaks to the connection of who set it, whoever writes the variable."""
-    context = world.scheduler.running().context
 
-    def run() -> None:
-        job = world.scheduler.current
+    def __init__(self, world: World, var: UVar, function: Any, name: str) -> None:
+        self.context = world.scheduler.running().context
+        self._run: Callable[[], Any] = lambda: world.invoke(function, var, (), name)
+        self._scheduler = world.scheduler
+
+    def __call__(self) -> None:
+        job = self._scheduler.current
         if job is None:
-            world.invoke(function, var, (), name)
+            self._run()
             return
-        before, job.context = job.context, context
+        before, job.context = job.context, self.context
         try:
-            world.invoke(function, var, (), name)
+            self._run()
         finally:
             job.context = before
-
-    return run
 
 
 @UVAR.primitive("unnotify")
 def unnotify(world: World, this: UVar) -> None:
-    """Forget all functions that were to be called."""
-    this.unnotify()
+    """Forget the functions that this connection wanted to be called."""
+    context = world.scheduler.running().context
+    this.unnotify_where(lambda handler: isinstance(handler, _Handler) and handler.context is context)
 
 
 @UVAR.primitive("owned")
@@ -142,12 +146,16 @@ def make(world: World) -> Any:
 
 @UOBJECT.primitive("destroy")
 def destroy(world: World, this: Any) -> None:
-    """End a device, in both worlds: it is no slot of ``uobjects`` any more."""
-    python = getattr(this, "python", None)
-    if python is not None:
-        python.destroy()
-    else:
+    """End a device, in both worlds: it is no slot of ``uobjects`` any more.
+
+    Raises an urbiscript error for a class of the server, and for a device that the server has not for a program's sake.
+    """
+    if not isinstance(this, UObjectFace):
         external.destroy(world, this)
+    elif this.python is None or this.lasting:
+        raise errors.primitive(f"{world.text(this.slots['__uobjectName'])} belongs to this server, which needs it")
+    else:
+        this.python.destroy()
 
 
 # ---------------------------------------------------------------- uobjects
@@ -204,10 +212,11 @@ def install(world: World) -> None:
     slots = world.global_.slots
     for name, proto in (("UVar", world.uvar_proto), ("UObject", world.uobject_proto)):
         proto.slots["type"] = world.string(name)
-        slots[name] = proto
+        slots[name] = world.classes[name] = proto
     holder = slots["uobjects"]
     assert isinstance(holder, Obj)
     registry = world.uobjects = Registry(world, holder)
+    world.record.open_ended.append(holder)
     registry.hook_changed = HOOK_CHANGED not in os.environ
     UVAR.install(world, world.uvar_proto)
     UOBJECT.install(world, world.uobject_proto)

@@ -42,8 +42,11 @@ class Registry:
         self.load_module: Callable[[str], Any] = _no_host
         self.connections: dict[Any, Any] = {}
         """Lobby to the remote behind it."""
-        self.left: WeakValueDictionary[str, Obj] = WeakValueDictionary()
-        """Objects whose remote is gone and that somebody still holds: if it comes back, they are what they were."""
+        self.owners: dict[Obj, Any] = {}
+        """Object of a remote to its connection."""
+        self.left: WeakValueDictionary[tuple[str, str], Obj] = WeakValueDictionary()
+        """Token of a remote that is gone and name to an object of it that somebody still holds: if it comes back, they
+        are what they were."""
         self.open_port: Any = UdpPort
         """Makes what carries RTP packets."""
         self.midnight = 0.0
@@ -56,8 +59,15 @@ class Registry:
 
     def fresh_name(self) -> str:
         """A name for one more instance: ``object_`` and a number."""
-        self._count += 1
-        return f"{self.prefix}{self._count}"
+        while True:
+            self._count += 1
+            name = f"{self.prefix}{self._count}"
+            if name not in self.holder.slots:
+                return name
+
+    def connection_with(self, name: str) -> Any:
+        """The connection to which a name of ``uobjects`` belongs, None if to none."""
+        return next((one for one in self.connections.values() if one.has_name(name)), None)
 
     def count_name(self, name: str) -> None:
         """A name was taken by somebody else: do not give it out again."""

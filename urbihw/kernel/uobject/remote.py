@@ -85,20 +85,24 @@ class Reader:
     def __init__(self, limit: int = LIMIT) -> None:
         self._buffer = bytearray()
         self._wanted = 1
+        self._cut = False
         self._limit = limit
         self.valued: set[str] = set()
 
     def feed(self, data: bytes) -> Iterator[Line]:
         """The lines that these bytes complete; raises Garbage when one does not end."""
         self._buffer += data
+        if self._cut and b"\n" not in data and len(self._buffer) <= self._limit:
+            return  # without its end, a line is not worth reading from the beginning again
         while len(self._buffer) >= self._wanted:
             try:
                 line, size = self._line(bytes(self._buffer) if len(self._buffer) < 65536 else self._buffer)
             except _Short as short:
                 if max(short.wanted, len(self._buffer)) > self._limit:
                     raise Garbage(f"the server sends a line of more than {self._limit} bytes") from None
-                self._wanted = short.wanted
+                self._wanted, self._cut = short.wanted, True
                 return
+            self._cut = False
             del self._buffer[:size]
             self._wanted = 1
             if line is not None:

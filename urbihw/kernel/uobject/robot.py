@@ -66,6 +66,13 @@ class Robot(UObject):
         """Stop the effectors and let go of the robot; within a second, and twice is fine."""
         raise NotImplementedError
 
+    def abandon(self) -> None:
+        """From any thread, when the process is about to end without ``close``: see to it that the effectors stop."""
+
+    def stop(self) -> None:
+        """Stop the effectors now; what is begun afterwards moves them again."""
+        raise NotImplementedError
+
     def status(self) -> str:
         """A few words for the service manager, such as ``18 servos, 1 sensor, 98 Hz``."""
         raise NotImplementedError

@@ -7,6 +7,7 @@ import logging
 import socket
 import threading
 from collections.abc import Callable
+from typing import Any
 
 log = logging.getLogger("urbihw.uobject")
 
@@ -14,9 +15,6 @@ BUFFER = 4 << 20
 """Bytes that the system is asked to keep for us."""
 BATCH = 64
 """Packets handed over at a time, at most."""
-
-Packet = tuple[bytes, str]
-"""A packet and the address it came from."""
 
 
 def is_local(host: str) -> bool:
@@ -27,26 +25,51 @@ def is_local(host: str) -> bool:
         return host == "localhost"
 
 
-class UdpPort:
-    """Bound to any free port; ``heard(packets)`` is called from a thread of its own.
+def is_same(one: str, other: str) -> bool:
+    """Whether two numeric addresses are the same, whatever the interface."""
+    return _plain(one) == _plain(other)
 
-    Sending never waits: what the system does not take at once is lost.
+
+class UdpPort:
+    """Talks to one port of one host; ``heard(packets)`` is called from a thread of its own.
+
+    Bound to any free port of ``local``, or of the address from which the system reaches ``peer``, both numeric.
+    Packets that come from elsewhere than from ``peer`` and the port that ``to`` names are counted as ``strangers`` and
+    dropped.  Sending never waits: what the system does not take at once is lost.  Raises OSError.
     """
 
-    def __init__(self, host: str, heard: Callable[[list[Packet]], None]) -> None:
-        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    def __init__(self, peer: str, heard: Callable[[list[bytes]], None], local: str = "") -> None:
+        self._peer = _resolved(peer, 9)
+        self._from: tuple[str, int] | None = None
+        family = socket.AF_INET6 if len(self._peer) > 2 else socket.AF_INET
+        here = _resolved(local, 0) if local else (_way_to(family, self._peer), 0, *self._peer[2:])
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
-        for option in (socket.SO_RCVBUF, socket.SO_SNDBUF):
-            self._socket.setsockopt(socket.SOL_SOCKET, option, BUFFER)
-        self._socket.bind((host if is_local(host) else "::" if family == socket.AF_INET6 else "", 0))
-        self.port = int(self._socket.getsockname()[1])
+        try:
+            for option in (socket.SO_RCVBUF, socket.SO_SNDBUF):
+                self._socket.setsockopt(socket.SOL_SOCKET, option, BUFFER)
+            self._socket.bind(here)
+        except OSError:
+            self._socket.close()
+            raise
+        self._here = self._socket.getsockname()
+        self.address = _plain(self._here[0])
+        self.port = int(self._here[1])
+        self.strangers = 0
         self._heard = heard
         self._closed = False
         self._thread = threading.Thread(target=self._read, name="urbihw-rtp", daemon=True)
         self._thread.start()
 
-    def send(self, packets: list[bytes], address: tuple[str, int]) -> bool:
+    def to(self, port: int) -> None:
+        """The port of the other end is known: packets go there, and are heard from there."""
+        self._peer = (self._peer[0], port, *self._peer[2:])
+        self._from = _plain(self._peer[0]), port
+
+    def send(self, packets: list[bytes]) -> bool:
         """Send packets; false if the rest of them was lost on the way out."""
+        return self._send(packets, self._peer)
+
+    def _send(self, packets: list[bytes], address: Any) -> bool:
         try:
             for packet in packets:
                 self._socket.sendto(packet, socket.MSG_DONTWAIT, address)
@@ -58,27 +81,47 @@ class UdpPort:
     def _read(self) -> None:
         with self._socket:
             while not self._closed:
-                packets: list[Packet] = []
+                packets: list[bytes] = []
                 try:
-                    packets.append(self._receive(0))
-                    while len(packets) < BATCH:
-                        packets.append(self._receive(socket.MSG_DONTWAIT))
+                    self._receive(packets, 0)
+                    for _ in range(BATCH):
+                        self._receive(packets, socket.MSG_DONTWAIT)
                 except BlockingIOError:
                     pass
                 except OSError:
                     return
-                if not self._closed:
+                if packets and not self._closed:
                     self._heard(packets)
 
-    def _receive(self, flags: int) -> Packet:
+    def _receive(self, packets: list[bytes], flags: int) -> None:
         data, address = self._socket.recvfrom(65536, flags)
-        return data, str(address[0])
+        if (_plain(address[0]), address[1]) == self._from:
+            packets.append(data)
+        elif not self._closed:
+            self.strangers += 1
 
     def close(self) -> None:
         """Let go of the socket; the thread ends."""
         if self._closed:
             return
         self._closed = True
-        here = "::1" if self._socket.family == socket.AF_INET6 else "127.0.0.1"
-        if not self.send([b""], (here, self.port)):  # wakes the thread, which closes the socket
+        if not self._send([b""], self._here):  # wakes the thread, which closes the socket
             self._socket.close()
+
+
+def _resolved(host: str, port: int) -> Any:
+    """The address of a socket for a numeric host."""
+    found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM, flags=socket.AI_NUMERICHOST)
+    return found[0][4]
+
+
+def _way_to(family: int, peer: Any) -> str:
+    """The address of this machine from which the system reaches another; nothing is sent."""
+    with socket.socket(family, socket.SOCK_DGRAM) as probe:
+        probe.connect(peer)
+        return str(probe.getsockname()[0])
+
+
+def _plain(host: str) -> str:
+    """An address without its interface."""
+    return host.partition("%")[0]

@@ -32,13 +32,15 @@ if TYPE_CHECKING:
 class UObjectFace(Obj):
     """How urbiscript sees a device: the object whose slots are bound."""
 
-    __slots__ = ("host", "kind", "python")
+    __slots__ = ("host", "kind", "lasting", "python")
 
     def __init__(self, world: World, protos: list[Obj], host: Host, kind: type[UObject]) -> None:
         super().__init__(world, protos)
         self.host = host
         self.kind = kind
         self.python: UObject | None = None
+        self.lasting = False
+        """Whether it is the server's own, so that no program may destroy it."""
 
     def clone(self) -> UObjectFace:
         """A new instance, in both worlds; ``new`` then calls ``init``."""

@@ -44,7 +44,7 @@ def to_urbi(world: World, value: Any, keep: bool = False) -> Any:
         return value
     if isinstance(value, UBinary):
         content = value.data if keep or isinstance(value.data, bytes) else bytes(value.data)
-        return BinaryObject(world, [world.global_.slots["Binary"]], value.keywords, content)
+        return BinaryObject(world, [world.classes["Binary"]], value.keywords, content)
     if isinstance(value, Device):
         return value.face
     if isinstance(value, list):

@@ -16,15 +16,21 @@ and waited for.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from threading import get_ident
 from typing import Any
 
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.code import Executable
+from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.slot import peek_meta
+from urbihw.kernel.runtime.world import World
 from urbihw.kernel.uobject.callback import Callback, Handler
 from urbihw.kernel.uobject.hooked import Hooked, Mirror, Subscriber
 from urbihw.kernel.uobject.registry import registry_of
 from urbihw.kernel.uobject.uvalue import from_urbi, to_urbi
 
-__all__ = ["Mirror", "Subscriber", "UVar"]
+__all__ = ["Mirror", "Subscriber", "UVar", "check_hookable", "hook"]
 
 
 class UVar(Hooked):
@@ -191,6 +197,35 @@ class UVar(Hooked):
     def unnotify(self, callback: Callback | Handler | None = None) -> None:
         """Forget a callback, or all of them."""
         self._keep(lambda kept: callback is not None and not kept.is_(callback))
+
+    def unnotify_where(self, unwanted: Callable[[Handler], bool]) -> None:
+        """Forget the callbacks whose handlers are ``unwanted``."""
+        self._keep(lambda kept: not unwanted(kept.handler))
+
+
+def hook(world: World, holder: Obj, name: str) -> UVar:
+    """The variable in a slot, which is hooked if it held a plain value or nothing.
+
+    Raises an urbiscript error for a function, which nobody could call any more, and for a constant.
+    """
+    known = holder.slots.get(name)
+    if isinstance(known, UVar):
+        return known
+    check_hookable(holder, name)
+    return UVar(world, holder, name, value=known)
+
+
+def check_hookable(holder: Obj, name: str) -> None:
+    """Raise the error for a slot in which no variable may be put: see ``hook``."""
+    owner = holder.find(name)
+    if owner is not None and isinstance(owner.slots[name], Executable) and not isinstance(owner.slots[name], UVar):
+        # What is read by a function and written like a variable is one to everybody.
+        inherited = peek_meta(owner, name)
+        if inherited is None or inherited.accessor is None:
+            raise errors.primitive(f"{name} is a function, not a variable")
+    meta = peek_meta(holder, name)
+    if meta is not None and meta.constant:
+        raise errors.constness()
 
 
 def _refuse() -> None:

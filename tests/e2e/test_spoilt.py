@@ -1,0 +1,52 @@
+"""What one client may do to the library and the robot that all share, against the real daemon."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from test_serve import PATIENCE, Daemon, serve
+
+__all__ = ["serve"]
+
+
+def test_a_client_that_spoils_what_it_can_leaves_the_others_their_robot(serve: Callable[..., Daemon]) -> None:  # noqa: F811
+    daemon = serve("--fake", "--quiet")
+    saboteur, innocent = daemon.client(), daemon.client()
+    assert innocent.ask("motor6.val = 1;") == "1"
+    for text in (
+        'Global.removeSlot("System")', 'Global.removeSlot("bioloid")', "robot.stop = 3", "Object.protos = []",
+        "Global.robot = nil", "Lobby.instances.each(closure (l) { if (l !== Lobby) l.connectionTag.freeze })",
+    ):  # fmt: skip
+        assert saboteur.ask(f"{text};").startswith("!!! "), text
+    for text in (
+        'Global.removeSlot("motors")', 'Global.removeSlot("motor6")', 'Object.removeSlot("hasSlot")',
+        'Object.removeSlot("asToplevelPrintable")', "Float.asString = 3", "Exception.protos = []",
+    ):  # fmt: skip
+        saboteur.say(f"{text};")
+    saboteur.say("System.jobs.reverse.each(closure (j) { j.terminate });")
+    saboteur.wait("received interruption")
+    assert innocent.ask("1 + 1;") == "2"
+    innocent.say("robot.stop; bioloid.estop = true;")
+    innocent.wait("true")
+    newcomer = daemon.client()
+    newcomer.wait("*** urbihw: put back in the library: ")
+    assert newcomer.ask("bioloid.estop = false;") == "false"
+    assert newcomer.ask("motors.size;") == "18"
+    assert newcomer.ask("nowhere;").endswith(": lookup failed: nowhere")
+    assert "library: put back what a program spoilt: Global.motors, Global.motor6, Object.hasSlot, " in daemon.log()
+    newcomer.say("shutdown;")
+    assert daemon.process.wait(PATIENCE) == 0, daemon.log()
+
+
+def test_a_printing_without_end_costs_the_others_one_answer(serve: Callable[..., Daemon]) -> None:  # noqa: F811
+    daemon = serve("--fake", "--quiet")
+    saboteur, innocent = daemon.client(), daemon.client()
+    for body in ("loop| {}", "loop {}", "try { loop| {} } catch {}; loop {}"):
+        saboteur.say(f"Float.asToplevelPrintable = function () {{ {body} }}|; echo(\"{body}\");")
+        saboteur.wait(f"*** {body}")
+        told = "*** urbihw: put back in the library, since printing took too long: Float.asToplevelPrintable"
+        assert innocent.ask("1 + 1;") == told
+        innocent.wait("] 2\n")
+        assert innocent.ask("1 + 2;") == "3"
+        innocent.heard = ""
+    assert daemon.log().count("library: put back what a program spoilt: Float.asToplevelPrintable") == 1

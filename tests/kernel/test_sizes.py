@@ -1,0 +1,89 @@
+"""What is made at once has a bound: strings, lists and binaries that double, files without end."""
+
+from __future__ import annotations
+
+import resource
+import time
+from pathlib import Path
+
+import pytest
+
+from urbihw.kernel import Kernel
+from urbihw.kernel.runtime.values import MOST_CHARACTERS, MOST_MEMBERS
+from urbihw.kernel.server.memory import MIB
+
+CHARACTERS = f"expected a result of at most {MOST_CHARACTERS} characters"
+MEMBERS = f"expected a result of at most {MOST_MEMBERS} members"
+
+GROWING = {
+    "sum": ('{ var s = "x"; loop| s = s + s };', CHARACTERS),
+    "sum in place": ('{ var s = "x" * 1000000; var t = s + ""; loop| s += t };', CHARACTERS),
+    "sum of a slot": ('var s = "x"|; loop| s += s;', CHARACTERS),
+    "sum with what is no string": ('{ var l = ["x" * 20000000, "x" * 20000000]; "x" * 40000000 + l };', CHARACTERS),
+    "product": ('"x" * 1e9;', CHARACTERS),
+    "join": ('{ var s = "x" * 1000000; s.join([s] * 1000) };', CHARACTERS),
+    "replace": ('("x" * 100000).replace("x", "y" * 100000);', CHARACTERS),
+    "assignment of a part": ('{ var s = "x" * 1000; loop| s[0] = s };', CHARACTERS),
+    "format": ('{ var s = "%s" * 100; var t = "x" * 1000000; s % ([t] * 100) };', CHARACTERS),
+    "list": ("{ var l = [1]; loop| l = l + l };", MEMBERS),
+    "list in place": ("{ var l = [1]; loop| l += l };", MEMBERS),
+    "list repeated": ("[1] * 1e9;", MEMBERS),
+    "binary": ('{ var b = Binary.new("", "x"); loop| b = b + b };', f"at most {MOST_CHARACTERS} bytes"),
+}
+
+
+def said(text: str, seconds: float = 0.0) -> str:
+    """What a new connection is told; in real time if there are seconds to wait for it."""
+    kernel = Kernel(fast=not seconds)
+    lobby = kernel.open_lobby("127.0.0.1")
+    if not seconds:
+        return kernel.run_text(lobby, text, 1.0)
+    lobby.feed(text.encode())
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        kernel.scheduler.run()
+        data = bytes(lobby.output.take())
+        if data:
+            return data.decode("latin-1")
+        time.sleep(0.005)
+    raise AssertionError("no answer")
+
+
+@pytest.mark.parametrize("kind", GROWING)
+def test_nothing_grows_without_bound_at_one_stroke(kind: str) -> None:
+    text, wanted = GROWING[kind]
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert wanted in said(text)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 300 * MIB // 1024
+
+
+def test_what_is_as_long_as_may_be_is_made() -> None:
+    assert said(f'("x" * {MOST_CHARACTERS}).size;').split() == ["[00000000]", str(MOST_CHARACTERS)]
+
+
+def test_a_device_without_end_is_not_read_without_end() -> None:
+    assert "file too large (more than 67108864 bytes): /dev/zero" in said('File.new("/dev/zero").content;', 20.0)
+
+
+def test_a_large_file_is_not_loaded(tmp_path: Path) -> None:
+    path = tmp_path / "large.u"
+    with path.open("wb") as file:
+        file.truncate(MOST_CHARACTERS + 1)
+    assert "file too large" in said(f'load("{path}");')
+    assert "file not found" in said('load("/dev/zero");')
+
+
+@pytest.mark.parametrize("text", ['File.new("/proc/self/mem").content', 'load("/proc/self/mem")',
+                                  'InputStream.new(File.new("/proc/self/mem")).getLine'])
+def test_a_file_that_cannot_be_read_is_an_error(text: str) -> None:
+    answer = said(f"{text};")
+    assert "Input/output error" in answer
+    assert "internal error" not in answer
+
+
+def test_a_line_without_end_comes_in_pieces(tmp_path: Path) -> None:
+    path = tmp_path / "line"
+    with path.open("wb") as file:
+        file.truncate(MOST_CHARACTERS)
+    answer = said(f'InputStream.new(File.new("{path}")).getLine.size;')
+    assert answer.split()[1] == str(16 * 1024 * 1024)

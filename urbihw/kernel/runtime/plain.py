@@ -1,0 +1,106 @@
+"""Values and errors as text without asking urbiscript: what a client is told when the slots that print are spoilt.
+
+The library says of its own values what is said here; a program may redefine ``asString`` and the like, or remove them.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.backtrace import Stack
+from urbihw.kernel.runtime.object import Nil, Obj, Truth, Void
+from urbihw.kernel.runtime.values import Dictionary, FloatObject, List, String, Tuple
+
+if TYPE_CHECKING:
+    from urbihw.kernel.runtime.world import World
+
+SINGLE_MAX: Final = 3.4028234663852886e38
+"""Printing knows single precision only: beyond this a number shows as ``inf``."""
+ESCAPES: Final = {
+    "\b": "\\b", "\f": "\\f", "\n": "\\n", "\r": "\\r", "\t": "\\t", "\v": "\\v", '"': '\\"', "\\": "\\\\",
+}  # fmt: skip
+DEPTH: Final = 20
+"""How deep containers are shown; a list may hold itself."""
+MEMBERS: Final = 1000
+"""How many members of containers are shown in all."""
+
+
+def float_text(value: float) -> str:
+    """How a number is shown: in full if it is integral and fits 64 bits, else with six significant digits."""
+    if value.is_integer() and abs(value) < 2.0**63:
+        return str(int(value))
+    if abs(value) > SINGLE_MAX:
+        return "inf" if value > 0 else "-inf"
+    return f"{value:g}"
+
+
+def escaped(text: str) -> str:
+    """A text as a string literal, quotes included; bytes that are no printable ASCII as ``\\xNN``."""
+    parts = [ESCAPES.get(c) or (c if " " <= c <= "~" else f"\\x{ord(c):02x}") for c in text]
+    return '"' + "".join(parts) + '"'
+
+
+def plain_text(world: World, value: Any) -> str:
+    """Any value as the library shows it at top level; what has no such text by its class and identity."""
+    return _Shown(world).text(value, 0)
+
+
+class _Shown:
+    """What is shown of one value; ``left`` is how many members of containers still may be."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._left = MEMBERS
+
+    def text(self, value: Any, depth: int) -> str:
+        if value.__class__ is float:
+            return float_text(value)
+        if isinstance(value, FloatObject):
+            return float_text(value.value)
+        if isinstance(value, String):
+            return escaped(value.s)
+        if isinstance(value, Truth):
+            return "true" if value.value else "false"
+        if isinstance(value, Nil | Void):
+            return "nil" if isinstance(value, Nil) else "void"
+        if isinstance(value, List):
+            return f"[{self._members(value.l, depth)}]"
+        if isinstance(value, Tuple):
+            return f"({self._members(value.l, depth)})"
+        if isinstance(value, Dictionary):
+            return f"[{self._members(list(value.d.items()), depth)}]"
+        return f"{plain_type(value)}_{self._world.uid(value)}"
+
+    def _members(self, members: list[Any], depth: int) -> str:
+        parts: list[str] = []
+        for member in members:
+            if depth == DEPTH or not self._left:
+                parts.append("...")
+                break
+            self._left -= 1
+            if member.__class__ is tuple:
+                parts.append(f"{escaped(member[0])} => {self.text(member[1], depth + 1)}")
+            else:
+                parts.append(self.text(member, depth + 1))
+        return ", ".join(parts)
+
+
+def plain_type(value: Obj) -> str:
+    """The ``type`` of an object as far as it is a String; else Object."""
+    holder = value.find("type")
+    kind = None if holder is None else holder.slots.get("type")
+    return kind.s if isinstance(kind, String) else "Object"
+
+
+def plain_error(world: World, error: errors.UrbiError, stack: Stack) -> list[str]:
+    """The lines that tell of an uncaught error, without the leading marks."""
+    if isinstance(error, errors.Raised):
+        routine = stack.routine if error.routine == "" else error.routine
+        head = f"{routine}: {error.message}" if routine else error.message
+    else:
+        message = error.value.slots.get("message") if isinstance(error.value, Obj) else None
+        head = message.s if isinstance(message, String) else plain_text(world, error.value)
+    if stack.location is not None:
+        head = f"{stack.location}: {head}"
+    return [head, *(f"   called from: {frame.location}: {frame.name}" for frame in stack.calls)]
