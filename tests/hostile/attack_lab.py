@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from attacks import Attack
-from neighbour import Seen
+from innocent_client import Seen
 
 HERE = Path(__file__).parent
 sys.path.append(str(HERE.parent / "e2e"))
@@ -237,7 +237,7 @@ def _play(
     if attack.descriptors:
         resource.prlimit(server.pid, resource.RLIMIT_NOFILE, (attack.descriptors, attack.descriptors))
     before = len((folder / "log").read_text().splitlines())
-    neighbour = _Process("neighbour.py", str(daemon.port))
+    neighbour = _Process("innocent_client.py", str(daemon.port))
     time.sleep(BEFORE)
     Path(f"/proc/{server.pid}/clear_refs").write_text("5")  # the peak is counted anew
     outcome.idle = _memory(server.pid, "VmRSS")

@@ -24,7 +24,7 @@ import threading
 import time
 from collections.abc import Callable
 from types import FrameType
-from typing import Final
+from typing import Any, Final
 
 from urbihw.kernel.lobby.lobby import Lobby, lobby_of
 from urbihw.kernel.sched.breaker import DEEPER
@@ -80,8 +80,10 @@ class Watchdog:
         self._closed = False
         self._former: signal.Handlers | Callable[[int, FrameType | None], object] | int | None = None
         self._breaks = threading.current_thread() is threading.main_thread()
+        self._former_hook = sys.unraisablehook
         if self._breaks:
             self._former = signal.signal(SIGNAL, self._handle)
+            sys.unraisablehook = self._not_raised
         self._thread = threading.Thread(target=self._watch, name="urbihw-watchdog", daemon=True)
         self._thread.start()
 
@@ -105,6 +107,13 @@ class Watchdog:
         self._resident.close()
         if self._breaks:
             signal.signal(SIGNAL, self._former)
+            sys.unraisablehook = self._former_hook
+
+    def _not_raised(self, unraisable: Any) -> None:
+        """Python cannot raise an error in a finalizer: that of a program which is too deep in calls, or which is being
+        ended there, is nobody's business, and its traceback not for the log."""
+        if not isinstance(unraisable.exc_value, RecursionError | HeldTooLong | Signal):
+            self._former_hook(unraisable)
 
     # ---------------------------------------------------------------- the thread
 
