@@ -75,13 +75,16 @@ class Rule:
             return False
         if self.words:
             return value in self.words
+        if isinstance(value, str):
+            return "\0" not in value  # no file, host or device has such a name
         if isinstance(value, int | float) and not isinstance(value, bool):
             return self._within(value)
         return not isinstance(value, list | tuple) or self._members(value)
 
     def _within(self, value: float) -> bool:
         return (
-            math.isfinite(value)
+            (isinstance(value, int) or math.isfinite(value))
+            and abs(value) < _GREATEST
             and (self.least is None or value >= self.least)
             and (self.most is None or value <= self.most)
             and (self.above is None or value > self.above)
@@ -111,6 +114,7 @@ class Rule:
         return made
 
 
+_GREATEST = 1e18  # a greater whole number can become no number of seconds, bytes or radians
 _JSON = {str: "string", bool: "boolean", int: "integer", float: "number", list: "array", dict: "object"}
 
 TEXT = Rule((str,), "a text")

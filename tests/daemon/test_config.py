@@ -248,3 +248,23 @@ def test_the_sample_shows_every_setting_at_its_default(tmp_path: Path) -> None:
     shown = {line.partition(" =")[0] for line in settings} | {"platform", "url", "options", "limits"}
     assert configure(uncommented) == Config()
     assert shown == {each.name for each in dataclasses.fields(Config)}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "options = " + "[" * 20_000,
+        "port = " + "9" * 5000,
+        "[limits]\nspeed = " + "9" * 400,
+        'url = "\\u0000"',
+        'load = ["a\\u0000b"]',
+        "a" * 100_000 + " = 1",
+    ],
+    ids=["deep", "long number", "large number", "NUL", "NUL in a list", "long"],
+)
+def test_what_no_settings_can_be_is_one_line(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "robot.toml"
+    file.write_text(text)
+    with pytest.raises(BadConfig, match="robot.toml: ") as caught:
+        configure(file)
+    assert "\n" not in str(caught.value)

@@ -87,3 +87,10 @@ def test_a_line_without_end_comes_in_pieces(tmp_path: Path) -> None:
         file.truncate(MOST_CHARACTERS)
     answer = said(f'InputStream.new(File.new("{path}")).getLine.size;')
     assert answer.split()[1] == str(16 * 1024 * 1024)
+
+
+def test_programs_leave_half_of_the_descriptors_to_clients_and_to_the_robot(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert said('var s = Server.new|; s.listen("127.0.0.1", "0"); s.port > 0;', 1.0).endswith("true\n")
+    monkeypatch.setattr(resource, "getrlimit", lambda what: (8, 8))
+    for text in ('Server.new.listen("127.0.0.1", "0");', 'Socket.new.connect("127.0.0.1", "1");'):
+        assert "too many files and connections are open" in said(text, 1.0)

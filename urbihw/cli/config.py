@@ -21,6 +21,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB", parser_class=type(parser))
     check = verbs.add_parser("check", help="say all that is wrong with a file; nothing is opened")
     check.add_argument("file", type=Path, metavar="FILE")
+    check.add_argument("--platform", metavar="NAME", help="the robot, if the file does not say it")
     show = verbs.add_parser("show", help="every setting, its value and where that comes from")
     show.add_argument("--json", action="store_true", help="for programs")
     serve.options(show)
@@ -35,8 +36,10 @@ def run(options: argparse.Namespace) -> int:
         except BadConfig as error:
             return _complain([str(error)])
         return 0
-    given = (options.file, {}) if options.verb == "check" else (options.config, serve.flags(options))
-    loaded = load(*given)
+    if options.verb == "check":
+        loaded = load(options.file, {"platform": options.platform})
+    else:
+        loaded = load(options.config, serve.flags(options))
     if loaded.mistakes:
         return _complain(each.line for each in loaded.mistakes)
     if options.verb == "check":

@@ -30,6 +30,8 @@ from urbihw.kernel.uobject import BadConfig
 from urbihw.settings import SWITCH, TABLE, TEXT, TEXTS, Mistake, Table, choice, from_texts, number, setting, whole
 
 MIB = 1024 * 1024
+LONGEST_FILE = 64 * 1024
+"""Bytes of a file of settings."""
 _TABLES = ("options", "limits")
 
 
@@ -213,14 +215,17 @@ def _options_in_force(loaded: Loaded, table: type[Table]) -> Iterator[Entry]:
 def read_toml(file: Path) -> dict[str, Any]:
     """The keys and values of a file.  Raises BadConfig if it cannot be read or is no TOML."""
     try:
-        text = file.read_text("utf-8")
+        if file.stat().st_size > LONGEST_FILE:
+            raise BadConfig(f"{file}: is longer than {LONGEST_FILE} bytes: these are no settings")
+        with file.open("rb") as opened:
+            text = opened.read(LONGEST_FILE).decode("utf-8")
     except OSError as error:
         raise BadConfig(f"{file}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise BadConfig(f"{file}: is not UTF-8 text (byte {error.start})") from error
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # ValueError also of a number with thousands of digits
         raise BadConfig(f"{file}: is not TOML: {error}") from error
 
 
@@ -243,6 +248,10 @@ def _mistakes_about_robot(config: Config) -> Iterator[Mistake]:
         yield Mistake("platform", str(error))
         return
     yield from platforms.mistakes(manifest, config.options, config.limits)
+    if manifest is None:
+        for top in _TABLES:
+            if getattr(config, top):
+                yield Mistake(top, "cannot be checked without a platform; add platform = ..., or say --platform")
     if manifest is not None and config.fake and not manifest.fake:
         yield Mistake("fake", f"platform {manifest.name} has no robot in software; give its url")
     if config.url:

@@ -187,13 +187,17 @@ class Service:
         if config.socket == "off":
             return
         try:
-            path = Path(config.socket) if config.socket else client_path(self._bound[0].getsockname()[1])
+            path = Path(config.socket) if config.socket else client_path(self._bound_port())
         except BadConfig as error:
             raise StartError(str(error)) from error
         try:
             self._bound_unix.append(bind_unix(path))
         except OSError as error:
             raise StartError(f"socket: cannot listen at {path}: {error.strerror}; choose another path") from error
+
+    def _bound_port(self) -> int:
+        """The port that was taken: a free one, if none was asked for."""
+        return int(self._bound[0].getsockname()[1])
 
     def _no_port(self, error: OSError) -> StartError:
         host, port = self._config.host, self._config.port
@@ -245,7 +249,7 @@ class Service:
         config = self._config
         if config.control == "off":
             return ""
-        path = Path(config.control) if config.control else control_path(config.platform, config.port or os.getpid())
+        path = Path(config.control) if config.control else control_path(config.platform, self._bound_port())
         if not path.parent.is_dir():
             raise BadConfig(f"control: there is no folder {path.parent}; make it, or choose another path")
         if path.exists() and not path.is_socket():
@@ -271,8 +275,8 @@ class Service:
         config = self._config
         assert self._driver is not None
         self._server = Server(self._driver, self._kernel.open_lobby, config.unread_limit, config.max_clients)
+        port = self._bound_port()
         bound, self._bound = self._bound, []
-        port = int(bound[0].getsockname()[1])
         try:
             self._server.listen_on(bound, self._way_in.greeting, self._way_in.ssl)
         except OSError as error:

@@ -470,3 +470,16 @@ def test_who_is_ended_for_holding_on_is_told_once() -> None:
         assert len([line for line in lines if line.startswith("!!!")]) == 1
 
     played(scene, Bounds(hold_limit=HOLD))
+
+
+def test_who_holds_the_interpreter_again_and_again_keeps_nothing_that_could() -> None:
+    async def scene(talk: Talk) -> None:
+        talk.say("var Global.e = Event.new|; var Global.n = 0|; at (Global.e?) { n += 1 | loop| {} };", talk.lobby)
+        talk.say("every (100ms) { Global.e! },", talk.other)
+        await talk.heard(talk.lobby, "all that this connection runs is ended: it held the interpreter 3 times")
+        before = await talk.ask("Global.n;", talk.other)
+        await asyncio.sleep(0.5)
+        assert await talk.ask("Global.n;", talk.other) == before
+        assert await talk.ask("40 + 2;") == "42"
+
+    played(scene, Bounds(hold_limit=HOLD))

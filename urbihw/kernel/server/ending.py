@@ -91,10 +91,12 @@ class LastResort:
         try:
             self._before()
         finally:
-            telling = threading.Thread(target=tell, daemon=True)
-            telling.start()
-            telling.join(TELLING)
-            os._exit(0)
+            try:
+                telling = threading.Thread(target=tell, daemon=True)
+                telling.start()  # which may fail: programs may have taken all threads
+                telling.join(TELLING)
+            finally:
+                os._exit(0)
 
 
 def leave(code: int) -> NoReturn:

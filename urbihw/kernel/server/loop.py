@@ -62,6 +62,7 @@ class Driver:
             clock.idle(deadline)
         delay = deadline - clock.now()
         if delay <= 0:
+            # Not call_soon: what has come by the sockets meanwhile goes first.
             self._timer = self._loop.call_soon(self.drive)
         else:
             self._timer = self._loop.call_later(delay, self.drive)

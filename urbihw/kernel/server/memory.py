@@ -210,7 +210,7 @@ class Memory:
         self._blamed, self._ended, self._since = None, False, 0.0
 
 
-def end_all(lobby: Lobby) -> None:
-    """End all that a connection runs; it stays open."""
-    lobby.output.line(TOLD, "error")
+def end_all(lobby: Lobby, told: str = TOLD) -> None:
+    """End all that a connection runs, and tell it why; it stays open."""
+    lobby.output.line(told, "error")
     lobby.tag.tag.stop(lobby.world.void)

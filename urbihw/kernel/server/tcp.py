@@ -137,6 +137,8 @@ class Connection(asyncio.Protocol):
 
     def refuse(self, refusal: Refusal) -> None:
         """Let the client do nothing more, and close the connection; also one that had been let in."""
+        if self._refused or self._transport.is_closing():
+            return
         reason = refusal.reason
         self._server.thinned.warning(f"clients refused: {reason}", f"client {self.peer} refused: {reason}")
         self._refused = True
@@ -148,12 +150,15 @@ class Connection(asyncio.Protocol):
 
     def _dismiss(self, answer: bytes) -> None:
         """Send the answer and close.  Closing with unread bytes would be a reset, which may overtake the answer."""
+        if self._transport.is_closing():
+            return
         self._transport.write(answer)
         if self._transport.can_write_eof():
             self._transport.write_eof()
-            self._later(LINGER, self._transport.abort)
         else:
             self._transport.close()
+        # Who neither reads nor closes: TLS would wait for its last word.
+        self._later(LINGER, self._transport.abort)
 
     # ---------------------------------------------------------------- what the client sends
 

@@ -33,7 +33,7 @@ from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.scheduler import Scheduler
 from urbihw.kernel.sched.signals import Interrupted, JobKilled, Signal
 from urbihw.kernel.server.bounds import Bounds
-from urbihw.kernel.server.memory import Memory, Resident
+from urbihw.kernel.server.memory import Memory, Resident, end_all
 
 log = logging.getLogger("urbihw.kernel")
 
@@ -47,6 +47,9 @@ HELD: Final = 1.0
 """Seconds after which a job that does not yield is named in the log."""
 GRACE: Final = 1.0
 """Seconds that a job may hold the interpreter on after an error that told it so."""
+MOST_HOLDS: Final = 3
+MEMORY: Final = 30.0
+"""Seconds in which a connection must not hold the interpreter as often as that: then all that it runs is ended."""
 AGAIN: Final = 0.02
 """Seconds after which a signal that had no effect is sent again."""
 SIGNAL: Final = signal.SIGURG
@@ -80,6 +83,8 @@ class Watchdog:
         self._closed = False
         self._former: signal.Handlers | Callable[[int, FrameType | None], object] | int | None = None
         self._breaks = threading.current_thread() is threading.main_thread()
+        self._held: list[tuple[Lobby, float]] = []
+        """Who held the interpreter lately, and when."""
         self._former_hook = sys.unraisablehook
         if self._breaks:
             self._former = signal.signal(SIGNAL, self._handle)
@@ -212,6 +217,7 @@ class Watchdog:
     def _error(self, harm: _Harm, job: Job) -> BaseException | None:
         """What to leave the job by."""
         if harm is _Harm.HOLDS:
+            self._remember(job)
             return HeldTooLong(f"held the interpreter for more than {self._hold_limit:g} s: give way with ';' or sleep")
         if harm is _Harm.HOLDS_ON:
             log.warning("job %s is ended: it held the interpreter on", job.name)
@@ -221,6 +227,18 @@ class Watchdog:
         if not self.memory.exceeded(job):
             return None
         return leaving(job) if self.memory.ends() else MemoryError()
+
+    def _remember(self, job: Job) -> None:
+        """Who holds the interpreter again and again (by an ``at``, say) keeps nothing that could do so once more."""
+        lobby, now = lobby_of(job), time.monotonic()
+        if lobby is None:
+            return
+        self._held = [(who, when) for who, when in self._held if now - when < MEMORY] + [(lobby, now)]
+        if sum(who is lobby for who, _ in self._held) >= MOST_HOLDS:
+            self._held = [(who, when) for who, when in self._held if who is not lobby]
+            log.warning("all jobs of %s are ended: they held the interpreter %d times", lobby.tag.tag.name, MOST_HOLDS)
+            told = f"!!! all that this connection runs is ended: it held the interpreter {MOST_HOLDS} times"
+            self._scheduler.post(lambda: end_all(lobby, told))
 
     def _tell(self, job: Job, text: str) -> None:
         lobby = lobby_of(job)

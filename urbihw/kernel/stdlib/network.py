@@ -6,6 +6,8 @@ Source: manual, specs/socket, specs/server, specs/ioservice.  Threads (``wire``)
 
 from __future__ import annotations
 
+import os
+import resource
 import threading
 from collections.abc import Callable
 from typing import Any
@@ -124,6 +126,11 @@ class ServerObject(Obj):
             self.service.happened(lambda: self._welcome(stream))
 
     def _welcome(self, stream: TcpStream) -> None:
+        try:
+            _check_descriptors()
+        except errors.Raised:
+            stream.close()
+            return
         proto = self.world.classes["Socket"]
         made = SocketObject(self.world, [proto], self.service)
         made.events()
@@ -157,6 +164,13 @@ def _port(world: World, value: Any, index: int) -> int | str:
     return int(number)
 
 
+def _check_descriptors() -> None:
+    """Programs may have half of the descriptors of the process: the rest is for clients and for the robot's worker."""
+    most = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+    if most != resource.RLIM_INFINITY and len(os.listdir("/proc/self/fd")) > most // 2:
+        raise errors.primitive("too many files and connections are open")
+
+
 def _blocking(world: World, action: Callable[[], Any]) -> Any:
     """What an action gives that may take long: it is done in a thread while the running job waits."""
     try:
@@ -180,6 +194,7 @@ def init_socket(world: World, this: SocketObject) -> None:
 def connect(world: World, this: SocketObject, host: str, port: Any) -> None:
     """Connect to a port (a number, or the name of a service) of a host; an error if it cannot be reached."""
     number = _port(world, port, 2)
+    _check_descriptors()
     _begin(this, _blocking(world, lambda: dial(host, number)))
 
 
@@ -282,6 +297,7 @@ def init_server(world: World, this: ServerObject) -> None:
 def listen(world: World, this: ServerObject, host: str, port: Any) -> None:
     """Wait for connections to a port (0: any that is free) of this machine, under one of its addresses."""
     number = _port(world, port, 2)
+    _check_descriptors()
     if this.listener is not None:
         this.listener.close()
     this.listener = _blocking(world, lambda: Listener(host, number, this.accepted))
