@@ -351,9 +351,11 @@ def test_who_asks_is_one_short_line(desk: Desk, call: Callable[[], Caller]) -> N
     caller = call()
     caller.say("stop", "a\nb\t" + "x" * 500)
     caller.send(b'{"do": "stop", "who": {"a": [1]}}\n')
-    (_, first), (_, second) = desk.serve()
+    caller.say("stop", "\x1b[2Jme\ud800")
+    (_, first), (_, second), (_, third) = desk.serve()
     assert first == ("a b " + "x" * 500)[:100]
     assert second == "{'a': [1]}"
+    assert third == "?[2Jme?"
 
 
 def test_a_line_without_end_is_refused_and_its_writer_let_go(desk: Desk, call: Callable[[], Caller]) -> None:

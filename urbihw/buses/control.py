@@ -93,8 +93,8 @@ class _Client:
             self._complain(f'"do" must be one of {", ".join(VERBS)}')
             return None
         who = " ".join(str(wanted.get("who", "control socket")).split())[:100]
-        # JSON can name halves of characters, which no file takes.
-        return Order(verb, who.encode("utf-8", "replace").decode(), self)
+        # It goes into logs, which are read in terminals, and into a file: no control characters, no halves of others.
+        return Order(verb, "".join(each if each.isprintable() else "?" for each in who), self)
 
     def _complain(self, why: str) -> None:
         self.say({"ok": False, "error": why})
