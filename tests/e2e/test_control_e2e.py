@@ -153,7 +153,7 @@ def test_stop_estop_and_release(site: Site) -> None:
 def test_without_a_path_the_robot_is_found(site: Site) -> None:
     daemon = Daemon(site.folder, "--url", site.robot.url, "--quiet")
     site.daemons.append(daemon)
-    name = f"bioloid-{daemon.process.pid}"
+    name = f"bioloid-{daemon.port}"
     assert site.urbihw("stop") == (0, f"{name}: stopped")
     assert site.urbihw("estop") == (0, f"{name}: {ESTOP}")
     assert site.urbihw("release") == (0, f"{name}: released")
