@@ -146,7 +146,8 @@ class Machine:
         """Run statements to their end: the seconds it took.  What they answer must be no error."""
         self.lobby.feed(text.encode())
         began = time.perf_counter()
-        self.kernel.run()
+        while self.kernel.run() is not None and self.kernel.scheduler.ready:
+            pass
         took = time.perf_counter() - began
         answer = self.lobby.output.take()
         if b":error]" in answer:
@@ -207,10 +208,10 @@ def resident():
 kernel = Kernel()
 lobby = kernel.open_lobby()
 lobby.feed(b"for& (10) { sleep(1h) },\\n")
-kernel.run()
+while kernel.run() is not None and kernel.scheduler.ready: pass
 before = resident()
 lobby.feed(b"for& (10000) { sleep(1h) },\\n")
-kernel.run()
+while kernel.run() is not None and kernel.scheduler.ready: pass
 assert len(kernel.scheduler.jobs) > 10000, len(kernel.scheduler.jobs)
 print(resident() - before, resident())
 """
