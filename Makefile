@@ -11,6 +11,9 @@
 # PYTHON is the Python to build the environment from.  VENV_FLAGS=--system-site-packages lets it see Debian's own
 # python3-greenlet, for 32 bit ARM without piwheels (docs/dependencies.md).
 
+# With its compiled files kept a start takes half the time, so nobody's wish not to write them is passed on.
+unexport PYTHONDONTWRITEBYTECODE
+
 PYTHON ?= python3
 VENV_FLAGS ?=
 ARGS ?=

@@ -239,6 +239,8 @@ async def main():
 asyncio.run(main())
 """
 OURS = ("-m", "urbihw.cli.urbi", "--quiet", "--port", "0", "--port-file")
+INSTALLED = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+"""The environment of a server: an installed one finds Python's compiled files."""
 
 
 @contextlib.contextmanager
@@ -247,7 +249,7 @@ def served(*arguments: str) -> Iterator[tuple[int, socket.socket, float]]:
     with tempfile.TemporaryDirectory() as folder:
         port_file = Path(folder) / "port"
         began = time.perf_counter()
-        process = subprocess.Popen([sys.executable, *arguments, str(port_file)], stdin=subprocess.DEVNULL)
+        process = subprocess.Popen([sys.executable, *arguments, str(port_file)], stdin=subprocess.DEVNULL, env=INSTALLED)
         try:
             while not port_file.exists() or not port_file.read_text().endswith("\n"):
                 if process.poll() is not None or time.perf_counter() - began > 30:
