@@ -61,7 +61,7 @@ class Fake:
         options = ["--pty", "--pace", "--spin", "--until-eof", "--baud", str(BAUD)]
         options += ["--x-series", "18"] if protocol == 2 else []
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "fakes", "bioloid", *options],
+            [sys.executable, "-m", "urbihw_fakes", "bioloid", *options],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

@@ -107,7 +107,7 @@ def append() -> list[float]:
     """The peer of ``list << 1``."""
     made: list[float] = []
     for _ in range(100_000):
-        made.append(1.0)  # noqa: PERF401 - one call a turn is what is measured
+        made.append(1.0)  # one call a turn is what is measured
     return made
 
 
@@ -249,7 +249,8 @@ def served(*arguments: str) -> Iterator[tuple[int, socket.socket, float]]:
     with tempfile.TemporaryDirectory() as folder:
         port_file = Path(folder) / "port"
         began = time.perf_counter()
-        process = subprocess.Popen([sys.executable, *arguments, str(port_file)], stdin=subprocess.DEVNULL, env=INSTALLED)
+        command = [sys.executable, *arguments, str(port_file)]
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, env=INSTALLED)
         try:
             while not port_file.exists() or not port_file.read_text().endswith("\n"):
                 if process.poll() is not None or time.perf_counter() - began > 30:

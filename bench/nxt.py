@@ -46,7 +46,7 @@ Contender = Callable[[str], contextlib.AbstractContextManager[Loop]]
 def fake(*options: str) -> Iterator[str]:
     """A brick in a process of its own; its url."""
     process = subprocess.Popen(
-        (sys.executable, "-m", "fakes", "nxt", "--usb", "--until-eof", *options),
+        (sys.executable, "-m", "urbihw_fakes", "nxt", "--usb", "--until-eof", *options),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,

@@ -21,22 +21,22 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from fakes.p3dx.codec import arcos_packet
-from fakes.p3dx.sips import SipFields
 from urbihw.buses import messages as m
 from urbihw.buses.link import Context, Link, Url
 from urbihw.kernel import Kernel
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.uobject import DeviceError, RobotSettings
+from urbihw.navigation.grid import Grid
+from urbihw.navigation.planner import plan
 from urbihw.platforms import find
 from urbihw.platforms.p3dx import sip
 from urbihw.platforms.p3dx.driver import ArcosDriver
-from urbihw.platforms.p3dx.grid import Grid
 from urbihw.platforms.p3dx.handshake import RobotInfo
 from urbihw.platforms.p3dx.packets import parse_config
-from urbihw.platforms.p3dx.planner import plan
 from urbihw.platforms.p3dx.protocol import Framer
 from urbihw.platforms.p3dx.robot import P3dx
+from urbihw_fakes.p3dx.codec import arcos_packet
+from urbihw_fakes.p3dx.sips import SipFields
 
 ROOT = Path(__file__).resolve().parents[1]
 ROUNDS = 5000
@@ -163,7 +163,8 @@ def small_costs() -> None:
 @contextlib.contextmanager
 def fake(cycle: int) -> Iterator[str]:
     """A robot in software in a process of its own; its url."""
-    command = (sys.executable, "-m", "fakes", "p3dx", "--pty", "--any-baud", "--until-eof", "--cycle", str(cycle))
+    options = ("--pty", "--any-baud", "--until-eof", "--cycle", str(cycle))
+    command = (sys.executable, "-m", "urbihw_fakes", "p3dx", *options)
     process = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert process.stdin is not None and process.stdout is not None
     try:

@@ -25,16 +25,16 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from fakes.can.device import CanDevice
-from fakes.can.slcan import Slcan
-from fakes.can.slcan_pty import SlcanPty
-from fakes.device import Answer
-from fakes.segway.rmp import SegwayRmp
-from fakes.segway.start import UsbPty
-from fakes.segway.usb import UsbLink
 from urbihw.buses import messages as m
 from urbihw.buses.worker import Worker
 from urbihw.platforms.segway.driver import BASE
+from urbihw_fakes.can.device import CanDevice
+from urbihw_fakes.can.slcan import Slcan
+from urbihw_fakes.can.slcan_pty import SlcanPty
+from urbihw_fakes.device import Answer
+from urbihw_fakes.segway.rmp import SegwayRmp
+from urbihw_fakes.segway.start import UsbPty
+from urbihw_fakes.segway.usb import UsbLink
 
 FAMILY = "urbihw.platforms.segway.driver:RmpDriver"
 GOAL = 0.005

@@ -33,8 +33,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fakes.bioloid import Bioloid
-from fakes.endpoint import PtyEndpoint
+from urbihw_fakes.bioloid import Bioloid
+from urbihw_fakes.endpoint import PtyEndpoint
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT / "tests" / "e2e"))
@@ -111,11 +111,28 @@ class Soak:
 Work = Callable[[Soak, int], None]
 
 
+def _turns(soak: Soak, pause: float, first: int = 0) -> Iterator[int]:
+    """Numbers, until it is over; ``pause`` in seconds before each."""
+    for turn in itertools.count(first):
+        if soak.over.wait(pause):
+            return
+        yield turn
+
+
+def _talk(soak: Soak, pause: float, says: Callable[[int], str], first: int = 0, begins: str = "") -> None:
+    """Say something each turn, ``begins`` before all others, and wait until it is done."""
+    line = Line(soak.port)
+    if begins:
+        line.say(begins)
+    for turn in _turns(soak, pause, first):
+        line.say(f'{says(turn)}; echo("turn {turn}");')
+        line.until(f"*** turn {turn}")
+    line.close()
+
+
 def _ask(soak: Soak, number: int) -> None:
     line = Line(soak.port)
-    for turn in itertools.count(number):
-        if soak.over.wait(0.02):
-            break
+    for turn in _turns(soak, 0.02, number):
         began = time.monotonic()
         line.say(f'echo("{number}-{turn}-%s" % ({turn} * 2));')
         line.until(f"*** {number}-{turn}-{turn * 2}")
@@ -124,32 +141,27 @@ def _ask(soak: Soak, number: int) -> None:
 
 
 def _run(soak: Soak, number: int) -> None:
-    line = Line(soak.port)
-    for turn in itertools.count(number):
-        if soak.over.wait(0.05):
-            break
-        program = PROGRAMS[turn % len(PROGRAMS)]
-        # Under a tag, else each `at` would stay, as the client wants it.
-        line.say(f'var all = Tag.new|; all: {{ {program} }}; all.stop; echo("over {turn}");')
-        line.until(f"*** over {turn}")
-    line.close()
+    # Under a tag, else each `at` would stay, as the client wants it.
+    def says(turn: int) -> str:
+        return f"var all = Tag.new|; all: {{ {PROGRAMS[turn % len(PROGRAMS)]} }}; all.stop"
+
+    _talk(soak, 0.05, says, number)
 
 
 def _swing(soak: Soak, number: int) -> None:
-    line = Line(soak.port)
     motor = f"motor{number % 18 + 1}"
-    for turn in itertools.count():
-        if soak.over.wait(0.5):
-            break
-        line.say(f"var swing = Tag.new|; swing: {motor}.val = 0 sin:{1 + turn % 3}s ampli:20deg,")
-        line.say(f"swing: at ({motor}.val > 0) {{ 1 }}; sleep(4s); swing.stop; {motor}.val = 0.1 time:200ms;")
-        line.say(f'echo("swung {turn}");')
-        line.until(f"*** swung {turn}")
-    line.close()
+
+    def says(turn: int) -> str:
+        return (
+            f"var swing = Tag.new|; swing: {motor}.val = 0 sin:{1 + turn % 3}s ampli:20deg,\n"
+            f"swing: at ({motor}.val > 0) {{ 1 }}; sleep(4s); swing.stop; {motor}.val = 0.1 time:200ms"
+        )
+
+    _talk(soak, 0.5, says)
 
 
 def _come_and_go(soak: Soak, number: int) -> None:
-    while not soak.over.wait(0.1):
+    for _ in _turns(soak, 0.1):
         line = Line(soak.port)
         line.say("every (10ms) { 1 }, var t = Tag.new|; { t: sleep(1h) }, at (System.ndebug) {}; 40 + 2;")
         line.until("] 42")
@@ -157,34 +169,16 @@ def _come_and_go(soak: Soak, number: int) -> None:
 
 
 def _read(soak: Soak, number: int) -> None:
-    line = Line(soak.port)
-    for turn in itertools.count():
-        if soak.over.wait(0.2):
-            break
-        line.say(f'for (20) echo("x" * 20000); echo("read {turn}");')
-        line.until(f"*** read {turn}")
-    line.close()
+    _talk(soak, 0.2, lambda turn: 'for (20) echo("x" * 20000)')
 
 
 def _nonsense(soak: Soak, number: int) -> None:
-    line = Line(soak.port)
-    for turn in itertools.count():
-        if soak.over.wait(0.1):
-            break
-        line.say(f'1 + ; ) {{ [ }} ; ;;, "\\q"; 12abc; var; function;\n;echo("still {turn}");')
-        line.until(f"*** still {turn}")
-    line.close()
+    _talk(soak, 0.1, lambda turn: '1 + ; ) { [ } ; ;;, "\\q"; 12abc; var; function;\n')
 
 
 def _watch(soak: Soak, number: int) -> None:
-    line = Line(soak.port)
-    line.say("var seen = 0|; every (20ms) { for| (var m : motors) seen += m.val },")
-    for turn in itertools.count():
-        if soak.over.wait(1.0):
-            break
-        line.say(f'sensor100.IRCenter; motor6.state; robot.link; echo("seen {turn}");')
-        line.until(f"*** seen {turn}")
-    line.close()
+    begins = "var seen = 0|; every (20ms) { for| (var m : motors) seen += m.val },"
+    _talk(soak, 1.0, lambda turn: "sensor100.IRCenter; motor6.state; robot.link", begins=begins)
 
 
 CLIENTS: tuple[Work, ...] = (

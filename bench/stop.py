@@ -26,9 +26,9 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from fakes.bioloid import Bioloid
-from fakes.device import Answer
-from fakes.endpoint import PtyEndpoint
+from urbihw_fakes.bioloid import Bioloid
+from urbihw_fakes.device import Answer
+from urbihw_fakes.endpoint import PtyEndpoint
 
 PATIENCE = 20.0
 SETTLE = 0.12

@@ -14,7 +14,7 @@ it, in order; each window is a connection of its own.  Answers look as in the tr
 hands, stamps are never compared.  Nor are the positions in error messages, which count the lines of a connection (a
 page shows some of them); nor which connection asked for a stop.
 
-A line ``// robot: WORDS`` is what is typed at the console of the fake (``python -m fakes``) at that moment.
+A line ``// robot: WORDS`` is what is typed at the console of the fake (``python -m urbihw_fakes``) at that moment.
 """
 
 from __future__ import annotations

@@ -6,6 +6,7 @@ Dialogues with a Bioloid are played in ``tests/platforms/test_pages.py``.
 from __future__ import annotations
 
 import importlib
+import json
 import re
 import tomllib
 from pathlib import Path
@@ -49,7 +50,7 @@ def test_every_dependency_has_its_row_with_range_and_reason() -> None:
 
 
 def test_every_dependency_is_bounded_above_but_those_of_the_build() -> None:
-    assert [name for name, bounds in requirements().items() if "<" not in bounds] == ["setuptools"]
+    assert [name for name, bounds in requirements().items() if "<" not in bounds] == ["setuptools", "setuptools-scm"]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
@@ -72,9 +73,14 @@ def test_the_udev_rules_name_the_adapters_of_the_manifests() -> None:
     assert set(row.findall(rules)) == wanted
 
 
+def test_the_picture_of_the_main_page_is_what_was_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(ROOT / "docs" / "pictures")
+    make = importlib.import_module("make")
+    assert make.draw(json.loads(make.SESSION.read_text())) == make.PICTURE.read_text()
+
+
 def test_news_are_fragments_of_a_known_kind() -> None:
-    names = [path.name for path in (ROOT / "docs" / "news").iterdir()]
-    assert names
+    names = {path.name for path in (ROOT / "docs" / "news").iterdir()} - {"README.md"}
     assert [name for name in names if name.split(".")[1:] not in [[kind, "md"] for kind in _KINDS]] == []
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any, TypeVar
 
-from fakes.can.node import CanFrame, Timed
-from fakes.cia402.node import Drive
 from urbihw.buses import messages as m
 from urbihw.buses.can.drives import DrivesDriver
 from urbihw.buses.can.frame import Frame
@@ -13,6 +11,8 @@ from urbihw.buses.can.port import CanPort
 from urbihw.buses.clock import SimClock
 from urbihw.buses.errors import BusTimeout, LinkGone
 from urbihw.buses.link import Context, Url
+from urbihw_fakes.can.node import CanFrame, Timed
+from urbihw_fakes.cia402.node import Drive
 
 T = TypeVar("T")
 TICK = 0.01

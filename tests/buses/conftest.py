@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from fakes.bioloid import Bioloid
 from urbihw import buses
 from urbihw.buses.clock import SimClock
 from urbihw.buses.dynamixel.bus import DynamixelBus
 from urbihw.buses.dynamixel.wire import ProtocolChoice
 from urbihw.buses.link import Context, Link
 from urbihw.buses.pipe import PipeEnd
+from urbihw_fakes.bioloid import Bioloid
 
 BAUD = 1_000_000
 

@@ -8,9 +8,6 @@ from typing import Any
 import can
 import pytest
 
-from fakes.can.node import CanFrame
-from fakes.cia402.dictionary import INCREMENTS
-from fakes.cia402.node import Drive
 from urbihw.buses import messages as m
 from urbihw.buses import open as open_port
 from urbihw.buses.can import cia402 as c
@@ -20,6 +17,9 @@ from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
 from urbihw.buses.link import Context, Url
 from urbihw.buses.pipe import PipeLink
 from urbihw.settings import BadSetting
+from urbihw_fakes.can.node import CanFrame
+from urbihw_fakes.cia402.dictionary import INCREMENTS
+from urbihw_fakes.cia402.node import Drive
 
 from .can_rig import Rig
 

@@ -110,7 +110,7 @@ def _usb(stack: ExitStack) -> Peer:
         for start in range(0, len(data), 64):
             claimed[-1].send(data[start : start + 64])
 
-    url = f"usb://0694:0002?backend=fakes.nxt.usb_backend:bus&at={bus}"
+    url = f"usb://0694:0002?backend=urbihw_fakes.nxt.usb_backend:bus&at={bus}"
     peer = Peer(url, Context(), send, lambda size: claimed[-1].recv(size))
     peer.hang_up = lambda: claimed[-1].close()
     return peer
@@ -228,7 +228,7 @@ def test_urls() -> None:
     [
         ("", "names no port"),
         ("socket://", "names no port"),
-        ("teapot://x", "unknown kind 'teapot'; known: .*pipe, serial, socket, spy, usb"),
+        ("teapot://x", "unknown kind 'teapot'; known: .*serial, "),
         ("/dev/null?baud=fast", 'baud: wants a number such as 57600 or 1000000, not "fast"'),
         ("/dev/null?baud=0", "baud: wants a number such as 57600 or 1000000, not 0"),
         ("/dev/null?boud=1", r"bus url '/dev/null\?boud=1': boud: no such parameter; did you mean baud\?"),

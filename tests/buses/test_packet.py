@@ -114,10 +114,10 @@ def test_crc_check_value_of_the_catalogue() -> None:
 
 @pytest.mark.parametrize(("built", "question", "answer", "sizes", "statuses"), FAST)
 def test_joint_answer(
-    built: bytes, question: str, answer: str, sizes: tuple[int, ...], statuses: tuple[Status, ...]
+    built: bytes | None, question: str, answer: str, sizes: tuple[int, ...], statuses: tuple[Status, ...]
 ) -> None:
     data = bytes.fromhex(answer)
-    assert built.hex(" ").upper() == question
+    assert built is None or built.hex(" ").upper() == question
     assert tuple(packet.split_fast(data, sizes)) == statuses
     assert tuple(packet.split_fast(b"\x00\xff" + data, sizes)) == statuses
     # Cut anywhere, it gives the blocks before the cut and nothing else.

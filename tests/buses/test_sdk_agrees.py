@@ -51,12 +51,6 @@ CASES: dict[str, Case] = {
     "1 ping": (1.0, lambda h, p: h.ping(p, 5), packet.ping_packet(1, 5)),
     "1 read": (1.0, lambda h, p: h.readTx(p, 5, 36, 8), packet.read_packet(1, 5, 36, 8)),
     "1 write": (1.0, lambda h, p: h.write2ByteTxOnly(p, 5, 30, 512), packet.write_packet(1, 5, 30, b"\x00\x02")),
-    "1 reg write": (
-        1.0,
-        lambda h, p: h.regWriteTxOnly(p, 5, 30, 2, [1, 2]),
-        packet.reg_write_packet(1, 5, 30, b"\x01\x02"),
-    ),
-    "1 action": (1.0, lambda h, p: h.action(p, 254), packet.action_packet(1)),
     "1 sync write": (
         1.0,
         lambda h, p: h.syncWriteTxOnly(p, 30, 2, [1, 0, 2, 2, 44, 1], 6),
@@ -69,10 +63,7 @@ CASES: dict[str, Case] = {
         lambda h, p: h.write4ByteTxOnly(p, 5, 116, 2048),
         packet.write_packet(2, 5, 116, b"\x00\x08\x00\x00"),
     ),
-    "2 action": (2.0, lambda h, p: h.action(p, 254), packet.action_packet(2)),
     "2 reboot": (2.0, lambda h, p: h.reboot(p, 5), packet.reboot_packet(5)),
-    "2 clear": (2.0, lambda h, p: h.clearMultiTurn(p, 5), packet.clear_packet(5)),
-    "2 factory reset": (2.0, lambda h, p: h.factoryReset(p, 5, 1), packet.factory_reset_packet(2, 5)),
     "2 sync read": (
         2.0,
         lambda h, p: h.syncReadTx(p, 126, 10, [1, 2], 2, False),
@@ -87,16 +78,6 @@ CASES: dict[str, Case] = {
         2.0,
         lambda h, p: h.syncWriteTxOnly(p, 65, 1, [1, 1, 2, 0], 4),
         packet.sync_write_packet(2, 65, {1: b"\x01", 2: b"\x00"}),
-    ),
-    "2 bulk read": (
-        2.0,
-        lambda h, p: h.bulkReadTx(p, [1, 144, 0, 2, 0, 2, 146, 0, 1, 0], 10, False),
-        packet.bulk_read_packet(2, [(1, 144, 2), (2, 146, 1)]),
-    ),
-    "2 bulk write": (
-        2.0,
-        lambda h, p: h.bulkWriteTxOnly(p, [1, 65, 0, 1, 0, 1, 2, 116, 0, 4, 0, 1, 2, 3, 4], 15),
-        packet.bulk_write_packet([(1, 65, b"\x01"), (2, 116, b"\x01\x02\x03\x04")]),
     ),
 }
 

@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 import usb.core  # type: ignore[import-untyped]
 
-from fakes.nxt.stream import NxtDevice
-from fakes.nxt.usb_backend import Bus
-from fakes.nxt.usb_endpoint import UsbEndpoint
 from urbihw import buses
 from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
 from urbihw.buses.link import Context
+from urbihw_fakes.nxt.stream import NxtDevice
+from urbihw_fakes.nxt.usb_backend import Bus
+from urbihw_fakes.nxt.usb_endpoint import UsbEndpoint
 
 BATTERY = bytes.fromhex("00 0b")
 MILLIVOLTS = bytes.fromhex("02 0b 00 d2 1e")

@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from fakes.bioloid import Bioloid
-from fakes.dynamixel.xseries import XSeries
 from urbihw.buses import messages as m
 from urbihw.buses.dynamixel.cycle import Cycle
 from urbihw.buses.dynamixel.member import WATCHDOG, WATCHDOG_LOOK
 from urbihw.buses.dynamixel.scan import scan
 from urbihw.buses.messages import FromWorker
+from urbihw_fakes.bioloid import Bioloid
+from urbihw_fakes.dynamixel.xseries import XSeries
 
 from .conftest import BAUD, Rig
 from .test_worker import Bench, of

@@ -11,7 +11,6 @@ from typing import TypeVar
 
 import pytest
 
-from fakes.bioloid import Bioloid
 from urbihw import buses
 from urbihw.buses import messages as m
 from urbihw.buses.clock import SimClock
@@ -23,6 +22,7 @@ from urbihw.buses.link import Context, Port
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import FromWorker, ToWorker
 from urbihw.buses.worker import Worker
+from urbihw_fakes.bioloid import Bioloid
 
 from .conftest import Rig
 
@@ -130,7 +130,7 @@ def test_requests(bench: Bench) -> None:
 
 
 def test_a_scan_on_request_finds_what_was_added(make_rig: Callable[[Bioloid], Rig]) -> None:
-    from fakes.dynamixel.ax12 import Ax12
+    from urbihw_fakes.dynamixel.ax12 import Ax12
 
     rig = make_rig(Bioloid(servos=(1,), sensors=(), baud=1_000_000))
     bench = Bench(rig)

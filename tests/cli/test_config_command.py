@@ -105,11 +105,26 @@ def test_what_is_shown_can_be_used_as_a_file(capsys: Capture, file: Path) -> Non
 def test_show_without_anything_shows_the_defaults(capsys: Capture) -> None:
     assert main(("config", "show")) == 0
     out = capsys.readouterr().out
-    assert all(line.endswith("# default") for line in out.splitlines())
+    assert all("  # default" in line for line in out.splitlines())
     default = Config()
     assert {key: tuple(value) if isinstance(value, list) else value for key, value in tomllib.loads(out).items()} == {
         name: getattr(default, name) for name in Config.rules() if name not in ("options", "limits")
     }
+
+
+def test_show_says_that_a_held_daemon_stops_the_robot(capsys: Capture, file: Path) -> None:
+    def line() -> str:
+        assert main(("config", "show", "--config", "robot.toml")) == 0
+        return next(row for row in capsys.readouterr().out.splitlines() if row.startswith("hold_limit"))
+
+    file.write_text("")
+    assert line().endswith("# default; a job that holds for longer than dead_man (1.5 s) stops the robot before")
+    file.write_text("hold_limit = 0\ndead_man = 3")
+    assert line().endswith("# robot.toml: hold_limit; a job that holds for longer than dead_man (3 s) stops the robot "
+                           "before")
+    for text in ("hold_limit = 1", "dead_man = 0", "hold_limit = 2\ndead_man = 2"):
+        file.write_text(text)
+        assert "stops the robot" not in line()
 
 
 def test_show_of_mistakes_tells_those(capsys: Capture, file: Path) -> None:

@@ -26,7 +26,7 @@ def leaves(*arguments: str) -> int:
 
 def test_version(capsys: Capture) -> None:
     assert leaves("--version") == 0
-    assert re.fullmatch(r"urbihw \d+\.\d+\.\d+\n", capsys.readouterr().out)
+    assert re.fullmatch(r"urbihw \d+\.\d+\.\d+\S*\n", capsys.readouterr().out)
 
 
 def test_help_names_all_commands(capsys: Capture) -> None:

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 from lan_server import Lan
 
+from urbihw.cli.console.session import Session
 from urbihw.cli.link import Link
 from urbihw.cli.options import Refused
 from urbihw.client.connect import connect
@@ -24,7 +25,7 @@ from urbihw.client.secure import context
 from urbihw.client.where import Where
 from urbihw.daemon import access, tls
 from urbihw.kernel.server.greeting import Refusal
-from urbihw.kernel.server.tcp import MOST_STRANGERS
+from urbihw.kernel.server.tcp import MOST_STRANGERS, WANTS_TLS
 from urbihw.kernel.uobject.motion import _client
 
 PATIENCE = 20.0
@@ -265,13 +266,32 @@ def test_tokens_that_cannot_be_read_let_nobody_in_and_the_log_says_why(
 
 
 def test_plain_text_on_the_port_of_tls(lan: Lan, caplog: pytest.LogCaptureFixture) -> None:
-    with pytest.raises(Refused, match="--tls"), Link(Where("127.0.0.1", lan.port), Credentials()) as link:
+    told = rf"^127.0.0.1:{lan.port} speaks TLS, and wants a token: --tls"
+    with pytest.raises(Refused, match=told), Link(Where("127.0.0.1", lan.port), Credentials()) as link:
         link.ask("1")
+    for text in (b"1 + 1;\n", b"\r\n", b"GET / HTTP/1.1\r\n\r\n"):
+        plain = socket.create_connection(("127.0.0.1", lan.port), PATIENCE)
+        plain.sendall(text)
+        assert everything(plain) == WANTS_TLS and b"urbihw console HOST:PORT --tls" in WANTS_TLS
     end = time.monotonic() + PATIENCE
     while "speaks no TLS" not in caplog.text:
         assert time.monotonic() < end
         time.sleep(0.01)
     assert lan.count() == (0, 0)
+
+
+def test_who_says_nothing_to_the_port_of_tls_is_told_in_the_end(lan: Lan, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("urbihw.kernel.server.tcp.HANDSHAKE", 0.3)
+    assert everything(socket.create_connection(("127.0.0.1", lan.port), PATIENCE)) == WANTS_TLS
+
+
+def test_a_console_without_tls_is_told_why_and_does_not_try_again(lan: Lan) -> None:
+    states: list[str] = []
+    session = Session(Where("127.0.0.1", lan.port), Credentials(), lambda lines: None,
+                      lambda: states.append(session.state))
+    asyncio.run(asyncio.wait_for(session.run(), PATIENCE))
+    assert states == ["denied"]
+    assert session.reason.startswith(f"127.0.0.1:{lan.port} speaks TLS, and wants a token: --tls")
 
 
 def test_tls_on_a_plain_port(lan: Lan, tmp_path: Path) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -108,18 +110,7 @@ def test_a_robot_named_by_a_flag_replaces_that_of_the_file(
         ("url = 'a'\nfake = true", "robot.toml: fake: a fake robot has no url; give one or the other"),
         ("port =", "robot.toml: is not TOML: Invalid value (at end of document)"),
         ("port = = 1", "robot.toml: is not TOML: Invalid value (at line 1, column 8)"),
-    ],
-)
-def test_a_mistake_in_the_file_is_one_line(file: Path, text: str, message: str) -> None:
-    file.write_text(text)
-    with pytest.raises(BadConfig) as caught:
-        configure(file)
-    assert str(caught.value) == message
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
+        # What only the platform, and the kind of its bus, know.
         ("platform = 'biolid'", "robot.toml: platform: no platform 'biolid'; did you mean bioloid?"),
         (
             "platform = 'bioloid'\n[options]\noffset = 3",
@@ -169,7 +160,7 @@ def test_a_mistake_in_the_file_is_one_line(file: Path, text: str, message: str) 
         ("platform = 'nxt'\n[limits.D]\nspeed = 1", "robot.toml: limits.D: no such device; there are: A, B, C"),
     ],
 )
-def test_what_the_platform_does_not_have_is_refused_with_file_and_key(file: Path, text: str, message: str) -> None:
+def test_a_mistake_is_one_line_with_file_and_key(file: Path, text: str, message: str) -> None:
     file.write_text(text)
     with pytest.raises(BadConfig) as caught:
         configure(file)
@@ -225,17 +216,24 @@ def test_a_mistake_in_a_flag_names_the_flag(flags: dict[str, Any], message: str)
     assert str(caught.value) == message
 
 
-def test_a_file_that_is_not_there() -> None:
-    with pytest.raises(BadConfig) as caught:
-        configure(Path("/nowhere/robot.toml"))
-    assert str(caught.value) == "/nowhere/robot.toml: cannot be read: No such file or directory"
-
-
-def test_a_file_that_is_no_text(file: Path) -> None:
-    file.write_bytes(b"# \xff")
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda file: None, "robot.toml: cannot be read: No such file or directory"),
+        (lambda file: file.write_bytes(b"# \xff"), "robot.toml: is not UTF-8 text (byte 2)"),
+        (lambda file: file.mkdir(), "robot.toml: is not a regular file: name one that is"),
+        (lambda file: os.mkfifo(file), "robot.toml: is not a regular file: name one that is"),
+        (lambda file: file.symlink_to("/dev/zero"), "robot.toml: is not a regular file: name one that is"),
+        (lambda file: file.symlink_to(file), "robot.toml: cannot be read: Too many levels of symbolic links"),
+        (lambda file: file.write_bytes(b"#" * 65537), "robot.toml: is longer than 65536 bytes: this is the wrong file"),
+    ],
+    ids=["none", "no text", "folder", "FIFO", "device", "link to itself", "long"],
+)
+def test_what_is_no_file_of_settings(file: Path, make: Callable[[Path], object], message: str) -> None:
+    make(file)
     with pytest.raises(BadConfig) as caught:
         configure(file)
-    assert str(caught.value) == "robot.toml: is not UTF-8 text (byte 2)"
+    assert str(caught.value) == message
 
 
 def test_the_sample_shows_every_setting_at_its_default(tmp_path: Path) -> None:

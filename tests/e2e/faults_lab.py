@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 from moving_robots import Look, Rig
 
-from fakes.serving import Endpoint
+from urbihw_fakes.serving import Endpoint
 
 ROOT = Path(__file__).resolve().parents[1]
 PATIENCE = 20.0

@@ -8,7 +8,10 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
+
+import pytest
 
 PATIENCE = 10.0
 """Seconds after which anything has failed; a busy machine may need some."""
@@ -107,3 +110,19 @@ class Server:
         self.process.kill()
         self.process.wait(PATIENCE)
         self._log.close()
+
+
+def served(folders: pytest.TempPathFactory) -> Iterator[Server]:
+    """The fixture of a server for a whole module."""
+    server = Server(folders.mktemp("hostile"))
+    yield server
+    server.close()
+
+
+def looked_after(server: Server) -> Iterator[Server]:
+    """The fixture of a server for a test: afterwards it must be as it was, and have nothing to complain of itself."""
+    yield server
+    assert server.neighbour.ask("40 + 2;") == "42"
+    server.wait(CENSUS, server.at_rest)
+    assert "Traceback" not in server.log()
+    assert "bug" not in server.log()

@@ -5,22 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from fakes.bioloid import Bioloid
-from fakes.can.device import CanDevice
-from fakes.can.slcan import Slcan
-from fakes.can.slcan_pty import SlcanPty
-from fakes.cia402.node import Drive
-from fakes.dynamixel.ax12 import DEGREES
-from fakes.endpoint import PtyEndpoint
-from fakes.nxt.stream import NxtDevice
-from fakes.nxt.tribot import TriBot
-from fakes.nxt.usb_endpoint import UsbEndpoint
-from fakes.p3dx.kit import P3dx
-from fakes.p3dx.start import TwoPtys
-from fakes.segway.rmp import SegwayRmp
-from fakes.segway.start import UsbPty
-from fakes.segway.usb import UsbLink
-from fakes.serving import Endpoint
+from urbihw_fakes.bioloid import Bioloid
+from urbihw_fakes.can.device import CanDevice
+from urbihw_fakes.can.slcan import Slcan
+from urbihw_fakes.can.slcan_pty import SlcanPty
+from urbihw_fakes.cia402.node import Drive
+from urbihw_fakes.dynamixel.ax12 import DEGREES
+from urbihw_fakes.endpoint import PtyEndpoint
+from urbihw_fakes.nxt.stream import NxtDevice
+from urbihw_fakes.nxt.tribot import TriBot
+from urbihw_fakes.nxt.usb_endpoint import UsbEndpoint
+from urbihw_fakes.p3dx.kit import P3dx
+from urbihw_fakes.p3dx.start import TwoPtys
+from urbihw_fakes.segway.rmp import SegwayRmp
+from urbihw_fakes.segway.start import UsbPty
+from urbihw_fakes.segway.usb import UsbLink
+from urbihw_fakes.serving import Endpoint
 
 Look = Callable[[], float]
 

@@ -14,12 +14,12 @@ from typing import TypeVar
 
 import pytest
 
-from fakes.bioloid import Bioloid
-from fakes.endpoint import PtyEndpoint
 from urbihw.buses import messages as m
 from urbihw.buses.errors import LinkGone
 from urbihw.buses.messages import FromWorker
 from urbihw.buses.worker import Worker
+from urbihw_fakes.bioloid import Bioloid
+from urbihw_fakes.endpoint import PtyEndpoint
 
 pytestmark = pytest.mark.e2e
 

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 from test_serve import Daemon, until
 
-from fakes.can.device import CanDevice
-from fakes.can.slcan import Slcan
-from fakes.can.slcan_pty import SlcanPty
-from fakes.cia402.node import Drive
+from urbihw_fakes.can.device import CanDevice
+from urbihw_fakes.can.slcan import Slcan
+from urbihw_fakes.can.slcan_pty import SlcanPty
+from urbihw_fakes.cia402.node import Drive
 
 pytestmark = pytest.mark.e2e
 

@@ -15,9 +15,9 @@ from pathlib import Path
 
 import pytest
 
-from fakes.bioloid import Bioloid
-from fakes.endpoint import PtyEndpoint
 from urbihw import platforms
+from urbihw_fakes.bioloid import Bioloid
+from urbihw_fakes.endpoint import PtyEndpoint
 
 from test_serve import PATIENCE, URBIHW, Client, Daemon, until  # isort: skip
 
@@ -237,7 +237,9 @@ def test_direct_knows_every_platform(folder: Path, tmp_path: Path, monkeypatch: 
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     name = folder.name
     fake = subprocess.Popen(
-        (sys.executable, "-m", "fakes", *platforms.read(folder).fake), stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        (sys.executable, "-m", "urbihw_fakes", *platforms.read(folder).fake),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
     )
     with fake:
         assert fake.stdin is not None and fake.stdout is not None

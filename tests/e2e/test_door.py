@@ -14,25 +14,19 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from hostile_lab import CENSUS, PATIENCE, Client, Server
+from hostile_lab import PATIENCE, Client, Server, looked_after, served
 
 pytestmark = pytest.mark.e2e
 
 
 @pytest.fixture(scope="module")
 def process(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    server = Server(tmp_path_factory.mktemp("door"))
-    yield server
-    server.close()
+    yield from served(tmp_path_factory)
 
 
 @pytest.fixture
 def server(process: Server) -> Iterator[Server]:
-    """The server; afterwards it must be as it was."""
-    yield process
-    assert process.neighbour.ask("40 + 2;") == "42"
-    process.wait(CENSUS, process.at_rest)
-    assert "Traceback" not in process.log()
+    yield from looked_after(process)
 
 
 def until(done: Callable[[], bool], seconds: float = PATIENCE) -> None:

@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 from test_serve import PATIENCE, Daemon, refused, until
 
-from fakes.endpoint import PtyEndpoint
-from fakes.nxt.stream import NxtDevice
-from fakes.nxt.tribot import TriBot
-from fakes.nxt.usb_endpoint import UsbEndpoint
-from fakes.serving import Endpoint
+from urbihw_fakes.endpoint import PtyEndpoint
+from urbihw_fakes.nxt.stream import NxtDevice
+from urbihw_fakes.nxt.tribot import TriBot
+from urbihw_fakes.nxt.usb_endpoint import UsbEndpoint
+from urbihw_fakes.serving import Endpoint
 
 pytestmark = pytest.mark.e2e
 
@@ -120,7 +120,7 @@ def test_the_robot_killed_and_started_again_during_a_behaviour(serve: Callable[.
     bus = str(tmp_path / "bus")
 
     def start() -> subprocess.Popen[str]:
-        fake = (sys.executable, "-m", "fakes", "nxt", "--usb", bus)
+        fake = (sys.executable, "-m", "urbihw_fakes", "nxt", "--usb", bus)
         process = subprocess.Popen(fake, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
         assert process.stdout is not None
         url.append(process.stdout.readline().strip())
@@ -170,7 +170,7 @@ def test_a_script_that_never_yields_does_not_keep_the_robot_going(serve: Callabl
 
 
 def test_what_is_wrong_is_said_in_one_line(serve: Callable[..., Daemon], usb: Endpoint, tmp_path: Path) -> None:
-    empty = f"usb://0694:0002?backend=fakes.nxt.usb_backend:bus&at={tmp_path}"
+    empty = f"usb://0694:0002?backend=urbihw_fakes.nxt.usb_backend:bus&at={tmp_path}"
     assert "no USB device 0694:0002; is it plugged in" in refused("--platform", "nxt", "--url", empty, "--port", "0")
     assert "no such port" in refused("--platform", "nxt", "--url", "/dev/rfcomm77", "--port", "0")
     serve("--url", usb.url)

@@ -1,7 +1,7 @@
 """The genuine libusb under pyusb: a brick whose kernel side is replayed by umockdev (Debian: umockdev, libusb-1.0-0).
 
-Everything else about USB is tested on a bus in software (`fakes/nxt/usb_backend.py`); this shows that descriptors,
-claim and transfers pass through libusb as they do there.  Skipped where one of the two is not installed.
+Everything else about USB is tested on a bus in software (`urbihw_fakes.nxt.usb_backend`); this shows that
+descriptors, claim and transfers pass through libusb as they do there.  Skipped where one of the two is not installed.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from fakes import captures
+from urbihw_fakes import captures
 
 pytestmark = [
     pytest.mark.e2e,

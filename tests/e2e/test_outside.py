@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import socket
 import threading
 import time
@@ -11,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from urbihw.kernel import Kernel
-from urbihw.kernel.stdlib.wire import LIMIT
+from urbihw.kernel.stdlib import child, file, pipe, poller
+from urbihw.kernel.stdlib.wire import MOST_READ
 
 LONGEST = 10.0
 """Seconds until an answer that does not come is given up."""
@@ -96,6 +98,88 @@ def test_a_program_that_does_not_read_is_not_written_to_for_ever(talk: Talk) -> 
     assert "<<: the other side does not read: " in wrong
 
 
+def test_only_so_much_is_read_ahead_of_the_programs_of_a_connection(
+    talk: Talk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pipe, "LIMIT", 1_000_000)
+    talk.say('var l = []|; for| (3) l << Process.new("yes", []); for| (var p : l) p.run; sleep(0.5s);')
+    waits = [source.unread for member in talk.lobby.slots["l"].l for source in member.sources]
+    assert 1_000_000 <= sum(waits) < 1_000_000 + 2 * len(waits) * pipe.CHUNK
+    assert all(size >= pipe.CHUNK for size in waits[::2]), "each of them has something to be read"
+    assert talk.say("for| (var p : l) { p.kill }; l[2].stdout.getLine; l[2].stdout.asList.size > 30000;") == [
+        '[] "y"', "[] true",
+    ]  # fmt: skip
+
+
+def test_what_a_forgotten_process_has_written_leaves_room_for_others(
+    talk: Talk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pipe, "LIMIT", 500_000)
+    typed = 'var p = Process.new("head", ["-c", "400000", "/dev/zero"])|; p.run; p.join; p.done;'
+    for _ in range(5):
+        assert talk.say(typed + 'removeSlot("p")|;') == ["[] true"]
+
+
+def test_a_line_without_end_comes_in_pieces_whatever_else_waits(talk: Talk, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pipe, "LIMIT", 500_000)
+    typed = 'var p = Process.new("yes", [])|; p.run; sleep(0.2s); var q = Process.new("cat", ["/dev/zero"])|; q.run;'
+    assert talk.say(f"{typed} q.stdout.getLine.size; p.kill; q.kill; p.join; q.join;") == [f"[] {pipe.LONGEST_LINE}"]
+
+
+def test_a_long_output_is_read_as_a_list_while_others_have_their_turn(talk: Talk) -> None:
+    typed = 'var p = Process.new("sh", ["-c", "yes | head -n 200000"])|; p.run; detach({ sleep(5ms); echo("other") })|;'
+    assert talk.say(typed + "p.stdout.asList.size;") == ["[] *** other", "[] 200000"]
+
+
+def _ends(pid: int) -> bool:
+    """Whether a process ends soon; one that has ended and was not waited for is a zombie."""
+    end = time.monotonic() + 2.0
+    while time.monotonic() < end:
+        try:
+            if Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2][0] == "Z":
+                return True
+        except OSError:
+            return True
+        time.sleep(0.01)
+    return False
+
+
+def test_programs_end_with_their_connection(talk: Talk, tmp_path: Path) -> None:
+    told = "echo $$ > {0}; exec sleep 20"
+    left = "nohup sh -c 'echo $$ > ignores; exec sleep 20' > /dev/null"
+    talk.say(f"""System.system("sh -c '{told.format("left")}' &");""")
+    talk.say(f'var p = Process.new("sh", ["-c", "{told.format("process")}"])|; p.run; echo(p.stdout);')
+    talk.say(f'detach({{ System.system("{told.format("command")}") }})|;')
+    talk.say(f'Process.new("sh", ["-c", "{left}"]).run;')
+    names = ("process", "command", "left", "ignores")
+    while not all((tmp_path / name).exists() and (tmp_path / name).read_text() for name in names):
+        talk.say("sleep(10ms);")
+    pids = {name: int((tmp_path / name).read_text()) for name in names}
+    other = talk.kernel.open_lobby("127.0.0.1")
+    talk.lobby.close()
+    talk.lobby = other
+    talk.say("sleep(100ms);")
+    try:
+        assert _ends(pids["process"])
+        assert _ends(pids["command"])
+        for name in ("left", "ignores"):
+            assert Path(f"/proc/{pids[name]}").exists(), f"{name} was to go on"
+    finally:
+        for name in ("left", "ignores"):
+            os.kill(pids[name], signal.SIGKILL)
+    assert talk.lobby.holdings.held() == []
+
+
+def test_a_connection_runs_so_many_programs_and_no_more(talk: Talk, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(child, "MOST", 3)
+    typed = 'var l = []|; for| (3) { l << Process.new("sleep", ["20"]); l.back.run };'
+    (wrong,) = talk.say(typed + 'Process.new("sleep", ["20"]).run;')
+    assert "run: too many programs: " in wrong
+    (wrong,) = talk.say('System.system("sleep 20");')
+    assert "system: too many programs: " in wrong
+    assert talk.say('for (var p : l) { p.kill; p.join }; System.system("exit 3");') == ["[] 768"]
+
+
 def test_a_shell_command_holds_up_nobody(talk: Talk) -> None:
     assert talk.say('detach({ sleep(50ms); echo("meanwhile") })|; System.system("sleep 0.4; exit 3") >> 8;') == [
         "[] *** meanwhile", "[] 3",
@@ -117,6 +201,75 @@ def test_reading_and_writing_a_fifo_holds_up_nobody(talk: Talk, tmp_path: Path) 
     assert talk.hear("*** waiting") == []
     (tmp_path / "fifo").write_text("all of it")
     assert talk.hear("*** all of it") == []
+
+
+def test_a_fifo_is_written_to_once_somebody_reads_it(talk: Talk, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "fifo")
+    talk.lobby.feed(b'detach({ File.save("fifo", "x" * 1000000); echo("saved") })|; echo("waiting");')
+    assert talk.hear("*** waiting") == []
+    assert talk.say('sleep(100ms); var i = InputStream.new(File.new("fifo"))|; i.getLine.size; sleep(50ms);') == [
+        "[] *** saved", "[] 1000000",
+    ]  # fmt: skip
+
+
+def _threads() -> set[threading.Thread]:
+    """Those that attend to files, of this kernel and of former ones."""
+    return {thread for thread in threading.enumerate() if thread.name == "urbihw-files"}
+
+
+def test_who_waits_for_fifos_takes_one_thread_in_all_and_no_more_than_a_few_files(
+    talk: Talk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(poller, "REST", 0.05)
+    for name in ("in", "out", "all"):
+        os.mkfifo(tmp_path / name)
+    before = _threads()
+    typed = (
+        'var t = Tag.new|; var l = []|; t: for| (30) { var i = InputStream.new(File.new("in")) | l << i |'
+        ' detach({ i.getLine }) | detach({ OutputStream.new(File.new("out")) }) }; sleep(50ms);'
+        ' t: for| (9) { detach({ try { File.new("all").content } catch (var e) { echo(e.message) } }) }; sleep(50ms);'
+    )
+    assert set(talk.say(typed)) == {"[] *** too many streams: this connection has 64; close one"}
+    (made,) = _threads() - before
+    assert len(talk.lobby.holdings.held()) == 64
+    talk.say("t.stop; for| (var i : l) i.close; l = []|; sleep(300ms);")
+    assert talk.lobby.holdings.held() == []
+    assert not made.is_alive(), "the thread ends when there is nothing to do"
+
+
+def test_what_has_no_end_is_too_large(talk: Talk, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "fifo")
+    writer = 'var p = Process.new("sh", ["-c", "exec yes > fifo"])|; p.run; detach({ sleep(5ms); echo("meanwhile") })|;'
+    first, wrong = talk.say(writer + 'File.new("fifo").content;')
+    assert first == "[] *** meanwhile"
+    assert wrong.endswith("content: file too large (more than 16777216 bytes): fifo")
+    assert talk.say("p.join; p.status;") == ["[] killed by signal 13"]
+    for name in ("/dev/zero", "/dev/urandom"):
+        (wrong,) = talk.say(f'File.new("{name}").asList;')
+        assert wrong.endswith(f"asList: file too large (more than 16777216 bytes): {name}")
+    assert talk.say('InputStream.new(File.new("/dev/zero")).get; File.new("/dev/null").content.data;') == [
+        "[] 0", '[] ""',
+    ]  # fmt: skip
+
+
+def test_devices_read_at_once_are_bounded_together(talk: Talk, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(file, "MOST_TOGETHER", 1_000_000)
+    read = "detach({ try { File.new(\"/dev/zero\").content } catch (var e) { echo(e.message) } })|;"
+    lines = talk.say(f"{read * 3} sleep(300ms);")
+    assert set(lines) == {"[] *** too much is read at once (more than 1000000 bytes): /dev/zero"}
+    assert pipe.pipes_of(talk.kernel.world).backlog(talk.lobby.holdings).gathered == 0
+
+
+def test_streams_of_devices_end_with_their_connection(talk: Talk, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "fifo")
+    reader = os.open(tmp_path / "fifo", os.O_RDONLY | os.O_NONBLOCK)
+    talk.say('var Global.o = OutputStream.new(File.new("fifo"))|; o << "last words";')
+    other = talk.kernel.open_lobby("127.0.0.1")
+    talk.lobby.close()
+    talk.lobby = other
+    talk.say("sleep(100ms);")
+    with open(reader, "rb") as file:
+        assert file.read() == b"last words", "and then the end"
 
 
 # ---------------------------------------------------------------- sockets
@@ -166,8 +319,8 @@ def test_a_flood_that_nobody_handles_waits_on_the_other_side(talk: Talk) -> None
                     end = time.monotonic() + 1.5
                 except BlockingIOError:
                     talk.say("")
-            assert LIMIT <= sent < 4 * LIMIT
-            read = "waituntil(n >= 10000000); n > 0;"
+            assert MOST_READ <= sent < 16 * MOST_READ  # the operating system holds some of it
+            read = "waituntil(n >= 3000000); n > 0;"
             assert talk.say(f"detach({{ every (10ms) io.poll }})|; {read}") == ["[] true"]
 
 

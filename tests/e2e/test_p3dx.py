@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from test_serve import PATIENCE, Client, Daemon, until
 
-from fakes.p3dx.kit import P3dx as Kit
-from fakes.p3dx.start import TwoPorts, TwoPtys
+from urbihw_fakes.p3dx.kit import P3dx as Kit
+from urbihw_fakes.p3dx.start import TwoPorts, TwoPtys
 
 pytestmark = pytest.mark.e2e
 

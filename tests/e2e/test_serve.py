@@ -15,9 +15,9 @@ from pathlib import Path
 
 import pytest
 
-from fakes.bioloid import Bioloid
-from fakes.dynamixel.ax12 import Ax12
-from fakes.endpoint import PtyEndpoint
+from urbihw_fakes.bioloid import Bioloid
+from urbihw_fakes.dynamixel.ax12 import Ax12
+from urbihw_fakes.endpoint import PtyEndpoint
 
 pytestmark = pytest.mark.e2e
 

@@ -9,7 +9,7 @@ from test_serve import PATIENCE, Daemon, serve
 __all__ = ["serve"]
 
 
-def test_a_client_that_spoils_what_it_can_leaves_the_others_their_robot(serve: Callable[..., Daemon]) -> None:  # noqa: F811
+def test_a_client_that_spoils_what_it_can_leaves_the_others_their_robot(serve: Callable[..., Daemon]) -> None:
     daemon = serve("--fake", "--quiet")
     saboteur, innocent = daemon.client(), daemon.client()
     assert innocent.ask("motor6.val = 1;") == "1"
@@ -38,7 +38,7 @@ def test_a_client_that_spoils_what_it_can_leaves_the_others_their_robot(serve: C
     assert daemon.process.wait(PATIENCE) == 0, daemon.log()
 
 
-def test_a_printing_without_end_costs_the_others_one_answer(serve: Callable[..., Daemon]) -> None:  # noqa: F811
+def test_a_printing_without_end_costs_the_others_one_answer(serve: Callable[..., Daemon]) -> None:
     daemon = serve("--fake", "--quiet")
     saboteur, innocent = daemon.client(), daemon.client()
     for body in ("loop| {}", "loop {}", "try { loop| {} } catch {}; loop {}"):

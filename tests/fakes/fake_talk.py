@@ -5,7 +5,7 @@ They build and take apart packets on their own, so that a mistake in the fake's 
 
 from __future__ import annotations
 
-from fakes.device import Device
+from urbihw_fakes.device import Device
 
 
 class Talk:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from fake_talk import Talk
 
-from fakes.dynamixel.ax12 import FULL_SPEED, POSITIONS_PER_TURN, SPEED_STEP, Ax12
-from fakes.dynamixel.bus import DynamixelBus
+from urbihw_fakes.dynamixel.ax12 import FULL_SPEED, POSITIONS_PER_TURN, SPEED_STEP, Ax12
+from urbihw_fakes.dynamixel.bus import DynamixelBus
 
 
 @pytest.fixture

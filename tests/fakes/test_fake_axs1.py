@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from fake_talk import Talk
 
-from fakes.dynamixel.axs1 import AxS1
-from fakes.dynamixel.bus import DynamixelBus
+from urbihw_fakes.dynamixel.axs1 import AxS1
+from urbihw_fakes.dynamixel.bus import DynamixelBus
 
 
 @pytest.fixture

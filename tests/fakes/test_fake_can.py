@@ -6,12 +6,12 @@ import struct
 
 import pytest
 
-from fakes.can.device import CanDevice
-from fakes.can.node import CanFrame
-from fakes.can.records import Records
-from fakes.can.slcan import Slcan
-from fakes.segway.rmp import SegwayRmp
-from fakes.segway.usb import UsbLink
+from urbihw_fakes.can.device import CanDevice
+from urbihw_fakes.can.node import CanFrame
+from urbihw_fakes.can.records import Records
+from urbihw_fakes.can.slcan import Slcan
+from urbihw_fakes.segway.rmp import SegwayRmp
+from urbihw_fakes.segway.usb import UsbLink
 
 
 def test_an_slcan_adapter_opens_and_passes_frames_both_ways() -> None:

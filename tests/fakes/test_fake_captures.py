@@ -6,17 +6,17 @@ from collections.abc import Callable
 
 import pytest
 
-from fakes import captures
-from fakes.bioloid import Bioloid
-from fakes.captures import Exchange
-from fakes.dynamixel import packet1, packet2
-from fakes.dynamixel.ax12 import Ax12
-from fakes.dynamixel.axs1 import AxS1
-from fakes.dynamixel.bus import DynamixelBus
-from fakes.dynamixel.registers import Register
-from fakes.dynamixel.unit1 import Unit1
-from fakes.dynamixel.xseries import XSeries
-from fakes.errors import UnknownRequest
+from urbihw_fakes import captures
+from urbihw_fakes.bioloid import Bioloid
+from urbihw_fakes.captures import Exchange
+from urbihw_fakes.dynamixel import packet1, packet2
+from urbihw_fakes.dynamixel.ax12 import Ax12
+from urbihw_fakes.dynamixel.axs1 import AxS1
+from urbihw_fakes.dynamixel.bus import DynamixelBus
+from urbihw_fakes.dynamixel.registers import Register
+from urbihw_fakes.dynamixel.unit1 import Unit1
+from urbihw_fakes.dynamixel.xseries import XSeries
+from urbihw_fakes.errors import UnknownRequest
 
 EXCHANGES = captures.read("dynamixel")
 

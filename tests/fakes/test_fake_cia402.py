@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from fakes.can.node import CanFrame
-from fakes.cia402.dictionary import INCREMENTS
-from fakes.cia402.node import Drive
+from urbihw_fakes.can.node import CanFrame
+from urbihw_fakes.cia402.dictionary import INCREMENTS
+from urbihw_fakes.cia402.node import Drive
 
 
 class Bus:

@@ -10,9 +10,9 @@ import can
 import canopen
 import pytest
 
-from fakes.can.node import CanFrame, CanNode
-from fakes.cia402.dictionary import INCREMENTS, dictionary
-from fakes.cia402.node import Drive
+from urbihw_fakes.can.node import CanFrame, CanNode
+from urbihw_fakes.cia402.dictionary import INCREMENTS, dictionary
+from urbihw_fakes.cia402.node import Drive
 
 PATIENCE = 20.0
 

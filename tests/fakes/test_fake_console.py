@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import pytest
 from fake_talk import Talk
 
-from fakes.bioloid import Bioloid
-from fakes.bioloid_console import commands
-from fakes.console import Console
-from fakes.endpoint import TcpEndpoint
+from urbihw_fakes.bioloid import Bioloid
+from urbihw_fakes.bioloid.console import commands
+from urbihw_fakes.console import Console
+from urbihw_fakes.endpoint import TcpEndpoint
 
 
 class Desk:

@@ -13,11 +13,11 @@ from pathlib import Path
 import pytest
 from fake_talk import packet2
 
-from fakes.bioloid import Bioloid
-from fakes.device import Answer, Device
-from fakes.endpoint import MemoryEndpoint, PtyEndpoint, SteppedClock, TcpEndpoint
-from fakes.errors import AdapterGone, FakeError, UnknownRequest
-from fakes.serving import Endpoint
+from urbihw_fakes.bioloid import Bioloid
+from urbihw_fakes.device import Answer, Device
+from urbihw_fakes.endpoint import MemoryEndpoint, PtyEndpoint, SteppedClock, TcpEndpoint
+from urbihw_fakes.errors import AdapterGone, FakeError, UnknownRequest
+from urbihw_fakes.serving import Endpoint
 
 WAIT = 5.0  # s at most for anything that must happen
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from fake_talk import Talk
 
-from fakes.bioloid import Bioloid
-from fakes.errors import UnknownRequest
-from fakes.faults import Fault
+from urbihw_fakes.bioloid import Bioloid
+from urbihw_fakes.errors import UnknownRequest
+from urbihw_fakes.faults import Fault
 
 PING6 = "FF FF 06 02 01 F6"
 PONG6 = "FF FF 06 02 00 F7"

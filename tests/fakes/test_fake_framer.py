@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from fakes.dynamixel import packet2
-from fakes.dynamixel.framer import Framer, Request
+from urbihw_fakes.dynamixel import packet2
+from urbihw_fakes.dynamixel.framer import Framer, Request
 
 PING1 = bytes.fromhex("FF FF 01 02 01 FB")
 PING2 = bytes.fromhex("FF FF FD 00 01 03 00 01 19 4E")

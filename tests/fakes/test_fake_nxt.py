@@ -7,13 +7,13 @@ from collections.abc import Callable
 
 import pytest
 
-from fakes import captures
-from fakes.nxt import codes
-from fakes.nxt.brick import Brick
-from fakes.nxt.inputs import Colour, Light, Plugged, Sound, Touch, normalise, raw_of
-from fakes.nxt.lowspeed import Ultrasonic
-from fakes.nxt.stream import NxtDevice
-from fakes.nxt.tribot import TriBot
+from urbihw_fakes import captures
+from urbihw_fakes.nxt import codes
+from urbihw_fakes.nxt.brick import Brick
+from urbihw_fakes.nxt.inputs import Colour, Light, Plugged, Sound, Touch, normalise, raw_of
+from urbihw_fakes.nxt.lowspeed import Ultrasonic
+from urbihw_fakes.nxt.stream import NxtDevice
+from urbihw_fakes.nxt.tribot import TriBot
 
 EXCHANGES = captures.read("nxt")
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from fakes.console import Console
-from fakes.endpoint import PtyEndpoint
-from fakes.nxt.console import commands
-from fakes.nxt.stream import NxtDevice
+from urbihw_fakes.console import Console
+from urbihw_fakes.endpoint import PtyEndpoint
+from urbihw_fakes.nxt.console import commands
+from urbihw_fakes.nxt.stream import NxtDevice
 
 
 def test_the_words() -> None:

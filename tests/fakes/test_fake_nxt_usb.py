@@ -13,12 +13,12 @@ import usb.backend.libusb1  # type: ignore[import-untyped]
 import usb.core  # type: ignore[import-untyped]
 import usb.util  # type: ignore[import-untyped]
 
-from fakes.endpoint import PtyEndpoint
-from fakes.nxt.inputs import Colour
-from fakes.nxt.stream import NxtDevice
-from fakes.nxt.tribot import TriBot
-from fakes.nxt.usb_backend import Bus, bus
-from fakes.nxt.usb_endpoint import UsbEndpoint
+from urbihw_fakes.endpoint import PtyEndpoint
+from urbihw_fakes.nxt.inputs import Colour
+from urbihw_fakes.nxt.stream import NxtDevice
+from urbihw_fakes.nxt.tribot import TriBot
+from urbihw_fakes.nxt.usb_backend import Bus, bus
+from urbihw_fakes.nxt.usb_endpoint import UsbEndpoint
 
 BATTERY = bytes.fromhex("00 0b")
 MILLIVOLTS = bytes.fromhex("02 0b 00 d2 1e")

@@ -6,14 +6,14 @@ import math
 
 import pytest
 
-from fakes import captures
-from fakes.device import Device
-from fakes.errors import UnknownRequest
-from fakes.p3dx import sips
-from fakes.p3dx.codec import ArcosReader, SickReader, arcos_packet, order, sick_telegram
-from fakes.p3dx.kit import P3dx
-from fakes.p3dx.sips import Settings, SipFields
-from fakes.p3dx.world import World, add_box
+from urbihw_fakes import captures
+from urbihw_fakes.device import Device
+from urbihw_fakes.errors import UnknownRequest
+from urbihw_fakes.p3dx import sips
+from urbihw_fakes.p3dx.codec import ArcosReader, SickReader, arcos_packet, order, sick_telegram
+from urbihw_fakes.p3dx.kit import P3dx
+from urbihw_fakes.p3dx.sips import Settings, SipFields
+from urbihw_fakes.p3dx.world import World, add_box
 
 EXCHANGES = captures.read("p3dx")
 

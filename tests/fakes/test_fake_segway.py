@@ -6,11 +6,11 @@ import math
 
 import pytest
 
-from fakes.can.node import CanFrame
-from fakes.errors import UnknownRequest
-from fakes.segway import frames as f
-from fakes.segway.body import FALLEN
-from fakes.segway.rmp import SegwayRmp
+from urbihw_fakes.can.node import CanFrame
+from urbihw_fakes.errors import UnknownRequest
+from urbihw_fakes.segway import frames as f
+from urbihw_fakes.segway.body import FALLEN
+from urbihw_fakes.segway.rmp import SegwayRmp
 
 COMMAND = 0x413
 

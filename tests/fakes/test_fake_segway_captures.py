@@ -6,13 +6,13 @@ import math
 
 import pytest
 
-from fakes import captures
-from fakes.can.node import CanFrame
-from fakes.segway import frames as f
-from fakes.segway import monitor
-from fakes.segway.monitor import Reading
-from fakes.segway.rmp import SegwayRmp
-from fakes.segway.usb import UsbLink, packet
+from urbihw_fakes import captures
+from urbihw_fakes.can.node import CanFrame
+from urbihw_fakes.segway import frames as f
+from urbihw_fakes.segway import monitor
+from urbihw_fakes.segway.monitor import Reading
+from urbihw_fakes.segway.rmp import SegwayRmp
+from urbihw_fakes.segway.usb import UsbLink, packet
 
 EXCHANGES = captures.read("segway")
 MODEL = f.MODELS["200"]

@@ -10,15 +10,15 @@ from typing import Any
 import can
 import pytest
 
-from fakes.can.device import CanDevice
-from fakes.can.endpoint import BusEndpoint
-from fakes.can.records import Records
-from fakes.cia402 import start as cia402
-from fakes.console import Console
-from fakes.errors import FakeError
-from fakes.segway import start as segway
-from fakes.segway.rmp import SegwayRmp
-from fakes.serving import Endpoint
+from urbihw_fakes.can.device import CanDevice
+from urbihw_fakes.can.endpoint import BusEndpoint
+from urbihw_fakes.can.records import Records
+from urbihw_fakes.cia402 import start as cia402
+from urbihw_fakes.console import Console
+from urbihw_fakes.errors import FakeError
+from urbihw_fakes.segway import start as segway
+from urbihw_fakes.segway.rmp import SegwayRmp
+from urbihw_fakes.serving import Endpoint
 
 GROUP, PORT = "239.74.163.2", 43223
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 from fake_talk import Talk, packet1
 
-from fakes.bioloid import Bioloid
-from fakes.dynamixel.ax12 import Ax12
-from fakes.dynamixel.bus import DynamixelBus
-from fakes.dynamixel.registers import Register, RegisterFile
-from fakes.errors import UnknownRequest
+from urbihw_fakes.bioloid import Bioloid
+from urbihw_fakes.dynamixel.ax12 import Ax12
+from urbihw_fakes.dynamixel.bus import DynamixelBus
+from urbihw_fakes.dynamixel.registers import Register, RegisterFile
+from urbihw_fakes.errors import UnknownRequest
 
 
 @pytest.fixture

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from fake_talk import Talk
 
-from fakes.dynamixel.bus import DynamixelBus
-from fakes.dynamixel.xseries import VELOCITY_STEP, XSeries
-from fakes.errors import UnknownRequest
+from urbihw_fakes.dynamixel.bus import DynamixelBus
+from urbihw_fakes.dynamixel.xseries import VELOCITY_STEP, XSeries
+from urbihw_fakes.errors import UnknownRequest
 
 ON, OFF = "03 40 00 01", "03 40 00 00"
 

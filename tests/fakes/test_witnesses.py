@@ -1,6 +1,6 @@
 """Independent drivers, written by others, talk to the fake on a pty: dynamixel-sdk and rustypot.
 
-And `python -m fakes` as a process of its own. The real clock is used here.
+And `python -m urbihw_fakes` as a process of its own. The real clock is used here.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ import dynamixel_sdk  # type: ignore[import-untyped]
 import pytest
 import rustypot
 
-from fakes.bioloid import Bioloid
-from fakes.dynamixel.ax12 import Ax12
-from fakes.dynamixel.xseries import XSeries
-from fakes.endpoint import PtyEndpoint
+from urbihw_fakes.bioloid import Bioloid
+from urbihw_fakes.dynamixel.ax12 import Ax12
+from urbihw_fakes.dynamixel.xseries import XSeries
+from urbihw_fakes.endpoint import PtyEndpoint
 
 pytestmark = pytest.mark.e2e
 
@@ -114,7 +114,7 @@ def test_rustypot_sync_reads_x_servos(robot: PtyEndpoint) -> None:
 
 
 def _start(*arguments: str) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "fakes", "bioloid", *arguments]
+    command = [sys.executable, "-m", "urbihw_fakes", "bioloid", *arguments]
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT)
 
 

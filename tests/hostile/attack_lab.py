@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from attacks import Attack
+from attacks import BEGINS, Attack
 from innocent_client import Seen
 
 HERE = Path(__file__).parent
@@ -242,6 +242,7 @@ def _play(
     Path(f"/proc/{server.pid}/clear_refs").write_text("5")  # the peak is counted anew
     outcome.idle = _memory(server.pid, "VmRSS")
     attacker = _Process("attacks.py", attack.name, str(daemon.port), str(folder))
+    _until((folder / BEGINS).exists, ANSWERS)
     time.sleep(seconds)
     if attack.leaves:
         outcome.reads = attacker.end().decode("latin-1")

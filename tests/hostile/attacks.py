@@ -4,7 +4,8 @@ A row says bytes, which each of its connections sends at once, or is a function 
 ``attack_lab`` plays a row against a real server, ``test_attacks`` those marked ``ci``, and ``python -m bench.hostile``
 all of them, with figures.
 
-In bytes, ``@FOLDER@`` is a folder of the row.  Whoever makes a file ``pwned`` there has run what must not run.
+In bytes, ``@FOLDER@`` is a folder of the row and ``@PORT@`` the port of the server.  Whoever makes a file ``pwned``
+there has run what must not run.
 
 This file is also the program of the attacker: ``python attacks.py NAME PORT FOLDER``.  It attacks until it is killed.
 """
@@ -61,6 +62,10 @@ class Attack:
     ci: bool = False
 
 
+BEGINS = "begins"
+"""The file in the folder that tells of the beginning of the attack."""
+
+
 class Field:
     """What an attacker has to work with."""
 
@@ -79,8 +84,8 @@ class Field:
         return made
 
     def here(self, says: bytes) -> bytes:
-        """A text of the table, for this folder."""
-        return says.replace(b"@FOLDER@", str(self.folder).encode())
+        """A text of the table, for this folder and port."""
+        return says.replace(b"@FOLDER@", str(self.folder).encode()).replace(b"@PORT@", str(self.port).encode())
 
     def tell(self, data: bytes) -> None:
         """Show whoever runs the attack what was read, the beginning of it."""
@@ -422,9 +427,9 @@ def _sabotages() -> Iterator[Attack]:
         yield Attack(f"sabotage: {thing}.protos = []", f"{thing}.protos = [];".encode(), spoils=True)
 
 
-def _programs(rows: dict[str, str], **more: bool) -> Iterator[Attack]:
+def _programs(rows: dict[str, str], *, memory: float = 300.0, **more: bool) -> Iterator[Attack]:
     for name, text in rows.items():
-        yield Attack(name, text.encode() + b"\n", **more)
+        yield Attack(name, text.encode() + b"\n", memory=memory, **more)
 
 
 _HELD = {
@@ -444,6 +449,8 @@ _MEMORY = {
     "jobs that fork jobs": "function fa() { fa() & fa() }; fa();",
     "jobs in the background that fork jobs": "function fb() { fb(), fb(), }; fb();",
     "detached jobs without end": "loop { detach({ sleep(1h) }) },",
+    "a lobby that is handed text without end": 'loop { lobby.receive("x" * 1e7) };',
+    "a lobby that is handed text without end, beside": 'loop { lobby.receive("x" * 1e7) },',
     "a string that doubles": 'var s = "x"|; loop| { s = s + s };',
     "a list that grows": "var l = []|; loop| { l << [l.size] };",
     "a list that holds itself": "var l = [1]|; for| (40) l = [l, l]; l; l == l; l.asString.size;",
@@ -453,6 +460,20 @@ _MEMORY = {
     " o.asString; o.protos;",
     "10 000 prototypes": "var o = Object.new|; for| (10000) o.addProto(Object.new); o.nothing; o;",
     "a million slots": 'var o = Object.new|; for| (var i : 1000000) o.setSlot("s" + i, i); o.localSlotNames.size;',
+}
+_BUILT_IN = {
+    "a string of 20 MB that is split": 'var s = "abcdefgh ," * 2000000|; loop { s.split(",").size; s.split.size },',
+    "a string that is split at itself": 'var s = "abcdefgh ," * 2000000|; loop { s.split(s).size; s.split([s, s]) },',
+    "a string of 20 MB that is searched": 'var s = "ab" * 10000000|; loop { s.replace("ab", "c").size; s.isAlpha;'
+    " s.asPrintable.size; s.distance(s); s.closest([s, s]) },",
+    "a million digits that are no number": 'var s = "1" * 1000000 + "x"|; loop { s.asFloat },',
+    "a list of two millions that is sorted": "var l = 2000000.seq|; loop { l.sort.size; l.max;"
+    " l = l.map(closure (a) { a * 7919 % 1000003 }) },",
+    "a million strings that are sorted": 'var l = ("ab,cd," * 500000).split(",")|; loop { l.sort; l.remove(1) },',
+    "lists of a million that are compared": "var l = 1000000.seq|; var m = l + []|; loop { l == m; l < m; l.has(-1) },",
+    "a list of a million that is printed": "var l = 1000000.seq|; loop { l.asString.size; [l, l].asString.size },",
+    "members that are looked for in each other": "var l = 100000.seq|; loop { l - (l + []); [-1].subset(l) },",
+    "a format of a million pieces": 'loop { (("%%" * 1000000) % []).size },',
 }
 _CROWDS = {
     "2000 at": "var Global.level = 0|; for| (2000) { at (level > 1) echo(1) onleave echo(2) };"
@@ -526,7 +547,28 @@ _OUTSIDE = {
     "a pipe that nobody writes to": 'System.system("mkfifo @FOLDER@/fifo"); File.new("@FOLDER@/fifo").content;'
     ' load("@FOLDER@/fifo");',
     "a socket to nobody": 'var s = Socket.new|; s.connect("127.0.0.1", "9");',
+    "a ring of sockets that doubles what it hears": "for (var i : 30) { var s = Server.new|"
+    " at (s.connection?(var c)) { at (c.received?(var d)) c.write(d + d) }|"
+    ' s.listen("127.0.0.1", "0")| var o = Socket.new| at (o.received?(var d)) o.write(d + d)|'
+    ' o.connect("127.0.0.1", s.port)| o.write("x") };',
+    "a socket that sends single bytes": 'var s = Server.new|; at (s.connection?(var c)) { at (c.received?(var d))'
+    ' { sleep(1h) } }; s.listen("127.0.0.1", "0"); var o = Socket.new|; o.connect("127.0.0.1", s.port);'
+    " loop { o.syncWrite(\"x\") },",
+    "clients that make clients by sockets": "function Global.grow() { var s = Socket.new|"
+    ' s.connect("127.0.0.1", @PORT@)| s.write("Global.grow();\n") }|; for (300) { try { grow() } catch {} };',
     "300 programs": 'for| (300) { Process.new("sleep", ["3"]).run };',
+    "30 programs that write without end, read": "for| (30) detach({"
+    ' var p = Process.new("yes", [])|; p.run; loop { p.stdout.getLine } });',
+    "30 programs that write without end, read at once": "for| (30) detach({"
+    ' var p = Process.new("yes", [])|; p.run; p.stdout.asList.size });',
+    "3000 that wait for a pipe": 'System.system("mkfifo @FOLDER@/in @FOLDER@/out @FOLDER@/all");'
+    ' for| (1000) detach({ try { InputStream.new(File.new("@FOLDER@/in")).getLine } catch {} });'
+    ' for| (1000) detach({ try { OutputStream.new(File.new("@FOLDER@/out")) << 1 } catch {} });'
+    ' for| (1000) detach({ try { File.new("@FOLDER@/all").content } catch {} });',
+    "40 devices without end": 'for| (var name : ["/dev/zero", "/dev/urandom"]) for| (20) detach({'
+    " loop { try { File.new(name).content } catch {} } });",
+    "a pipe without end": "System.system(\"mkfifo @FOLDER@/full; timeout 10 sh -c 'yes > @FOLDER@/full' &\");"
+    ' loop { try { File.new("@FOLDER@/full").content } catch (var e) { e.print } };',
 }
 _REGEXPS = {
     "a regexp without end": 'Regexp.new("(a+)+$").match("a" * 60 + "b");',
@@ -557,6 +599,7 @@ ATTACKS: tuple[Attack, ...] = (
     Attack("ten regexps at once", b'Regexp.new("(a+)+$").match("a" * 60 + "b");\n', connections=10),
     Attack("a loop that never gives way", b"loop| {},\n", seconds=6, ci=True),
     *_programs(_HELD),
+    *_programs(_BUILT_IN, memory=800.0),
     *_programs(_OTHERS, spoils=True),
     Attack("output without end that nobody reads", b'for| (200000) { echo("x" * 1000) };\n', reads=False, ci=True),
     Attack("output without end, to all", b'for| (20000) { wall("x" * 1000) };\n', reads=False),
@@ -596,6 +639,7 @@ def main() -> None:
     name, port, folder = sys.argv[1:]
     (attack,) = (attack for attack in ATTACKS if attack.name == name)
     field = Field(int(port), Path(folder))
+    (field.folder / BEGINS).touch()
     if callable(attack.says):
         attack.says(field)
     else:

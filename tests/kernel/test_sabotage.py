@@ -220,7 +220,7 @@ def test_the_jobs_of_the_server_are_not_among_those_of_programs(fresh: Stage) ->
     assert fresh.say(fresh.innocent, "System.aliveJobs == System.jobs.size;") == ["[] true"]
 
 
-def test_the_tag_of_a_connection_and_Tag_itself_can_only_be_stopped(fresh: Stage) -> None:  # noqa: N802
+def test_the_tag_of_a_connection_and_Tag_itself_can_only_be_stopped(fresh: Stage) -> None:
     for verb in ("block", "freeze"):
         (error,) = fresh.say(fresh.saboteur, f"connectionTag.{verb};")
         assert error.endswith(f": {verb}: the tag of a connection can only be stopped")

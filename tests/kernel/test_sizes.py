@@ -62,7 +62,7 @@ def test_what_is_as_long_as_may_be_is_made() -> None:
 
 
 def test_a_device_without_end_is_not_read_without_end() -> None:
-    assert "file too large (more than 67108864 bytes): /dev/zero" in said('File.new("/dev/zero").content;', 20.0)
+    assert "file too large (more than 16777216 bytes): /dev/zero" in said('File.new("/dev/zero").content;', 20.0)
 
 
 def test_a_large_file_is_not_loaded(tmp_path: Path) -> None:
@@ -86,7 +86,7 @@ def test_a_line_without_end_comes_in_pieces(tmp_path: Path) -> None:
     with path.open("wb") as file:
         file.truncate(MOST_CHARACTERS)
     answer = said(f'InputStream.new(File.new("{path}")).getLine.size;')
-    assert answer.split()[1] == str(16 * 1024 * 1024)
+    assert answer.split()[1] == str(1024 * 1024)
 
 
 def test_programs_leave_half_of_the_descriptors_to_clients_and_to_the_robot(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -94,3 +94,12 @@ def test_programs_leave_half_of_the_descriptors_to_clients_and_to_the_robot(monk
     monkeypatch.setattr(resource, "getrlimit", lambda what: (8, 8))
     for text in ('Server.new.listen("127.0.0.1", "0");', 'Socket.new.connect("127.0.0.1", "1");'):
         assert "too many files and connections are open" in said(text, 1.0)
+
+
+def test_what_a_lobby_is_handed_to_read_is_bounded() -> None:
+    full = 'var l = Lobby.create|; l.receive("sleep(1s);"); sleep(10ms); for| (2) l.receive("/*" + "x" * 3e6 + "*/");'
+    assert "receive: too much to be read: 6000008 bytes wait already, 3000000 more are too many" in said(
+        full + ' l.receive("x" * 3e6);', 0.5
+    )
+    assert said(full + ' sleep(2s); l.receive("echo(40 + 2);");', 5.0).endswith("*** 42\n")
+    assert "receive: too much to be read" in said('lobby.receive("x" * 1e7);')

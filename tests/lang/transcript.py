@@ -27,6 +27,7 @@ import difflib
 import re
 import signal
 import tempfile
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,6 +41,9 @@ PATIENCE = 3600.0
 
 EFFORT = 10.0
 """Seconds of processor time a unit may take at one instant: a busy loop is ended, not waited for."""
+
+THREADS = 2.0
+"""Real seconds that the work of a thread may take, such as the start of a program."""
 
 _TITLE = re.compile(r"^(?=//-- )", re.MULTILINE)
 _HEADER = re.compile(r"^//#(timed|needs|skip-if)\b[ \t]*(.*)$", re.MULTILINE)
@@ -129,6 +133,8 @@ class Player:
         self.effort = effort
         self.clock = SimClock()
         self.kernel = Kernel(self.clock)
+        self._posted = threading.Event()
+        self.kernel.scheduler.set_wake_host(self._posted.set)
 
     def play(self, transcript: Transcript) -> list[Outcome]:
         """Run all units, in an empty folder; after one that does not end the others are not tried."""
@@ -167,7 +173,10 @@ class Player:
             if idle:
                 return ""
             if deadline is None:
-                return "waits for ever"
+                if not self._posted.wait(THREADS):
+                    return "waits for ever"
+                self._posted.clear()
+                continue
             if deadline > limit:
                 return f"takes more than {PATIENCE:g} s of simulated time"
             self.clock.idle(deadline)

@@ -8,15 +8,15 @@ from typing import Any
 from lab import RobotLab
 from motions import Kind, Motion, Numbers
 
-from fakes.bioloid import Bioloid as Kit
-from fakes.bioloid_console import commands
-from fakes.console import Console
-from fakes.dynamixel.ax12 import DEGREES, Ax12
-from fakes.dynamixel.xseries import XSeries
-from fakes.dynamixel.xtables import STEPS
 from urbihw.buses.dynamixel.device import DeviceInfo
 from urbihw.buses.link import Context
 from urbihw.buses.pipe import PipeEnd
+from urbihw_fakes.bioloid import Bioloid as Kit
+from urbihw_fakes.bioloid.console import commands
+from urbihw_fakes.console import Console
+from urbihw_fakes.dynamixel.ax12 import DEGREES, Ax12
+from urbihw_fakes.dynamixel.xseries import XSeries
+from urbihw_fakes.dynamixel.xtables import STEPS
 
 BAUD = 1_000_000
 

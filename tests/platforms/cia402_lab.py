@@ -8,13 +8,13 @@ from typing import Any
 from lab import SpeakingLab
 from motions import Kind, Motion, Numbers
 
-from fakes.can.device import CanDevice
-from fakes.can.records import Records
-from fakes.cia402.node import Drive
-from fakes.cia402.start import words_of
-from fakes.console import Console
 from urbihw.buses.clock import SimClock
 from urbihw.buses.link import Context
+from urbihw_fakes.can.device import CanDevice
+from urbihw_fakes.can.records import Records
+from urbihw_fakes.cia402.node import Drive
+from urbihw_fakes.cia402.start import words_of
+from urbihw_fakes.console import Console
 
 
 class Lab(SpeakingLab):

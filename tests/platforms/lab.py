@@ -12,8 +12,6 @@ from multiprocessing import Pipe
 from types import SimpleNamespace
 from typing import Any, ClassVar, Self
 
-from fakes.console import Command, Console
-from fakes.device import Answer, Device
 from urbihw.buses import messages as m
 from urbihw.buses.clock import SimClock as BusClock
 from urbihw.buses.driver import driver_of
@@ -27,6 +25,8 @@ from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.uobject import DeviceError, RobotSettings
 from urbihw.platforms import find, load
 from urbihw.platforms.base import WiredRobot
+from urbihw_fakes.console import Command, Console
+from urbihw_fakes.device import Answer, Device
 
 MOST_UNREAD = 100
 """Messages that a pipe takes while nobody reads."""
@@ -105,7 +105,7 @@ class RobotLab:
         raise NotImplementedError
 
     def console(self) -> Console:
-        """The console of the fake, as `python -m fakes` has it."""
+        """The console of the fake, as `python -m urbihw_fakes` has it."""
         raise NotImplementedError
 
     def thought(self) -> bool:

@@ -20,7 +20,7 @@ from urbihw.buses.driver import driver_of
 from urbihw.buses.engine import Engine
 from urbihw.kernel import Kernel
 from urbihw.kernel.uobject import RobotSettings, UObject
-from urbihw.kernel.uobject.bridge import Bridge
+from urbihw.kernel.uremote.bridge import Bridge
 
 Numbers = tuple[float, ...]
 

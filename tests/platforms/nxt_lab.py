@@ -9,12 +9,12 @@ from typing import Any
 from lab import RobotLab
 from motions import Kind, Motion, Numbers
 
-from fakes.console import Console
-from fakes.nxt.console import commands
-from fakes.nxt.stream import NxtDevice
-from fakes.nxt.tribot import TriBot
 from urbihw.buses.link import Context
 from urbihw.buses.pipe import PipeEnd
+from urbihw_fakes.console import Console
+from urbihw_fakes.nxt.console import commands
+from urbihw_fakes.nxt.stream import NxtDevice
+from urbihw_fakes.nxt.tribot import TriBot
 
 
 class Lab(RobotLab):

@@ -11,17 +11,17 @@ from typing import Any
 from lab import HandWorker, RobotLab
 from motions import Kind, Motion, Numbers
 
-from fakes.console import Console
-from fakes.device import Device
-from fakes.p3dx.console import commands
-from fakes.p3dx.kit import P3dx as Kit
-from fakes.p3dx.world import World
 from urbihw.buses import messages as m
 from urbihw.buses.clock import SimClock
 from urbihw.buses.driver import driver_of
 from urbihw.buses.engine import Engine
 from urbihw.buses.link import Context
 from urbihw.buses.pipe import PipeEnd
+from urbihw_fakes.console import Console
+from urbihw_fakes.device import Device
+from urbihw_fakes.p3dx.console import commands
+from urbihw_fakes.p3dx.kit import P3dx as Kit
+from urbihw_fakes.p3dx.world import World
 
 BAUD = 115200
 

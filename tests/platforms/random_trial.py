@@ -21,7 +21,7 @@ from typing import Any
 
 import pytest
 from motions import Kind, Scene
-from random_programs import INF, LATE, LEAD, PLANTS, TICK, Plant, Program
+from random_programs import INF, LATE, LEAD, TICK, Plant, Program, plant_of
 from test_motion_contract import motion_of
 
 from urbihw.buses import messages as m
@@ -170,7 +170,7 @@ class Trial(Scene):
 
     def __init__(self, platform: str, rng: random.Random, folder: Path) -> None:
         self.events: deque[str] = deque(maxlen=30)
-        self.plant = PLANTS[platform]()
+        self.plant = plant_of(platform)
         self.model = Model(device_of={part: one for one, parts in self.plant.devices.items() for part in parts})
         self.rng = rng
         self.due: list[tuple[float, Callable[[], None]]] = []

@@ -7,12 +7,12 @@ from typing import Any
 from lab import SpeakingLab
 from motions import Kind, Motion, Numbers
 
-from fakes.can.device import CanDevice, Codec
-from fakes.can.records import Records
-from fakes.console import Console
-from fakes.segway.console import commands
-from fakes.segway.rmp import SegwayRmp
-from fakes.segway.usb import UsbLink
+from urbihw_fakes.can.device import CanDevice, Codec
+from urbihw_fakes.can.records import Records
+from urbihw_fakes.console import Console
+from urbihw_fakes.segway.console import commands
+from urbihw_fakes.segway.rmp import SegwayRmp
+from urbihw_fakes.segway.usb import UsbLink
 
 BAUD = 460_800
 

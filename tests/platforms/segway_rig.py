@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from fakes.can.node import CanFrame, Timed
-from fakes.segway.rmp import SegwayRmp
 from urbihw.buses import messages as m
 from urbihw.buses.can.frame import Frame
 from urbihw.buses.can.port import CanPort
@@ -14,6 +12,8 @@ from urbihw.buses.clock import SimClock
 from urbihw.buses.errors import BusTimeout, LinkGone
 from urbihw.buses.link import Context, Url
 from urbihw.platforms.segway.driver import BASE, RmpDriver
+from urbihw_fakes.can.node import CanFrame, Timed
+from urbihw_fakes.segway.rmp import SegwayRmp
 
 T = TypeVar("T")
 START = 50.0

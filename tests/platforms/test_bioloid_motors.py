@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import pytest
 from bioloid_lab import BAUD, Lab
 
-from fakes.bioloid import Bioloid as Kit
 from urbihw.buses import messages as m
+from urbihw_fakes.bioloid import Bioloid as Kit
 
 
 @pytest.fixture

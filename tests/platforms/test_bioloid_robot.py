@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 from bioloid_lab import BAUD, Lab
 
-from fakes.bioloid import Bioloid as Kit
-from fakes.device import Answer
-from fakes.dynamixel.ax12 import Ax12
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import BadConfig, NotReady
+from urbihw_fakes.bioloid import Bioloid as Kit
+from urbihw_fakes.device import Answer
+from urbihw_fakes.dynamixel.ax12 import Ax12
 
 
 def test_opening_makes_the_objects_of_the_manual() -> None:

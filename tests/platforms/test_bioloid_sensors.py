@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from bioloid_lab import BAUD, Lab
 
-from fakes.bioloid import Bioloid as Kit
+from urbihw_fakes.bioloid import Bioloid as Kit
 
 
 @pytest.fixture

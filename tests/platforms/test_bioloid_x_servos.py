@@ -7,7 +7,7 @@ import math
 import pytest
 from bioloid_lab import BAUD, Lab
 
-from fakes.bioloid import Bioloid as Kit
+from urbihw_fakes.bioloid import Bioloid as Kit
 
 
 def lab_of(model: str) -> Lab:

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from cia402_lab import Lab
 
-from fakes.cia402.dictionary import INCREMENTS
-from fakes.cia402.node import Drive
 from urbihw.kernel.uobject import BadConfig, NotReady
+from urbihw_fakes.cia402.dictionary import INCREMENTS
+from urbihw_fakes.cia402.node import Drive
 
 README = Path(__file__).resolve().parents[2] / "urbihw" / "platforms" / "cia402" / "README.md"
 

@@ -2,7 +2,8 @@
 
 A platform takes part by its manifest and by ``tests/platforms/<name>_lab.py``: that module offers ``lab()``, which
 gives a ``lab.RobotLab`` (or something with the same ``say`` and ``look``) whose robot is open, with its fake in memory;
-where there is no ``lab()``, ``Lab.ready()`` is called.
+where there is no ``lab()``, ``Lab.ready()`` is called.  The other contracts want its ``MOTION`` (``motions``) and a
+``<name>_plant.py`` (``random_programs``); `urbihw new-platform` writes all of them.
 """
 
 from __future__ import annotations
@@ -142,6 +143,28 @@ def test_a_robot_with_an_identity_says_what_it_is(tree: Tree) -> None:
     if "Identity" in tree.nodes[0].kinds:
         assert tree.lab.look("robot.type").strip('"') in interfaces.CATEGORIES
         assert tree.lab.look("robot.name.isA(String) && robot.model.isA(String)") == "true"
+
+
+@pytest.mark.parametrize("platform", [folder.name for folder in folders()])
+def test_clients_come_in_only_when_the_tree_is_built(platform: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    lab = importlib.import_module(f"{platform}_lab").Lab()
+    lab.run(0)
+    built: list[bool] = []
+    answer = lab.robot.answer
+
+    def look(error: object) -> None:
+        if lab.robot.opening:
+            built.append("body" in getattr(lab.kernel.world.global_.slots.get("robot"), "slots", ()))
+        answer(error)
+
+    monkeypatch.setattr(lab.robot, "answer", look)
+    # The worker is ahead of a kernel that is busy: what it found and what it measured come in the same round.
+    with monkeypatch.context() as busy:
+        busy.setattr(lab.kernel.scheduler, "run_simulated", lambda until=None: lab.clock.idle(until))
+        for _ in range(150):
+            lab.step()
+    lab.until(lambda: bool(lab.opened))
+    assert (lab.opened, built) == ([None], [True])
 
 
 # ---------------------------------------------------------------- the check itself

@@ -40,6 +40,23 @@ def test_a_joint_stays_within_its_position_limit_and_says_which_that_is() -> Non
     assert lab.look("motor6.why").startswith('"Lobby_1')
 
 
+def test_a_limit_that_acts_on_one_write_after_the_other_is_told_once_and_stays() -> None:
+    lab = Bioloid.ready(limits={"motor6": {"position": [-0.5, 0.4]}})
+    lab.say("at (motor6.limited?(var by)) echo(by);")
+    assert lab.say("motor6.val = 1.5|; sleep(0.2s); motor6.val = 1.6|;", 0.5).count("limits.motor6.position") == 1
+    assert lab.number("motor6.applied") == pytest.approx(0.4, abs=0.01)
+    assert lab.look("motor6.limitedBy") == '"limits.motor6.position"'
+    lab.say("motor6.val = -1.5|;", 0.2)
+    assert lab.number("motor6.applied") == pytest.approx(-0.5, abs=0.01)
+    lab.say("motor6.val = 0.1|;", 0.2)
+    assert lab.number("motor6.applied") == pytest.approx(0.1, abs=0.01)
+    assert lab.look("motor6.limitedBy") == '""'
+    lab.say("motor6.val = 1.5|;", 0.2)
+    lab.say("robot.stop|; motor6.val = 0.1|;", 0.2)
+    assert lab.number("motor6.applied") == pytest.approx(0.1, abs=0.01)
+    assert lab.look("motor6.limitedBy") == '""'
+
+
 def test_a_joint_goes_no_faster_than_its_speed_limit() -> None:
     free, limited = Bioloid.ready(), Bioloid.ready(limits={"speed": 0.5})
     for lab in (free, limited):

@@ -7,8 +7,6 @@ from typing import Any
 
 import pytest
 
-from fakes.nxt.stream import NxtDevice
-from fakes.nxt.tribot import TriBot
 from urbihw import buses
 from urbihw.buses import messages as m
 from urbihw.buses.clock import SimClock
@@ -17,6 +15,8 @@ from urbihw.buses.link import Context, Link
 from urbihw.buses.pipe import PipeEnd
 from urbihw.platforms.nxt.driver import NxtDriver
 from urbihw.platforms.nxt.exchange import STRIKES
+from urbihw_fakes.nxt.stream import NxtDevice
+from urbihw_fakes.nxt.tribot import TriBot
 
 TICK = 0.01
 

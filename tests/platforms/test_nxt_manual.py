@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from nxt_lab import Lab
 
-from fakes.nxt.tribot import TriBot
 from urbihw.platforms.nxt.options import LAYOUT as BUILT_IN
+from urbihw_fakes.nxt.tribot import TriBot
 
 
 def speeds(lab: Lab) -> tuple[int, int]:

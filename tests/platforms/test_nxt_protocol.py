@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from fakes import captures
 from urbihw.buses.errors import BadFrame, BadValue
 from urbihw.platforms.nxt import protocol as p
+from urbihw_fakes import captures
 
 EXCHANGES = captures.read("nxt")
 

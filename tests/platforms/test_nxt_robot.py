@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from nxt_lab import Lab
 
-from fakes.nxt.inputs import Colour
-from fakes.nxt.lowspeed import I2cDevice
-from fakes.nxt.tribot import TriBot
 from urbihw.kernel.uobject import BadConfig, NotReady
+from urbihw_fakes.nxt.inputs import Colour
+from urbihw_fakes.nxt.lowspeed import I2cDevice
+from urbihw_fakes.nxt.tribot import TriBot
 
 
 def test_the_brick_tells_what_it_is() -> None:
@@ -177,7 +177,7 @@ def test_nobody_answers() -> None:
 
 
 def test_a_firmware_of_another_kind(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fakes.nxt.system.PROTOCOL", (1, 2))
+    monkeypatch.setattr("urbihw_fakes.nxt.system.PROTOCOL", (1, 2))
     lab = Lab()
     lab.until(lambda: bool(lab.opened))
     (error,) = lab.opened

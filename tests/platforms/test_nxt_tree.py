@@ -7,7 +7,7 @@ import math
 import pytest
 from nxt_lab import Lab
 
-from fakes.nxt.tribot import TriBot
+from urbihw_fakes.nxt.tribot import TriBot
 
 
 def test_the_tree() -> None:

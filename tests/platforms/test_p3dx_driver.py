@@ -8,18 +8,18 @@ from typing import Any
 import pytest
 from p3dx_lab import Line
 
-from fakes.p3dx.kit import P3dx as Kit
-from fakes.p3dx.sips import Settings
-from fakes.p3dx.world import World
 from urbihw.buses.clock import SimClock
 from urbihw.buses.errors import LinkGone, Unavailable
 from urbihw.buses.link import Context, Url
 from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, Request, Samples, Targets, Watch
 from urbihw.buses.pipe import PipeLink
+from urbihw.navigation.sickdriver import LaserInfo, SickDriver
 from urbihw.platforms.p3dx.driver import ArcosDriver
-from urbihw.platforms.p3dx.laserdriver import LaserInfo, SickDriver
 from urbihw.platforms.p3dx.protocol import command
 from urbihw.settings import BadSetting
+from urbihw_fakes.p3dx.kit import P3dx as Kit
+from urbihw_fakes.p3dx.sips import Settings
+from urbihw_fakes.p3dx.world import World
 
 TICK = 0.01
 

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import pytest
 from p3dx_lab import Lab
 
-from fakes.p3dx.kit import P3dx as Kit
-from fakes.p3dx.world import World
+from urbihw_fakes.p3dx.kit import P3dx as Kit
+from urbihw_fakes.p3dx.world import World
 
 RING = {
     "[left][front]": 0, "[front][left][left]": 1, "[front][left][front]": 2, "[front][front][left]": 3,

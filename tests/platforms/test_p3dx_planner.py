@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from p3dx_lab import Lab
 
-from fakes.p3dx.kit import P3dx as Kit
-from fakes.p3dx.world import World, add_box
+from urbihw_fakes.p3dx.kit import P3dx as Kit
+from urbihw_fakes.p3dx.world import World, add_box
 
 EVENTS = (
     'at (P3dx.planner.pathPlanningEvent?(var how)) echo("path %s" % how);'
@@ -199,7 +199,7 @@ def test_other_jobs_go_on_while_a_path_is_planned(tmp_path: Path, monkeypatch: p
     gate = threading.Event()
     lab = ready(tmp_path)
     monkeypatch.setattr(
-        "urbihw.platforms.p3dx.navigator.plan", lambda *arguments: gate.wait(20) and [(0.0, 0.0), (0.5, 0.0)]
+        "urbihw.navigation.navigator.plan", lambda *arguments: gate.wait(20) and [(0.0, 0.0), (0.5, 0.0)]
     )
     lab.say("P3dx.moveTo([0.5, 0, 0]);")
     assert lab.say("for (3) { sleep(0.1); echo(1) };", 1) == "*** 1\n*** 1\n*** 1"
@@ -213,7 +213,7 @@ def test_a_bug_while_planning_is_a_path_that_failed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     lab = ready(tmp_path)
-    monkeypatch.setattr("urbihw.platforms.p3dx.navigator.plan", lambda *arguments: 1 / 0)
+    monkeypatch.setattr("urbihw.navigation.navigator.plan", lambda *arguments: 1 / 0)
     send(lab, "[0.5, 0, 0]")
     assert lab.heard() == "*** path 0"
     assert "our bug: ZeroDivisionError" in caplog.text

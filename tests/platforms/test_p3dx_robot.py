@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 from p3dx_lab import Lab
 
-from fakes.p3dx.kit import P3dx as Kit
-from fakes.p3dx.sips import Settings
-from fakes.p3dx.world import World
 from urbihw.kernel.uobject import BadConfig, NotReady, RobotSettings
 from urbihw.platforms.p3dx.robot import P3dx
+from urbihw_fakes.p3dx.kit import P3dx as Kit
+from urbihw_fakes.p3dx.sips import Settings
+from urbihw_fakes.p3dx.world import World
 
 
 def driving(**options: Any) -> Lab:

@@ -8,8 +8,6 @@ from typing import Any
 import pytest
 from segway_rig import START, TICK, Rig
 
-from fakes.segway import frames as f
-from fakes.segway.rmp import SegwayRmp
 from urbihw.buses import messages as m
 from urbihw.buses.can.frame import Frame
 from urbihw.buses.errors import BadValue, LinkGone
@@ -17,6 +15,8 @@ from urbihw.platforms.segway import protocol as p
 from urbihw.platforms.segway.driver import BASE, SPACING, BaseInfo
 from urbihw.platforms.segway.monitor import SETTLING, Monitor, missing_words
 from urbihw.settings import BadSetting
+from urbihw_fakes.segway import frames as f
+from urbihw_fakes.segway.rmp import SegwayRmp
 
 
 def test_the_base_is_found_when_it_is_heard_and_nothing_is_sent_before() -> None:

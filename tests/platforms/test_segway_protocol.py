@@ -7,11 +7,11 @@ import random
 
 import pytest
 
-from fakes import captures
 from urbihw.buses.can.frame import Frame
 from urbihw.platforms.segway import protocol as p
 from urbihw.platforms.segway.monitor import Monitor
 from urbihw.platforms.segway.usb import UsbReader, packet
+from urbihw_fakes import captures
 
 EXCHANGES = captures.read("segway")
 

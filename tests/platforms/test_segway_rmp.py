@@ -9,10 +9,10 @@ import re
 import pytest
 from segway_lab import CanLab, Lab
 
-from fakes.segway import frames as f
-from fakes.segway.rmp import SegwayRmp
 from urbihw.kernel.uobject import BadConfig, NotReady
 from urbihw.platforms import find
+from urbihw_fakes.segway import frames as f
+from urbihw_fakes.segway.rmp import SegwayRmp
 
 READINGS = ("leftSpeed", "rightSpeed", "forward", "yaw", "left", "right")
 COEFFICIENTS = tuple(f"{name}Coeff" for name in ("forwardSpeed", "yawSpeed", *READINGS))

@@ -9,7 +9,7 @@ from bioloid_lab import Lab as Bioloid
 from nxt_lab import Lab as Nxt
 from segway_lab import Lab as Segway
 
-from fakes.bioloid import Bioloid as Kit
+from urbihw_fakes.bioloid import Bioloid as Kit
 
 STOPS = ["robot.stop;", "bioloid.estop = true;"]
 
@@ -88,6 +88,17 @@ def test_a_finally_clause_moves_nothing_after_a_stop_but_a_catch_may() -> None:
     lab.look("robot.stop|")
     assert way(lab, 2.0, horn(lab)) > 50
     assert "*** caught" in lab.heard()
+
+
+@pytest.mark.parametrize("clause", ["nowhere", "throw 1", "return"])
+def test_an_error_or_a_jump_in_a_finally_clause_does_not_undo_a_stop(clause: str) -> None:
+    lab = Bioloid.ready()
+    swing = "motor6.val = 0 sin:1s ampli:30deg"
+    lab.say(f"function f() {{ try {{ {swing} }} finally {{ {clause} }} }}|;", 0.1)
+    lab.say(f"{{ try {{ f }} catch {{ }}; {swing} }},", 1.0)
+    lab.look("robot.stop|")
+    lab.run(0.5)
+    assert way(lab, 2.0, horn(lab)) < 3
 
 
 def test_a_wheel_that_becomes_a_joint_stays_where_it_is() -> None:

@@ -23,6 +23,7 @@ from typing import Any, Final
 
 from urbihw import buses
 from urbihw.buses.authority import Authority
+from urbihw.buses.backoff import BackOff
 from urbihw.buses.control import ESTOP, RELEASE, STOP, SUBSCRIBE, ControlSocket, Order
 from urbihw.buses.driver import Driver
 from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
@@ -92,7 +93,7 @@ class Engine:
         now = self._clock.now()
         self._link: Port | None = None
         self._announced: bool | None = None
-        self._back_off = _FIRST_BACK_OFF
+        self._back_off = BackOff(_FIRST_BACK_OFF, _LAST_BACK_OFF)
         self._retry_at = now
         self._heard_at = now
         self._stopped_for_silence = False
@@ -407,7 +408,7 @@ class Engine:
         except (BadUrl, Unavailable) as error:
             self._down(str(error))
             return
-        self._back_off = _FIRST_BACK_OFF
+        self._back_off.reset()
         self._announced = True
         self._settle()
         if self._link is None:
@@ -439,8 +440,7 @@ class Engine:
         if self._announced is not False:
             self._announced = False
             self._post_all([LinkState(False, reason)])
-        self._retry_at = self._clock.now() + self._back_off
-        self._back_off = min(self._back_off * 2, _LAST_BACK_OFF)
+        self._retry_at = self._clock.now() + self._back_off.next_pause()
 
     def _guarded(self, work: Callable[[], None]) -> bool:
         """Do something over the link; False when the link broke at it."""

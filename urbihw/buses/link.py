@@ -209,3 +209,16 @@ def byte_link(port: Port) -> Link:
     if not isinstance(port, Link):
         raise BadUrl(f"{port.url.text} moves no bytes: this robot needs a url such as /dev/ttyUSB0 or socket://host:port")
     return port
+
+
+def set_line_speed(link: Link, baud: int) -> None:
+    """Let a serial line go on at another speed, in bits per second; other links have none. Raises Unavailable."""
+    if has_line_speed(link) and link.baud != baud:
+        link.close()
+        link.baud = baud
+        link.open()
+
+
+def has_line_speed(link: Link) -> bool:
+    """Whether the speed of the line is the host's to set, as that of a serial line is; not over TCP, nor in tests."""
+    return link.url.scheme == "serial"

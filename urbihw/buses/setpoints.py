@@ -34,7 +34,8 @@ _NO_LIMIT: Final = Limit()
 class _Course:
     """The targets of one item: what was asked last, how fast that moves, and what was given."""
 
-    __slots__ = ("_before", "_fastest", "_from", "_since", "asked", "asked_at", "given", "limit", "returning")
+    __slots__ = ("_before", "_fastest", "_from", "_since", "asked", "asked_at", "given", "limit", "limited_to",
+                 "returning")
 
     def __init__(self) -> None:
         self.asked = math.nan
@@ -42,6 +43,7 @@ class _Course:
         self.given = math.nan
         self.returning = False
         self.limit = ""
+        self.limited_to = math.nan
         self._from = (0.0, -math.inf)
         self._fastest = self._before = 0.0
         self._since = -math.inf
@@ -200,12 +202,12 @@ class SetPoints:
         return news
 
     def _limited(self, key: Key, course: _Course, limit: Limit, raw: Any) -> float:
-        """What a limit leaves of a target; whether it does is told when that changes."""
+        """What a limit leaves of a target; it is told when that changes, and when the limit is left."""
         asked = self._wire.signed(*key, raw)
         wanted = min(max(asked, limit.low), limit.high)
         name = limit.name if wanted != asked else ""
-        if name != course.limit:
-            course.limit = name
+        if name != course.limit or (name and wanted != course.limited_to):
+            course.limit, course.limited_to = name, wanted
             self._news.append(Limited(*key, raw, self._wire.raw_of(*key, wanted), name))
         return wanted
 

@@ -16,6 +16,7 @@ from collections import deque
 from dataclasses import replace
 from typing import Any, Final
 
+from urbihw.buses.backoff import BackOff
 from urbihw.buses.errors import BusError, LinkGone
 from urbihw.buses.messages import (
     Alive,
@@ -67,7 +68,7 @@ class Supervisor:
         self._backlog: deque[ToWorker] = deque()
         self._link_up = False
         self._found = Found(())
-        self._back_off = 0.0
+        self._back_off = BackOff(FIRST_BACK_OFF, LAST_BACK_OFF, at_once=True)
         self._stopping = threading.Event()
         self._started_at = time.monotonic()
         self._dead = False
@@ -181,10 +182,9 @@ class Supervisor:
             self._link_up = False
             self._post(WorkerState(f"{reason}; another one is started"))
             if time.monotonic() - self._started_at > STEADY:
-                self._back_off = 0.0
-            if self._stopping.wait(self._back_off):
+                self._back_off.reset()
+            if self._stopping.wait(self._back_off.next_pause()):
                 break
-            self._back_off = min(max(FIRST_BACK_OFF, 2 * self._back_off), LAST_BACK_OFF)
             try:
                 self._replace(reason)
                 return

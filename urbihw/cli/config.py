@@ -62,7 +62,10 @@ def as_toml(rows: list[Entry]) -> str:
     """What is in force, to be read, or to be used as a settings file."""
     settings = [f"{each.key} = {json.dumps(each.value, ensure_ascii=False)}" for each in rows]
     width = max(map(len, settings))
-    return "\n".join(f"{text:{width}}  # {each.source}" for text, each in zip(settings, rows, strict=True))
+    return "\n".join(
+        f"{text:{width}}  # {'; '.join(filter(None, (each.source, each.note)))}"
+        for text, each in zip(settings, rows, strict=True)
+    )
 
 
 def _print(text: str) -> None:

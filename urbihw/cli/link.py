@@ -18,14 +18,13 @@ from urbihw.cli.lines import BadLine, Line, Lines, guarded
 from urbihw.cli.options import EX_UNAVAILABLE, Refused, why
 from urbihw.client.connect import connect
 from urbihw.client.credentials import Credentials, Denied
+from urbihw.client.entrance import turned_away
 from urbihw.client.where import Where
 
 NO_SERVER: Final = 1
 """Exit code when nobody listens, as of the SDK's own clients (server protocol, section 9)."""
 CONNECT_PATIENCE: Final = 10.0
 CHUNK: Final = 256 * 1024
-_NOTICE: Final = "*** urbihw: "
-"""What the server's own words begin with when it does not let somebody in."""
 
 
 class Link:
@@ -33,19 +32,20 @@ class Link:
 
     def __init__(self, where: Where, credentials: Credentials) -> None:
         self.peer = str(where)
-        self._may_want_tls = not where.tls and where.path is None
+        self._where = where
         try:
             self._socket = connect(where, credentials, CONNECT_PATIENCE)
         except (OSError, UnicodeError) as error:
-            raise Refused(f"cannot connect to {self.peer}: {why(error)}; is the server running, is this its port?",
-                          NO_SERVER) from error
+            raise Refused(_no_server(where, error), NO_SERVER) from error
         except Denied as error:
             raise Refused(str(error), EX_UNAVAILABLE) from error
         self._lines = Lines()
         self._waiting: deque[Line] = deque()
         self._channel = f"__urbihw_{os.getpid()}"
-        self._last = ""
+        self._last = b""
         """The last line that was heard."""
+        self._known = False
+        """Whether something was urbiscript's, which has a time stamp."""
         self.ended = False
 
     def send(self, text: bytes) -> None:
@@ -83,7 +83,8 @@ class Link:
                 raise Refused(f"{self.peer}: {error}; is that an urbiscript server?") from error
             if lines:
                 self._waiting += lines
-                self._last = lines[-1].shown
+                self._last = lines[-1].text
+                self._known = self._known or any(line.stamp is not None for line in lines)
             return
         self.ended = True
         if self._lines.rest:
@@ -102,6 +103,8 @@ class Link:
             lines.append(line)
         if line is None and self.ended:
             raise self._hung_up()
+        if line is None and not lines:
+            raise Refused(f"{self.peer} said nothing within {patience:g} s: is it busy, is it an urbiscript server?")
         return lines
 
     def ask(self, expression: str, patience: float = 10.0) -> Line:
@@ -135,10 +138,10 @@ class Link:
 
     def _hung_up(self) -> Refused:
         """What to say when the server has ended the connection: its reason, if it gave one."""
-        if self._last.startswith(_NOTICE):
-            return Refused(f"{self.peer}: {self._last.removeprefix(_NOTICE)}")
-        hint = "" if self._last or not self._may_want_tls else " without a word; if it speaks TLS: --tls"
-        return Refused(f"{self.peer} closed the connection{hint}")
+        reason = turned_away(self._where, self._last, self._known)
+        if isinstance(reason, Denied):
+            return Refused(str(reason))
+        return Refused(f"{self.peer}: {reason or 'it closed the connection'}")
 
     def close(self) -> None:
         """Hang up."""
@@ -151,3 +154,10 @@ class Link:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _no_server(where: Where, error: OSError | UnicodeError) -> str:
+    if where.path is not None and isinstance(error, FileNotFoundError | ConnectionRefusedError):
+        left = " any more, and the file may go" if where.path.exists() else ""
+        return f"nobody listens at {where.path}{left}; start the server: urbihw serve"
+    return f"cannot connect to {where}: {why(error)}; is the server running, is this its port?"

@@ -1,7 +1,8 @@
 """``urbihw``: the commands of the gateway, one module each.
 
 Exit codes: 0, 65 an error in urbiscript source, 69 nobody answers, 70 our fault, 78 something about the set-up (bad
-option, no robot, port in use): one line on standard error says what to do.
+option, no robot, port in use): one line on standard error says what to do; 130 after Ctrl-C, where that is no orderly
+end.
 """
 
 from __future__ import annotations
@@ -10,9 +11,9 @@ import argparse
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from typing import Final, NoReturn
+from typing import Any, Final, NoReturn
 
-from urbihw.cli.options import EX_CONFIG, Version
+from urbihw.cli.options import EX_CONFIG, INTERRUPTED, Version
 
 COMMANDS: Final = {
     "serve": "serve a robot on a TCP port",
@@ -25,6 +26,7 @@ COMMANDS: Final = {
     "access": "who may come in from the network: make, list and remove tokens",
     "dump": "show what becomes of urbiscript source on its way to Python",
     "doctor": "look whether this machine is ready for a robot",
+    "new-platform": "write the skeleton of a new robot into a clone of the sources",
 }
 """Subcommand -> what it does; each is a module beside this one with ``options(parser)`` and ``run(options)``."""
 
@@ -45,17 +47,24 @@ def parser(wanted: str = "") -> Parser:
     for name, help_ in COMMANDS.items():
         command = commands.add_parser(name, help=help_)
         if name == wanted:
-            module = import_module(f"urbihw.cli.{name}")
+            module = _module(name)
             command.description = (module.__doc__ or help_).splitlines()[0]
             module.options(command)
     return made
 
 
+def _module(command: str) -> Any:
+    return import_module(f"urbihw.cli.{command.replace('-', '_')}")
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """The command; returns the exit code."""
     words = sys.argv[1:] if argv is None else argv
-    options = parser(next((word for word in words if not word.startswith("-")), "")).parse_args(words)
-    code: int = import_module(f"urbihw.cli.{options.command}").run(options)
+    try:
+        options = parser(next((word for word in words if not word.startswith("-")), "")).parse_args(words)
+        code: int = _module(options.command).run(options)
+    except KeyboardInterrupt:  # while modules are imported, or before a command has its own way to end
+        return INTERRUPTED
     return code
 
 

@@ -161,6 +161,10 @@ class Admission:
         raise Refusal(line("token refused: it is wrong, or was removed; the robot makes another one: urbihw access add "
                            "NAME"), "a wrong token", delay)
 
+    def check(self) -> None:
+        """Look whether the tokens can be read.  Raises BadConfig."""
+        self._tokens.entries()
+
     def gone(self, entries: Collection[Entry]) -> set[Entry]:
         """Which of these have been removed.  While the file cannot be read, none has."""
         if not entries:

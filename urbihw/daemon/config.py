@@ -25,6 +25,7 @@ from typing import Any, NamedTuple
 from urbihw import buses, platforms
 from urbihw.buses.errors import BadUrl, Unavailable
 from urbihw.buses.link import Context, take_off
+from urbihw.daemon.files import read_regular, unreadable
 from urbihw.kernel.server.bounds import HOLD_LIMIT, MAX_JOBS, MEMORY_LIMIT, MOST_JOBS
 from urbihw.kernel.uobject import BadConfig
 from urbihw.settings import SWITCH, TABLE, TEXT, TEXTS, Mistake, Table, choice, from_texts, number, setting, whole
@@ -55,7 +56,7 @@ class Config(Table):
         socket: path of the UNIX socket for clients; empty for ``client_path()``, "off" for none.
         max_clients: how many clients there may be; one more is told so and closed.
         hold_limit: seconds that a job may keep all others waiting; then it gets an error, and is ended if it goes on
-            all the same; 0: as long as it wants.
+            all the same; 0: as long as it wants.  After ``dead_man`` seconds of it the bus worker stops the robot.
         max_jobs: how many jobs one connection may have at the same time; more are refused to it.
         memory_limit: MiB of memory that the daemon may have, at most half of what the machine has; beyond it, who takes
             more gets an error; 0: any amount.
@@ -142,11 +143,15 @@ class Loaded:
 
 
 class Entry(NamedTuple):
-    """A setting in force: its name (``options.protocol`` in a table), its value, and where that comes from."""
+    """A setting in force: its name (``options.protocol`` in a table), its value, and where that comes from.
+
+    ``note`` is what follows from it together with others, "" for nothing that one would not expect.
+    """
 
     key: str
     value: Any
     source: str
+    note: str = ""
 
 
 def configure(file: Path | None = None, flags: Mapping[str, Any] | None = None) -> Config:
@@ -194,13 +199,21 @@ def entries(loaded: Loaded) -> Iterator[Entry]:
         if key == "url" and not value and not config.fake and manifest is not None and manifest.default_url:
             yield Entry(key, manifest.default_url, f"default of {manifest.name}")
         elif key not in _TABLES:
-            yield Entry(key, value, loaded.source(key))
+            note = _note_of_hold(config) if key == "hold_limit" else ""
+            yield Entry(key, value, loaded.source(key), note)
     if manifest is not None:
         yield from _options_in_force(loaded, platforms.load_options(manifest))
     for key, value in config.limits.items():
         rows = {f".{kind}": row for kind, row in value.items()} if isinstance(value, dict) else {"": value}
         for kind, row in rows.items():
             yield Entry(f"limits.{key}{kind}", row, loaded.source(f"limits.{key}{kind}"))
+
+
+def _note_of_hold(config: Config) -> str:
+    """A job that holds the interpreter makes the daemon silent, and the bus worker waits for dead_man only."""
+    if not config.dead_man or 0 < config.hold_limit <= config.dead_man:
+        return ""
+    return f"a job that holds for longer than dead_man ({config.dead_man:g} s) stops the robot before"
 
 
 def _options_in_force(loaded: Loaded, table: type[Table]) -> Iterator[Entry]:
@@ -215,12 +228,9 @@ def _options_in_force(loaded: Loaded, table: type[Table]) -> Iterator[Entry]:
 def read_toml(file: Path) -> dict[str, Any]:
     """The keys and values of a file.  Raises BadConfig if it cannot be read or is no TOML."""
     try:
-        if file.stat().st_size > LONGEST_FILE:
-            raise BadConfig(f"{file}: is longer than {LONGEST_FILE} bytes: these are no settings")
-        with file.open("rb") as opened:
-            text = opened.read(LONGEST_FILE).decode("utf-8")
-    except OSError as error:
-        raise BadConfig(f"{file}: cannot be read: {error.strerror}") from error
+        text = read_regular(file, LONGEST_FILE).data.decode("utf-8")
+    except FileNotFoundError as error:
+        raise unreadable(file, error) from error
     except UnicodeDecodeError as error:
         raise BadConfig(f"{file}: is not UTF-8 text (byte {error.start})") from error
     try:

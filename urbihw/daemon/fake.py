@@ -13,17 +13,24 @@ from pathlib import Path
 from urbihw.kernel.uobject import NotReady
 
 _PATIENCE = 10.0
+PACKAGE = "urbihw_fakes"
+"""What ``python -m`` runs; nothing of it is imported here."""
+
+
+def _home_of_fakes() -> str:
+    """The folder that holds the package of the fakes: beside this one, or in the tree of the sources in ``fakes``."""
+    root = Path(__file__).resolve().parents[2]
+    return str(root if (root / PACKAGE).is_dir() else root / "fakes")
 
 
 class Fake:
-    """A running ``python -m fakes``; it ends when its standard input does, so it cannot outlive us."""
+    """A running ``python -m urbihw_fakes``; it ends when its standard input does, so it cannot outlive us."""
 
     def __init__(self, arguments: Sequence[str]) -> None:
         # It must be the fakes of this very installation, wherever it was imported from.
-        root = str(Path(__file__).resolve().parents[2])
-        path = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
+        path = os.pathsep.join(filter(None, (_home_of_fakes(), os.environ.get("PYTHONPATH"))))
         self._process = subprocess.Popen(
-            (sys.executable, "-m", "fakes", *arguments),
+            (sys.executable, "-m", PACKAGE, *arguments),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env={**os.environ, "PYTHONPATH": path},

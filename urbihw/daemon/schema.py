@@ -51,13 +51,13 @@ def of_table(table: type[Table]) -> dict[str, Any]:
 
 
 def meanings(table: type[Table]) -> dict[str, str]:
-    """What the documentation of a table says under "Attributes", by name."""
-    _, _, rows = (inspect.getdoc(table) or "").partition("Attributes:\n")
-    return {
-        name.strip(): " ".join(text.split())
-        for names, text in _ROW.findall(rows)
-        for name in names.split(",")
-    }  # fmt: skip
+    """What the documentation of a table, and of those it inherits from, says under "Attributes", by name."""
+    found: dict[str, str] = {}
+    for kind in reversed(table.__mro__):
+        _, _, rows = inspect.cleandoc(kind.__doc__ or "").partition("Attributes:\n")
+        for names, text in _ROW.findall(rows):
+            found |= {name.strip(): " ".join(text.split()) for name in names.split(",")}
+    return found
 
 
 def _of_platform(manifest: Manifest) -> dict[str, Any]:

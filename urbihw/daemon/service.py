@@ -25,8 +25,10 @@ from urbihw.buses.errors import BadUrl
 from urbihw.buses.link import Url
 from urbihw.daemon.config import Config
 from urbihw.daemon.fake import Fake
+from urbihw.daemon.files import read_regular
 from urbihw.daemon.holders import holder_of_file, holder_of_port
 from urbihw.daemon.notify import Notifier
+from urbihw.daemon.reload import Reloader, waiting
 from urbihw.daemon.runtime import client_path, control_path
 from urbihw.daemon.wayin import WayIn, way_in
 from urbihw.kernel import Kernel
@@ -45,6 +47,8 @@ log = logging.getLogger("urbihw.daemon")
 OPEN_PATIENCE = 15.0
 """Seconds that a robot may take to be found; a scan of two protocols with a slow adapter takes a few."""
 STATUS_PERIOD = 1.0
+LONGEST_PROGRAM = 16 * 1024 * 1024
+"""Bytes of a file of ``load``."""
 LONGEST_SOCKET = 107
 """Bytes of the path of a UNIX socket (``man 7 unix``)."""
 ENDING = (signal.SIGTERM, signal.SIGINT)
@@ -79,6 +83,7 @@ class Service:
         self._way_in = WayIn()
         self._port = -1
         self._last_resort: LastResort | None = None
+        self._reloader: Reloader
 
     async def run(self) -> int:
         """Serve.  Raises StartError when it cannot begin."""
@@ -86,7 +91,8 @@ class Service:
         former = {number: signal.getsignal(number) for number in ENDING}
         for number in ENDING:
             loop.add_signal_handler(number, self.stop)
-        loop.add_signal_handler(signal.SIGHUP, self.reload)
+        self._reloader = Reloader(self._read_again)
+        loop.add_signal_handler(signal.SIGHUP, self._reloader.ask)
         try:
             starting = asyncio.ensure_future(self._start())
             stopping = asyncio.ensure_future(self._stop.wait())
@@ -124,16 +130,22 @@ class Service:
         """End the service, in order."""
         self._stop.set()
 
-    def reload(self) -> None:
-        """Read the settings again; what can change without starting anew does: rate, dead man, torque on stop."""
+    def _read_again(self) -> None:
+        """Read settings, tokens and certificate again: what is wrong is logged, what is in force stays."""
         if self._reread is None or self._robot is None:
             return
         try:
-            self._robot.configure(_robot_settings(self._reread(), self._robot_url))
+            config = self._reread()
+            if config.platform != self._config.platform:
+                raise BadConfig(f"platform: {self._config.platform} is served; for another one start urbihw anew")
+            self._robot.configure(_robot_settings(config, self._robot_url))
         except BadConfig as error:
             log.error("settings stay as they were: %s", error)
-            return
-        log.info("settings read again")
+        else:
+            later = waiting(self._config, config)
+            log.info("settings read again%s", f"; with the next start: {', '.join(later)}" if later else "")
+        for problem in self._way_in.problems():
+            log.error("%s", problem)
 
     # ---------------------------------------------------------------- start
 
@@ -218,9 +230,11 @@ class Service:
     async def _load(self, path: Path) -> None:
         """Run an urbiscript file in Global."""
         try:
-            text = path.read_text("latin-1")
-        except OSError as error:
+            text = read_regular(path, LONGEST_PROGRAM).data.decode("latin-1")
+        except FileNotFoundError as error:
             raise StartError(f"cannot load {path}: {error.strerror}") from error
+        except BadConfig as error:
+            raise StartError(f"cannot load {error}") from error
         done: asyncio.Future[str] = asyncio.get_running_loop().create_future()
         self._kernel.host.run(text, str(path), done.set_result)
         self._drive()
@@ -292,6 +306,7 @@ class Service:
                 raise StartError(f"cannot write the port to {config.port_file}: {error.strerror}") from error
         log.info("port %d of %s: %s", self._port, config.host, self._status())
         self._notifier.ready(self._status())
+        self._reloader.begin()
 
     # ---------------------------------------------------------------- serve
 
@@ -318,6 +333,7 @@ class Service:
     # ---------------------------------------------------------------- stop
 
     async def _close(self) -> None:
+        self._reloader.end()
         if self._robot is not None:
             if self._last_resort is not None:
                 self._last_resort.allow(STOPPING)

@@ -13,10 +13,13 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
+from urbihw.daemon.files import read_regular
 from urbihw.kernel.uobject import BadConfig
 
 SERVICE_STATE: Final = Path("/var/lib/urbihw")
 """StateDirectory of the unit in share/."""
+LONGEST_SECRET: Final = 1024 * 1024
+"""Bytes of a file of tokens, or of a key with its certificate."""
 
 
 def state_folder(environment: Mapping[str, str] = os.environ) -> Path:
@@ -68,16 +71,12 @@ def alone(folder: Path) -> Iterator[None]:
 def read_secret(file: Path) -> str:
     """The text of a file, "" for none.  Raises BadConfig when it cannot be read, or when others can."""
     try:
-        with file.open(encoding="utf-8", errors="replace") as opened:
-            others = stat.S_IMODE(os.fstat(opened.fileno()).st_mode) & 0o077
-            text = opened.read()
+        content = read_regular(file, LONGEST_SECRET)
     except FileNotFoundError:
         return ""
-    except OSError as error:
-        raise BadConfig(f"{file}: cannot be read: {error.strerror}") from error
-    if others:
+    if stat.S_IMODE(content.mode) & 0o077:
         raise BadConfig(f"{file}: can be read by others: chmod 600 {file}, and make anew what is in it")
-    return text
+    return content.data.decode("utf-8", "replace")
 
 
 def write_secret(file: Path, text: str) -> None:

@@ -15,7 +15,8 @@ import tempfile
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from urbihw.daemon.state import alone, read_secret, write_secret
+from urbihw.daemon.files import read_regular, unreadable
+from urbihw.daemon.state import LONGEST_SECRET, alone, read_secret, write_secret
 from urbihw.kernel.uobject import BadConfig
 
 FILE: Final = "certificate.pem"
@@ -96,6 +97,6 @@ def fingerprint(where: Files) -> str:
 
 def _readable(file: Path) -> str:
     try:
-        return file.read_text("ascii", "replace")
-    except OSError as error:
-        raise BadConfig(f"{file}: cannot be read: {error.strerror}") from error
+        return read_regular(file, LONGEST_SECRET).data.decode("ascii", "replace")
+    except FileNotFoundError as error:
+        raise unreadable(file, error) from error

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ipaddress
 import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from ssl import SSLContext
 
@@ -16,8 +16,8 @@ from urbihw.daemon import tls
 from urbihw.daemon.access import Admission, FirstLine, Tokens
 from urbihw.daemon.config import Config
 from urbihw.daemon.state import state_folder
+from urbihw.kernel.server.connection import Connection
 from urbihw.kernel.server.greeting import FirstBytes, Greeter, Refusal, line
-from urbihw.kernel.server.tcp import Connection
 from urbihw.kernel.uobject import BadConfig
 
 log = logging.getLogger("urbihw.access")
@@ -31,11 +31,29 @@ class WayIn:
         greeting: decides about the first bytes.
         ssl: what TLS is spoken with; None for plain TCP.
         admission: who let them in, None if nobody is asked.
+        files: the certificate and its key; None without TLS.
     """
 
     greeting: Greeter = FirstBytes
     ssl: SSLContext | None = None
     admission: Admission | None = None
+    files: tls.Files | None = None
+
+    def problems(self) -> Iterator[str]:
+        """Look at the files of tokens, certificate and key: a line for each that cannot be used.
+
+        Who is in stays.  A certificate that was changed counts from the next start on, tokens at once.
+        """
+        if self.admission is not None:
+            try:
+                self.admission.check()
+            except BadConfig as error:
+                yield f"nobody else is let in by a token until this is mended: {error}"
+        if self.files is not None:
+            try:
+                tls.context(self.files)
+            except BadConfig as error:
+                yield f"the certificate stays as it was: {error}"
 
     def let_go(self, connections: Iterable[Connection]) -> None:
         """Disconnect those whose token has been removed since they came in."""
@@ -76,4 +94,4 @@ def way_in(config: Config, addresses: Iterable[str]) -> WayIn:
     context = tls.context(files)
     log.info("TLS on %s for %d who have a token; fingerprint %s", config.host, count, tls.fingerprint(files))
     admission = Admission(tokens)
-    return WayIn(admission.greeting, context, admission)
+    return WayIn(admission.greeting, context, admission, files)

@@ -15,6 +15,7 @@ from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.scheduler import Scheduler
 from urbihw.kernel.stdlib import install
 from urbihw.kernel.uobject.natives import install as install_uobject
+from urbihw.kernel.uremote.external import install as install_remotes
 
 OWED = ("shutdown", "reboot", "resetLibrary")
 """Slots of System that no program can take from the others."""
@@ -38,7 +39,7 @@ def build(scheduler: Scheduler) -> Programs:
     scheduler.is_program = is_program
     programs = Programs(world, ops)
     install(world, programs)
-    install_uobject(world)
+    install_remotes(world, install_uobject(world))
     system = world.classes["System"]
     world.record.owe(world.lobby_proto, "System", "Lobby", "Global", "Object", *OWED, *OWED_BY_LOBBY)
     world.record.owe(system, *OWED)

@@ -5,6 +5,7 @@
     UrbiError                an urbiscript value on its way up: thrown by ``throw`` or by native code
       Raised                 made by native code: a kind of Exception and its arguments, built into an object only if
                              somebody looks at it
+        LookupFailed         a slot was not found
         TooDeep, TooLong     a statement that cannot be compiled
     KernelBug                our own fault, reported as such
 
@@ -36,6 +37,14 @@ class Raised(UrbiError):
         self.message = message
         self.routine = routine
         self.slots = slots
+
+
+class LookupFailed(Raised):
+    """A slot was not found; ``target`` is the value that was asked for it, None if there is none to tell of."""
+
+    def __init__(self, name: str, target: Any) -> None:
+        super().__init__("Lookup", f"lookup failed: {name}", None, name=name)
+        self.target = target
 
 
 class TooDeep(Raised):
@@ -71,9 +80,9 @@ class KernelBug(Exception):
     """Something that cannot happen did; always our fault, never the user's."""
 
 
-def lookup_failed(name: str) -> Raised:
-    """``lookup failed: name``."""
-    return Raised("Lookup", f"lookup failed: {name}", None, name=name)
+def lookup_failed(name: str, target: Any = None) -> Raised:
+    """``lookup failed: name``; whoever looks at it is told what slot of ``target`` may have been meant."""
+    return LookupFailed(name, target)
 
 
 def unexpected_void() -> Raised:

@@ -2,7 +2,7 @@
 
 Where to start: ``manifest`` (what a platform says of itself), ``base`` (what every robot on one wire does with its
 worker), ``wire`` (how devices reach the worker), then ``bioloid`` (the first, and the example).  A platform imports
-those two, ``urbihw.kernel.uobject`` and ``urbihw.buses``, never another platform.
+those two, ``urbihw.kernel.uobject``, ``urbihw.buses`` and ``urbihw.navigation``, never another platform.
 """
 
 from __future__ import annotations

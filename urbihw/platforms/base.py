@@ -94,10 +94,10 @@ class WiredRobot(Robot):
     url = reading("")
     link = reading(False)
     rate = reading(0.0)
-    busLoad = reading(0.0)  # noqa: N815 - names of slots
+    busLoad = reading(0.0)
     statistics = reading()
-    linkLost = event()  # noqa: N815
-    linkBack = event()  # noqa: N815
+    linkLost = event()
+    linkBack = event()
     stopped = event()
     released = event()
     guarded = event()
@@ -124,6 +124,7 @@ class WiredRobot(Robot):
         self._resume = True
         self._stop_asked_at = -math.inf
         self._unknown_limits: set[str] = set()
+        self._has_told_limits = False
         self._heard_at = 0.0
         self.notify_change(self.estop, self._estop_written)
 
@@ -152,13 +153,13 @@ class WiredRobot(Robot):
 
     def configure(self, settings: RobotSettings) -> None:
         """See ``Robot``."""
-        message = _for_worker(settings)
+        message, limits = _for_worker(settings), LimitSettings.of(settings.limits)
         try:
             driver_of(self.family).configure(message)
         except (BadValue, BadSetting) as error:
             raise BadConfig(f"{self.robot_name}: {error}") from error
         self.motion.keep = settings.keep_motion
-        self.limits = LimitSettings.of(settings.limits)
+        self.limits = limits
         self._resume = settings.resume
         self.tell(message)
         self.send_limits()
@@ -280,8 +281,9 @@ class WiredRobot(Robot):
 
     def send_limits(self) -> None:
         """Let the worker know of the limits; to be called when the devices are known, and when one has changed."""
-        if not self.limits:
+        if not self.limits and not self._has_told_limits:
             return
+        self._has_told_limits = bool(self.limits)
         table: dict[tuple[Any, str], m.Limit] = {}
         thresholds: list[m.Threshold] = []
         names: dict[str, None] = {}

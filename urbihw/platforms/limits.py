@@ -55,6 +55,22 @@ class DeviceLimits(Table):
     voltage: tuple[float, float] = setting((-math.inf, math.inf), rising(2, "[9.5, 12.6]"))
 
 
+def whole_counts(low: float, high: float) -> tuple[float, float]:
+    """The whole counts that lie between two numbers of counts; infinite ones stay.
+
+    A target becomes a whole count, and the nearest one may lie beyond a limit.  Where no count lies between the two, as
+    for a limit finer than the device, both are the one that is nearest.
+    """
+    least = low if math.isinf(low) else float(math.ceil(low - _ROUNDING * max(1.0, abs(low))))
+    most = high if math.isinf(high) else float(math.floor(high + _ROUNDING * max(1.0, abs(high))))
+    if least > most:
+        least = most = float(round((low + high) / 2))
+    return least, most
+
+
+_ROUNDING = 1e-9  # 0.3 m/s are 299.99999999999994 counts of a mm/s
+
+
 class LimitSettings:
     """The whole table."""
 

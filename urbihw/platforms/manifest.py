@@ -46,7 +46,7 @@ class Manifest:
         buses: families of wire protocols it speaks.
         default_url: of the bus, when none is given; "" for none.
         usb: adapters that it is found behind.
-        fake: arguments of ``python -m fakes`` for the same robot in software; () for none.
+        fake: arguments of ``python -m urbihw_fakes`` for the same robot in software; () for none.
         needs: extras of the package that must be installed.
         options: "module:Class" of the table of its ``[options]``, a ``urbihw.settings.Table``; a module of the folder,
             or one of ``urbihw.buses`` by its full name; "" for no options.

@@ -2,7 +2,7 @@
 
 ``run`` is all that ``urbi-launch --remote`` needs.  Reading order: ``launch`` (modules, signals, exit codes), ``link``
 (the connection, and coming back after it was lost).  What is said on the connection is the business of
-``urbihw.kernel.uobject.bridge``.
+``urbihw.kernel.uremote.bridge``.
 """
 
 from urbihw.remote.launch import run

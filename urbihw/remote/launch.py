@@ -16,7 +16,7 @@ from urbihw.client.where import Where, where_is
 from urbihw.kernel import Kernel
 from urbihw.kernel.server.loop import Driver
 from urbihw.kernel.uobject import BadConfig
-from urbihw.kernel.uobject.bridge import Bridge
+from urbihw.kernel.uremote.bridge import Bridge
 from urbihw.remote.link import FIRST_PAUSE, Link, Session
 
 log = logging.getLogger("urbihw.remote")

@@ -11,8 +11,8 @@ from urbihw.client.credentials import Credentials
 from urbihw.client.dial import dial
 from urbihw.client.where import Where
 from urbihw.kernel.server.loop import Driver
-from urbihw.kernel.uobject.bridge import Bridge
-from urbihw.kernel.uobject.remote import Garbage
+from urbihw.kernel.uremote.bridge import Bridge
+from urbihw.kernel.uremote.remote import Garbage
 
 log = logging.getLogger("urbihw.remote")
 

@@ -6,7 +6,7 @@ import ast
 from pathlib import Path
 
 import urbihw.kernel.compiler as compiler
-from urbihw.kernel.compiler.expressions import CONSTANTS, EQUALITY
+from urbihw.kernel.compiler.operations import CONSTANTS, EQUALITY
 from urbihw.kernel.runtime.ops import make_ops
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.clock import SimClock

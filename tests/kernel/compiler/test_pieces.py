@@ -8,7 +8,7 @@ from types import CodeType
 import pytest
 
 from urbihw.kernel import Kernel, errors
-from urbihw.kernel.compiler import Unit, compile_node, expressions, pieces
+from urbihw.kernel.compiler import Unit, compile_node, pieces, visit
 from urbihw.kernel.lobby import long_work, shell
 from urbihw.kernel.syntax.pace import Pace
 from urbihw.kernel.syntax.reader import Reader, Statement
@@ -84,7 +84,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Nearly everything counts as long."""
     for name, size in {"WHOLE": 40, "PIECE": 30, "APART": 20}.items():
         monkeypatch.setattr(pieces, name, size)
-    monkeypatch.setattr(expressions, "HEAVY", 6)
+    monkeypatch.setattr(visit, "HEAVY", 6)
     monkeypatch.setattr(long_work, "SHORT", 0)
     monkeypatch.setattr(shell, "SHORT", 0)
     yield

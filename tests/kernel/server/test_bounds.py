@@ -391,8 +391,7 @@ def test_what_cannot_be_had_back_is_let_be() -> None:
 
 
 LONG = {
-    "distance": '("x" * 1e5).distance("y" * 1e5);',
-    "closest": '("a" * 1e5).closest(["b" * 1e5]);',
+    "closest": '"1999".closest(100000.map(function (var i) { i.asString }));',
     "difference": "([1] * 1e5) - ([2] * 1e5);",
     "subset": "1e5.seq.subset(1e5.seq);",
     "has": '{ var l = 1e5.seq | l.has(-1) | loop| l.has(-1) };',
@@ -400,11 +399,14 @@ LONG = {
 
 
 @pytest.mark.parametrize("kind", LONG)
-def test_long_work_of_the_library_is_left_too(kind: str) -> None:
+def test_long_work_of_the_library_gives_way(kind: str) -> None:
     async def scene(talk: Talk) -> None:
         talk.say(LONG[kind], talk.lobby)
-        await talk.heard(talk.lobby, HELD)
-        assert await talk.ask("40 + 2;") == "42"
+        await asyncio.sleep(HOLD / 2)
+        for _ in range(5):
+            assert await talk.ask("6 * 7;", talk.other) == "42"
+            await asyncio.sleep(HOLD / 2)
+        assert all(HELD not in line for line in talk.lobby.output.take().decode().splitlines())
 
     played(scene, Bounds(hold_limit=HOLD))
 
@@ -430,12 +432,14 @@ def test_recursion_of_the_library_is_left_too(kind: str) -> None:
     played(scene, Bounds(hold_limit=HOLD))
 
 
-def test_a_stream_that_never_ends_is_left_too() -> None:
+def test_who_reads_a_stream_that_never_ends_holds_nothing() -> None:
     async def scene(talk: Talk) -> None:
-        talk.say('var p = Process.new("yes", [])|; p.run; sleep(500ms); p.stdout.asList.size;', talk.lobby)
-        await talk.heard(talk.lobby, HELD)
+        typed = 'var Global.p = Process.new("yes", [])|; p.run; sleep(500ms); p.stdout.asList.size > 0;'
+        talk.say(typed, talk.lobby)
+        await asyncio.sleep(0.5 + 2 * HOLD)
         assert await talk.ask("6 * 7;", talk.other) == "42"
-        talk.say("p.kill;", talk.lobby)
+        talk.say("p.kill;", talk.other)
+        assert talk.lobby.output.take() == b"", "nobody was told that it held the interpreter"
         await asyncio.sleep(0.1)
 
     played(scene, Bounds(hold_limit=HOLD))

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from syntax_reading import EXAMPLES, typed
 
-from urbihw.kernel.syntax import tables
+from urbihw.kernel.syntax import expressions, statements, tables
 from urbihw.kernel.syntax.lexer import Lexer
 from urbihw.kernel.syntax.pace import Pace
 from urbihw.kernel.syntax.parser import Parser
@@ -46,6 +46,11 @@ def test_every_rule_has_an_example() -> None:
         if number not in parser.used and not (rule.size == 1 and rule.action is None)
     }
     assert unused == set()
+
+
+def test_every_rule_has_a_function_and_every_function_a_rule() -> None:
+    named = [name for part in (expressions, statements) for name in (*part.RULES.makers, *part.RULES.reporters)]
+    assert sorted(named) == sorted({rule.action for rule in load_tables().rules if rule.action is not None})
 
 
 def _renewed(parser: Watched) -> Watched:

@@ -158,7 +158,7 @@ def spans(text: str) -> dict[str, Span]:
         part = todo.pop(0)
         if isinstance(part, Node):
             found.setdefault(type(part).__name__, part.span)
-            todo += [getattr(part, name) for name in part.__dataclass_fields__ if name != "span"]
+            todo += [getattr(part, name) for name in part.__dataclass_fields__ if name not in ("span", "bound")]
         elif isinstance(part, tuple):
             todo += part
     return found

@@ -8,14 +8,13 @@ with buses.open_link("/dev/ttyUSB0?baud=1000000") as link:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping
 
 from urbihw.buses.dynamixel import packet
 from urbihw.buses.dynamixel.status import Status, refusal_words
 from urbihw.buses.dynamixel.wire import Wire
 from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
 
-_AskGroup = Callable[[bytes, Sequence[tuple[int, int]]], Iterable[Status]]
 _RETRIES = 2
 
 
@@ -39,14 +38,6 @@ class DynamixelBus(Wire):
         """
         self._order(packet.write_packet(self.protocol, device, address, data), device, answered, retries)
 
-    def reg_write(self, device: int, address: int, data: bytes, answered: bool = True, retries: int = _RETRIES) -> None:
-        """Leave `data` with the device until `action`. Raises as `write`."""
-        self._order(packet.reg_write_packet(self.protocol, device, address, data), device, answered, retries)
-
-    def action(self, device: int = packet.BROADCAST) -> None:
-        """Let the device, or all, carry out what `reg_write` left. Raises as `write`; never repeated."""
-        self._order(packet.action_packet(self.protocol, device), device, True, 0)
-
     def reboot(self, device: int) -> None:
         """Restart a protocol 2.0 device: the only cure for a hardware alert. Raises as `write`."""
         self._order(packet.reboot_packet(device), device, True, 0)
@@ -54,21 +45,6 @@ class DynamixelBus(Wire):
     def sync_write(self, address: int, values: Mapping[int, bytes]) -> None:
         """Write the same registers of several devices in one packet; nobody confirms. Raises BadValue, LinkGone."""
         self.send(packet.sync_write_packet(self.protocol, address, values))
-
-    def sync_read(self, address: int, size: int, devices: Sequence[int], fast: bool = False) -> dict[int, Status]:
-        """Read the same registers of several protocol 2.0 devices; the silent are missing in the result."""
-        request = packet.sync_read_packet(address, size, devices, fast)
-        ask: _AskGroup = self.ask_joint if fast else self.ask_group
-        return {status.device: status for status in ask(request, [(device, size) for device in devices])}
-
-    def bulk_read(self, reads: Sequence[tuple[int, int, int]], fast: bool = False) -> dict[int, Status]:
-        """Read (device, address, size) of several devices; the silent are missing in the result.
-
-        The AX series does not support it: the maker's SDK developers say so (DynamixelSDK issues 40 and 46).
-        """
-        request = packet.bulk_read_packet(self.protocol, reads, fast)
-        ask: _AskGroup = self.ask_joint if fast else self.ask_group
-        return {status.device: status for status in ask(request, [(device, size) for device, _, size in reads])}
 
     def insist(self, request: bytes, device: int, size: int, retries: int) -> Status:
         """As `ask`, repeated up to `retries` times."""

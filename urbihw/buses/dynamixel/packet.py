@@ -38,7 +38,6 @@ MAX_ANSWER: Final = {1: 253, 2: 2048}
 # The AX-12 holds an instruction packet in a buffer of 143 bytes (AX-12 user's manual, "Sync Write").
 MAX_PACKET_1: Final = 143
 _MAX_PACKET_2 = 65535 + 7
-_FACTORY_KEEP_ID = 1
 _STATUS = 0x55
 
 
@@ -48,17 +47,10 @@ class Instruction(IntEnum):
     PING = 0x01
     READ = 0x02
     WRITE = 0x03
-    REG_WRITE = 0x04
-    ACTION = 0x05
-    FACTORY_RESET = 0x06
     REBOOT = 0x08
-    CLEAR = 0x10
     SYNC_READ = 0x82
     SYNC_WRITE = 0x83
     FAST_SYNC_READ = 0x8A
-    BULK_READ = 0x92
-    BULK_WRITE = 0x93
-    FAST_BULK_READ = 0x9A
 
 
 def encode_1(device: int, instruction: int, params: bytes = b"") -> bytes:
@@ -122,30 +114,9 @@ def write_packet(protocol: int, device: int, address: int, data: bytes) -> bytes
     return encode(protocol, device, Instruction.WRITE, _place(protocol, address) + data)
 
 
-def reg_write_packet(protocol: int, device: int, address: int, data: bytes) -> bytes:
-    """REG_WRITE: as WRITE, but carried out at the next ACTION."""
-    return encode(protocol, device, Instruction.REG_WRITE, _place(protocol, address) + data)
-
-
-def action_packet(protocol: int, device: int = BROADCAST) -> bytes:
-    """ACTION: carry out what REG_WRITE left."""
-    return encode(protocol, device, Instruction.ACTION)
-
-
 def reboot_packet(device: int) -> bytes:
     """REBOOT, protocol 2.0 only."""
     return encode_2(device, Instruction.REBOOT)
-
-
-def factory_reset_packet(protocol: int, device: int) -> bytes:
-    """FACTORY RESET. Protocol 1.0 resets id and speed too; the 2.0 form sent here keeps the id."""
-    params = b"" if protocol == 1 else bytes((_FACTORY_KEEP_ID,))
-    return encode(protocol, device, Instruction.FACTORY_RESET, params)
-
-
-def clear_packet(device: int) -> bytes:
-    """CLEAR, protocol 2.0 only: bring a multi-turn position back into one turn."""
-    return encode_2(device, Instruction.CLEAR, b"\x01\x44\x58\x4c\x22")
 
 
 def sync_write_packet(protocol: int, address: int, values: Mapping[int, bytes]) -> bytes:
@@ -161,22 +132,6 @@ def sync_read_packet(address: int, size: int, devices: Sequence[int], fast: bool
     """SYNC READ, protocol 2.0 only: one answer per device in list order; `fast`: one joint answer."""
     code = Instruction.FAST_SYNC_READ if fast else Instruction.SYNC_READ
     return encode_2(BROADCAST, code, _place(2, address, size) + bytes(devices))
-
-
-def bulk_read_packet(protocol: int, reads: Sequence[tuple[int, int, int]], fast: bool = False) -> bytes:
-    """BULK READ of (device, address, size) triples; `fast` exists in protocol 2.0 only."""
-    if protocol == 1:
-        params = b"\x00" + b"".join(bytes((size, device, address)) for device, address, size in reads)
-    else:
-        params = b"".join(bytes((device,)) + _place(2, address, size) for device, address, size in reads)
-    code = Instruction.FAST_BULK_READ if fast and protocol == 2 else Instruction.BULK_READ
-    return encode(protocol, BROADCAST, code, params)
-
-
-def bulk_write_packet(writes: Sequence[tuple[int, int, bytes]]) -> bytes:
-    """BULK WRITE of (device, address, data) triples, protocol 2.0 only, never answered."""
-    params = b"".join(bytes((device,)) + _place(2, address, len(data)) + data for device, address, data in writes)
-    return encode_2(BROADCAST, Instruction.BULK_WRITE, params)
 
 
 class Decoder(Protocol):
@@ -340,7 +295,7 @@ def decoder(protocol: int) -> Decoder1 | Decoder2:
 
 
 def split_fast(data: bytes, sizes: Sequence[int]) -> list[Status]:
-    """Take a joint answer of FAST SYNC READ or FAST BULK READ apart, as far as it is whole.
+    """Take a joint answer of FAST SYNC READ apart, as far as it is whole.
 
     `sizes` is the length of each device's data in order. The answer is `FF FF FD 00 FE LEN_L LEN_H 55`, then per
     device `ERR ID data CRC_L CRC_H`, each CRC over everything before it. A missing device cuts the packet: what comes

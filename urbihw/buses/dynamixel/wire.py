@@ -212,7 +212,7 @@ class Wire:
         prefix: bytes = b"",
         meanwhile: Meanwhile | None = None,
     ) -> list[Status]:
-        """Send a FAST SYNC or FAST BULK READ; return the parts of the joint answer that are whole. As `ask_group`."""
+        """Send a FAST SYNC READ; return the parts of the joint answer that are whole. As `ask_group`."""
         wire_end = self._dispatch(prefix + request)
         if meanwhile is not None:
             meanwhile()

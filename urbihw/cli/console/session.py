@@ -11,12 +11,15 @@ from urbihw.cli.lines import BadLine, Line, Lines
 from urbihw.cli.options import why
 from urbihw.client.credentials import Credentials, Denied
 from urbihw.client.dial import streams
+from urbihw.client.entrance import NOTICE, turned_away
 from urbihw.client.where import Where
 
 CHUNK: Final = 256 * 1024
 PATIENCE: Final = 5.0
 FIRST_PAUSE: Final = 0.25
 LONGEST_PAUSE: Final = 2.0
+BUSY: Final = 0.5
+"""Seconds after which a server that says nothing counts as a busy one, and not as one that turns us away."""
 CHANNEL: Final = "__urbihw_console"
 """On which the server tells who we are; nothing of it is shown."""
 
@@ -68,23 +71,38 @@ class Session:
                 await asyncio.sleep(pause)
                 pause = min(pause * 2, LONGEST_PAUSE)
                 continue
-            pause = FIRST_PAUSE
             self._writer = writer
-            await self._converse(reader, writer)
+            turned = await self._converse(reader, writer)
             self._writer = None
             self.uid = ""
+            if isinstance(turned, Denied):
+                self.reason = str(turned)
+                self._enter("denied")
+                return
+            pause = FIRST_PAUSE if turned is None else min(pause * 2, LONGEST_PAUSE)
             self._enter("lost")
             await asyncio.sleep(pause)
 
-    async def _converse(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def _converse(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> Exception | None:
+        """Until the connection ends; why, if the server has turned us away.
+
+        A server that says nothing for a while is busy; one that turns us away does so at once, and then there was no
+        connection.
+        """
         # Between push and pop it leaves no trace in the positions of later errors.
         writer.write(f'//#push 1 "console"\nChannel.new("{CHANNEL}") << lobby.uid|;\n//#pop\n'.encode())
-        self._enter("connected")
         self.reason = "the server closed the connection"
-        lines = Lines()
+        lines, last, known = Lines(), b"", False
         try:
-            while data := await reader.read(CHUNK):
-                self._take(lines.feed(data))
+            data = await self._first(reader)
+            if data is None or data and not data.startswith(NOTICE):
+                self._enter("connected")
+            while data := await reader.read(CHUNK) if data is None else data:
+                fresh = lines.feed(data)
+                last = fresh[-1].text if fresh else last
+                known = known or any(line.stamp is not None for line in fresh)
+                self._take(fresh)
+                data = None
         except OSError as error:
             self.reason = why(error)
         except BadLine as error:
@@ -92,6 +110,18 @@ class Session:
         writer.close()
         with contextlib.suppress(OSError):
             await writer.wait_closed()
+        turned = turned_away(self.where, last, known)
+        if turned is not None:
+            self.reason = why(turned)
+        return turned
+
+    @staticmethod
+    async def _first(reader: asyncio.StreamReader) -> bytes | None:
+        """What the server says first, b"" at the end of the connection; None if it says nothing for a while."""
+        try:
+            return await asyncio.wait_for(reader.read(CHUNK), BUSY)
+        except TimeoutError:
+            return None
 
     def _take(self, lines: list[Line]) -> None:
         for line in lines:

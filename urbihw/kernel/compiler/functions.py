@@ -1,204 +1,142 @@
-"""Function literals, lazy pieces of code, blocks, objects, and assertions."""
+"""Function literals, objects, and assertions."""
 
 from __future__ import annotations
 
 import ast as py
 import dataclasses
-from typing import Any
+from functools import partial
 
-from urbihw.kernel.compiler.emit import (
-    RETURN,
-    Pos,
-    attr,
-    call,
-    const,
-    do,
-    except_,
-    if_,
-    is_,
-    list_,
-    name,
-    raise_,
-    set_,
-    try_,
-)
-from urbihw.kernel.compiler.expressions import COMPARISONS, EQUALITY, Maker
-from urbihw.kernel.compiler.places import Places
+from urbihw.kernel.compiler.control import catch_leave
+from urbihw.kernel.compiler.emit import Pos, attr, call, const, do, if_, is_, list_, name, set_
+from urbihw.kernel.compiler.operations import COMPARISONS, EQUALITY
+from urbihw.kernel.compiler.unit import FunctionInfo
+from urbihw.kernel.compiler.visit import Maker, make_expr, make_in_order, make_thunk, make_value, write_body, write_stmt
+from urbihw.kernel.compiler.writer import RETURN, Writer
 from urbihw.kernel.syntax import ast
+from urbihw.kernel.syntax.binding import Frame
 from urbihw.kernel.syntax.printer import print_node
 
 COMPARED = (*COMPARISONS, *EQUALITY, "===", "!==", "~=", "=~=")
 
 
-class Functions(Places):
-    """What makes Python functions, and what they are made of."""
+def function_info(node: ast.Function, w: Writer, uses_call: bool) -> FunctionInfo:
+    """What is known of a function literal."""
+    formals = node.formals or ()
+    variadic = bool(formals) and formals[-1].variadic
+    least = sum(1 for formal in formals if formal.default is None and not formal.variadic)
+    most = -1 if variadic or node.formals is None else len(formals)
+    index = w.syntax.add(node)
+    return FunctionInfo(least, most, node.formals is None, uses_call, node.closure, len(formals), w.syntax, index)
 
-    # ---------------------------------------------------------------- functions and objects
 
-    def x_Function(self, node: ast.Function) -> py.expr:
-        """A function literal: a nested Python function wrapped into a Code."""
-        frame = self.binding.frames[id(node)]
-        formals = self.binding.formals[id(node)]
-        info = self.info(node, frame.uses_call)
-        p = self.mark(node)
-        own_this = self.this_of(node)
-        params = [own_this if own_this is not None else "_this"]
-        if info.lazy or info.uses_call:
-            params.append(self.call_name(node))
-        params += [local.python for local in formals]
-        defaults = sum(1 for formal in node.formals or () if formal.default is not None)
-        made = self.nested(frame, params, lambda: self.function_body(node, p), p, defaults)
-        return call("function", [made, self.constant(info, p)], p)
+def make_function(node: ast.Function, w: Writer) -> py.expr:
+    """A function literal: a nested Python function wrapped into a Code."""
+    frame = node.bound.function
+    assert frame is not None
+    info = function_info(node, w, frame.uses_call)
+    p = w.mark(node)
+    params = ["_this" if frame.this is None else frame.this.python]
+    if info.lazy or info.uses_call:
+        assert frame.call is not None
+        params.append(frame.call.python)
+    params += [local.python for local in frame.params]
+    defaults = sum(1 for formal in node.formals or () if formal.default is not None)
+    made = w.nested(frame, params, lambda: write_function_body(node, w, frame, p), p, defaults)
+    return call("function", [made, w.constant(info, p)], p)
 
-    def this_of(self, node: ast.Function) -> str | None:
-        """The Python name of a function's own ``this``; None for a closure, which has that of its maker."""
-        local = self.binding.own_this.get(id(node))
-        return None if local is None else local.python
 
-    def call_name(self, node: ast.Function) -> str:
-        """The Python name of a function's call message."""
-        return self.binding.own_call[id(node)].python
+def write_function_body(node: ast.Function, w: Writer, frame: Frame, p: Pos) -> None:
+    """Defaults, boxes, the body, and what catches a return from another job."""
+    if node.closure:  # a closure captures its target even if it does not use it: it is part of its identity
+        w.emit(do(w.this(node, p), p))
+    for formal, local in zip(node.formals or (), frame.params, strict=True):
+        if formal.default is not None:
+            default, inside = w.block_of(partial(make_value, formal.default, w))
+            inside.append(set_(local.python, default, w.mark(formal.default)))
+            w.emit(if_(is_(name(local.python, p), name("MISSING", p), p), inside, [], p))
+        w.box(local, p)
+    w.body.return_token = w.fresh("_r")
+    outer_entry, w.outer_entry = w.outer_entry, 0
+    body = w.block(lambda: write_stmt(node.body, w, RETURN))
+    w.outer_entry = outer_entry
+    if not w.body.crossed_return:
+        w.emit(*body)
+        return
+    value = py.Return(attr(name("_l", p), "value", p), **p)
+    w.emit(*catch_leave(body, w.body.return_token, [value], p))
 
-    def function_body(self, node: ast.Function, p: Pos) -> None:
-        """Defaults, boxes, the body, and what catches a return from another job."""
-        if node.closure:  # a closure captures its target even if it does not use it: it is part of its identity
-            self.emit(do(self.this(node, p), p))
-        for formal, local in zip(node.formals or (), self.binding.formals[id(node)], strict=True):
-            if formal.default is not None:
-                default = formal.default
-                inside = self.block(lambda d=default, x=local: self.emit(
-                    set_(x.python, self.value(d), self.mark(d))))
-                self.emit(if_(is_(name(local.python, p), name("MISSING", p), p), inside, [], p))
-            if local.boxed:
-                self.emit(set_(local.python, call("Box", [name(local.python, p)], p), p))
-        self.w.return_token = self.fresh("_r")
-        outer_entry, self.outer_entry = self.outer_entry, 0
-        body = self.block(lambda: self.stmt(node.body, RETURN))
-        self.outer_entry = outer_entry
-        if not self.w.crossed_return:
-            self.emit(*body)
-            return
-        token = self.w.return_token
-        self.emit(set_(token, call("token", [], p), p))
-        leave = [
-            if_(self.not_mine(token, p), [raise_(None, p)], [], p),
-            py.Return(attr(name("_l", p), "value", p), **p),
-        ]
-        self.emit(try_(body, [except_("Leave", "_l", leave, p)], [], [], p))
 
-    def not_mine(self, token: str, p: Pos) -> py.expr:
-        """Whether a Leave on its way up is for somebody else."""
-        return is_(attr(name("_l", p), "token", p), name(token, p), p, negated=True)
+def write_do(node: ast.Do, w: Writer, dest: str | None) -> None:
+    """``do (target) { body }``."""
+    p = w.mark(node)
+    this = node.body.bound.this
+    assert this is not None
+    w.declare(this, make_value(node.target, w), p)
+    write_body(node.body.body, w, None, p)
+    w.finish(dest, w.read(this, p), p)
 
-    def thunk(self, node: ast.Node) -> py.expr:
-        """A node as a Python function without parameters, run later or in another job."""
-        frame = self.binding.frames[id(node)]
-        p = self.mark(node)
-        return self.nested(frame, [], lambda: self.scope_tagged(node, lambda: self.stmt(node, RETURN), p), p)
 
-    def s_Do(self, node: ast.Do, dest: str | None) -> None:
-        p = self.mark(node)
-        this = self.binding.this[id(node.body)]
-        self.declare(this, self.value(node.target), p)
-        self.body(node.body.body, None, p)
-        self.finish(dest, self.read(this, p), p)
+def write_class(node: ast.Class, w: Writer, dest: str | None) -> None:
+    """``class target.name : protos { body }``."""
+    p = w.mark(node)
+    local = node.bound.local
+    this = node.body.bound.this
+    assert this is not None
+    target = node.target
+    makers: list[Maker] = [partial(make_value, proto, w) for proto in node.protos]
+    if target is not None:
+        makers.append(lambda: make_value(target, w))
+    made = make_in_order(w, *makers)
+    protos = made[: len(node.protos)]
+    w.declare(this, call("new_class", [const(node.name, p), list_(protos, p)], p), p)
+    if local is not None:
+        w.declare(local, w.read(this, p), p)
+    else:
+        holder = made[-1] if target is not None else w.this(node, p)
+        where = w.mark(node, "setSlot")
+        w.emit(do(call("declare", [holder, const(node.name, p), w.read(this, p)], where), p))
+    write_body(node.body.body, w, None, p)
+    w.finish(dest, w.read(this, p), p)
 
-    def s_Class(self, node: ast.Class, dest: str | None) -> None:
-        p = self.mark(node)
-        local = self.binding.locals.get(id(node))
-        this = self.binding.this[id(node.body)]
-        target = node.target
-        makers: list[Maker] = [lambda proto=proto: self.value(proto) for proto in node.protos]  # type: ignore[misc]
-        if target is not None:
-            makers.append(lambda: self.value(target))
-        made = self.sequence(makers)
-        protos = made[: len(node.protos)]
-        self.declare(this, call("new_class", [const(node.name, p), list_(protos, p)], p), p)
-        if local is not None:
-            self.declare(local, self.read(this, p), p)
-        else:
-            holder = made[-1] if target is not None else self.this(node, p)
-            where = self.mark(node, "setSlot")
-            self.emit(do(call("declare", [holder, const(node.name, p), self.read(this, p)], where), p))
-        self.body(node.body.body, None, p)
-        self.finish(dest, self.read(this, p), p)
 
-    # ---------------------------------------------------------------- blocks
+def write_assert(node: ast.Assert, w: Writer, dest: str | None) -> None:
+    """``assert(claim)`` and ``assert { claim."""
+    p = w.mark(node)
+    checks: list[py.stmt] = []
+    for claim in node.claims:
+        checks += w.block(partial(write_claim, claim, w))
+    w.emit(if_(call("asserting", [], p), checks, [], p))
+    w.finish_void(dest, p)
 
-    def s_Empty(self, node: ast.Empty, dest: str | None) -> None:
-        self.void(dest, self.mark(node))
 
-    def s_Scope(self, node: ast.Scope, dest: str | None) -> None:
-        p = self.mark(node)
-        self.scope_tagged(node, lambda: self.body(node.body, dest, p), p)
+def write_claim(claim: ast.Node, w: Writer) -> None:
+    """One claim; a call is made in a way that lets the message show the values of its parts."""
+    p = w.mark(claim)
+    text = const(claim_text(claim), p)
+    local = claim.bound.local
+    if not isinstance(claim, ast.Call) or claim.target is None and claim.args is None and local is not None:
+        made = make_expr(claim, w)
+        known = isinstance(claim, ast.Float | ast.String | ast.ListLit | ast.TupleLit | ast.DictLit)
+        w.emit(do(call("assert_value", [text, made, const(known, p)], p), p))
+        return
+    function: py.expr = const(None, p)
+    if local is not None:
+        function = w.read(local, p)
+        target = w.this(claim, p)
+    elif claim.target is None:
+        target = w.this(claim, p)
+    else:
+        target = make_expr(claim.target, w)
+    thunks = list_([make_thunk(argument, w) for argument in claim.args or ()], p)
+    p = w.mark(claim, claim.name)
+    kept = [const(claim.target is not None, p), const(claim.name, p), function, thunks, w.nodes(claim.args or (), p)]
+    w.emit(do(call("assert_call", [text, target, *kept], p), p))
 
-    def scope_tagged(self, node: ast.Node, write: Any, p: Pos) -> None:
-        """A block; if its scope tag is used, the tag is stopped when the block is left."""
-        local = self.binding.scope_tags.get(id(node))
-        outer, self.w.close_scope = self.w.close_scope, None
-        if local is None:
-            write()
-        else:
-            tag = local
 
-            def close() -> py.stmt:
-                return do(call(attr(self.read(tag, p), "close", p), [], p), p)
-
-            self.declare(tag, call("scope_tag", [], p), p)
-            self.w.close_scope = close
-            self.emit(try_(self.block(write), [], [], [close()], p))
-        self.w.close_scope = outer
-
-    def s_Pipe(self, node: ast.Pipe, dest: str | None) -> None:
-        for item in node.items[:-1]:
-            self.stmt(item, None)
-        self.stmt(node.items[-1], dest)
-
-    def yield_(self, p: Pos) -> None:
-        """Let other jobs run, if any is ready."""
-        self.emit(if_(name("ready", p), [do(call("yield_", [], p), p)], [], p))
-
-    # ---------------------------------------------------------------- assertions
-
-    def s_Assert(self, node: ast.Assert, dest: str | None) -> None:
-        p = self.mark(node)
-
-        def claims() -> None:
-            for claim in node.claims:
-                self.claim(claim)
-
-        checks = self.block(claims)
-        self.emit(if_(call("asserting", [], p), checks, [], p))
-        self.void(dest, p)
-
-    def claim(self, claim: ast.Node) -> None:
-        """One claim; a call is made in a way that lets the message show the values of its parts."""
-        p = self.mark(claim)
-        text = const(self.text(claim), p)
-        if not isinstance(claim, ast.Call) or (claim.target is None and claim.args is None
-                                               and id(claim) in self.binding.locals):
-            made = self.expr(claim)
-            known = isinstance(claim, ast.Float | ast.String | ast.ListLit | ast.TupleLit | ast.DictLit)
-            self.emit(do(call("assert_value", [text, made, const(known, p)], p), p))
-            return
-        local = self.binding.locals.get(id(claim))
-        function: py.expr = const(None, p)
-        if local is not None:
-            function = self.read(local, p)
-            target = self.this(claim, p)
-        elif claim.target is None:
-            target = self.this(claim, p)
-        else:
-            target = self.expr(claim.target)
-        thunks = list_([self.thunk(argument) for argument in claim.args or ()], p)
-        p = self.mark(claim, claim.name)
-        self.emit(do(call("assert_call", [text, target, const(claim.target is not None, p), const(claim.name, p),
-                                          function, thunks, self.nodes(claim.args or (), p)], p), p))
-
-    def text(self, node: ast.Node) -> str:
-        """A claim as the user would see it printed: a comparison is shown as one, not as a message."""
-        if isinstance(node, ast.Call) and node.name in COMPARED and node.target is not None and node.args:
-            return f"{self.text(node.target)} {node.name} {print_node(node.args[0])}"
-        if isinstance(node, ast.Call) and node.args == ():
-            return print_node(dataclasses.replace(node, args=None))
-        return print_node(node)
+def claim_text(node: ast.Node) -> str:
+    """A claim as the user would see it printed: a comparison is shown as one, not as a message."""
+    if isinstance(node, ast.Call) and node.name in COMPARED and node.target is not None and node.args:
+        return f"{claim_text(node.target)} {node.name} {print_node(node.args[0])}"
+    if isinstance(node, ast.Call) and node.args == ():
+        return print_node(dataclasses.replace(node, args=None))
+    return print_node(node)

@@ -12,32 +12,12 @@ import ctypes
 import sys
 from collections.abc import Callable
 from types import FrameType
-from typing import Any, NamedTuple
+from typing import Any
 
 from urbihw.kernel.compiler.linemap import LineMap
-from urbihw.kernel.compiler.scopes import Binding
 from urbihw.kernel.syntax import ast
+from urbihw.kernel.syntax.binding import Known, Names
 from urbihw.kernel.syntax.pace import Pace
-
-Names = dict[str, tuple[str, bool]]
-"""Urbiscript names of locals, their Python names, and whether they live in a Box."""
-
-
-class Known(NamedTuple):
-    """The locals that some arguments name: themselves, and the calls among them."""
-
-    own: Names
-    inner: tuple[Known, ...]
-
-    def all(self) -> Names:
-        """All of them."""
-        found: Names = {}
-        todo = [self]
-        while todo:
-            each = todo.pop()
-            found.update(each.own)
-            todo.extend(each.inner)
-        return found
 
 
 class LateSites:
@@ -48,12 +28,9 @@ class LateSites:
     def __init__(self) -> None:
         self._sites: list[tuple[ast.Call, Known]] = []
 
-    def add(self, node: ast.Call, binding: Binding, known: dict[int, Known], pace: Pace) -> int:
-        """Remember a call and where the locals that its arguments name live; its number.
-
-        ``known`` remembers this of the calls among the arguments, by ``id``.
-        """
-        names = known[id(node)] = _names(node.args or (), binding, known, pace)
+    def add(self, node: ast.Call, pace: Pace) -> int:
+        """Remember a call and where the locals that its arguments name live; its number."""
+        names = node.bound.known = _names(node.args or (), pace)
         self._sites.append((node, names))
         return len(self._sites) - 1
 
@@ -99,7 +76,7 @@ class FrameLocals:
             ctypes.pythonapi.PyFrame_LocalsToFast(ctypes.py_object(self._frame), ctypes.c_int(0))
 
 
-def _names(nodes: tuple[ast.Node, ...], binding: Binding, known: dict[int, Known], pace: Pace) -> Known:
+def _names(nodes: tuple[ast.Node, ...], pace: Pace) -> Known:
     """All locals that the nodes name."""
     found: Names = {}
     inner: list[Known] = []
@@ -110,13 +87,13 @@ def _names(nodes: tuple[ast.Node, ...], binding: Binding, known: dict[int, Known
         if isinstance(node, tuple):
             todo.extend(node)
         elif isinstance(node, ast.Node):
-            local = binding.locals.get(id(node))
-            if local is not None:
-                found[local.name] = (local.python, local.boxed)
-            if id(node) in known:
+            bound = node.bound
+            if bound.local is not None:
+                found[bound.local.name] = (bound.local.python, bound.local.boxed)
+            if bound.known is not None:
                 assert isinstance(node, ast.Call)
-                inner.append(known[id(node)])
+                inner.append(bound.known)
                 todo.append(node.target)
             else:
-                todo.extend(getattr(node, field) for field in type(node).__dataclass_fields__ if field != "span")
+                todo.extend([getattr(node, link) for link in node.links])
     return inner[0] if len(inner) == 1 and not found else Known(found, tuple(inner))

@@ -18,7 +18,7 @@ from types import CodeType, FunctionType
 from typing import Any, Final
 
 from urbihw.kernel import errors
-from urbihw.kernel.compiler.emit import LOAD, STORE, Pos, call, const, do, if_, is_, name, set_, walrus
+from urbihw.kernel.compiler.emit import LOAD, STORE, Pos, call, const, do, if_, is_, name, position, set_, walrus
 from urbihw.kernel.syntax.pace import Pace
 
 WHOLE = 1500
@@ -34,7 +34,7 @@ MOST = 10_000
 """What has more nodes than this and cannot be cut is refused; compiling as many takes 20 ms."""
 TEMPORARY: Final = frozenset(["_v", "_t", "_c", "_q", "_once", "_each"])
 """Variables that mean something only inside the statement that writes them; pieces do not share them."""
-NOWHERE: Final[Pos] = {"lineno": 0, "col_offset": 0, "end_lineno": 0, "end_col_offset": 0}
+NOWHERE: Final[Pos] = position(0)
 """The position of the calls of pieces: they are no calls of the program."""
 BREAK, CONTINUE = 1, 2
 """What a piece returns that wants the loop around it to be left, or its next turn; a value to be returned by the

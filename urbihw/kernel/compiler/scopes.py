@@ -1,66 +1,12 @@
-"""Locals, frames, scopes: what ``bind`` finds out about a statement (see there for the theory)."""
+"""Scopes, and what ``bind`` finds out about a statement as a whole (see there for the theory)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-from urbihw.kernel import errors
 from urbihw.kernel.syntax import ast
+from urbihw.kernel.syntax.binding import UNBOUND, Bound, Frame, Local
 from urbihw.kernel.syntax.pace import Pace
-
-MOST_FRAMES = 250
-"""How deep functions may nest; the time that Python takes to compile them grows with the square of it."""
-
-
-class Local:
-    """One local variable."""
-
-    __slots__ = ("assigned", "captured", "const", "fresh", "frame", "late", "maybe_void", "name", "python")
-
-    def __init__(self, name: str, python: str, frame: Frame, fresh: bool) -> None:
-        self.name = name
-        self.python = python
-        self.frame = frame
-        self.fresh = fresh
-        self.captured = False
-        self.assigned = False
-        self.maybe_void = False
-        self.late = False
-        self.const = False
-
-    @property
-    def boxed(self) -> bool:
-        """Whether it lives in a Box."""
-        return self.captured and self.assigned
-
-
-class Frame:
-    """One Python function to be."""
-
-    __slots__ = ("counter", "depth", "free", "function", "loops", "parent", "returns_through", "uses_call")
-
-    def __init__(self, parent: Frame | None, function: ast.Function | None) -> None:
-        """Raises TooDeep."""
-        self.parent = parent
-        self.depth: int = 0 if parent is None else parent.depth + 1
-        if self.depth > MOST_FRAMES:
-            raise errors.TooDeep
-        self.function = function
-        self.free: dict[Local, None] = {}
-        self.loops = 0
-        self.counter: dict[str, int] = {}
-        self.uses_call = False
-        self.returns_through = False
-
-    def unique(self, name: str) -> str:
-        """A Python name for an urbiscript one, unique from here outwards."""
-        clean = "".join(c if c.isalnum() and c.isascii() else "_" for c in name)
-        top = self
-        while top.parent is not None:
-            top = top.parent
-        count = top.counter.get(clean, 0)
-        top.counter[clean] = count + 1
-        return f"{clean}_{count}" if count else f"{clean}_"
 
 
 class Scope:
@@ -77,24 +23,37 @@ class Scope:
 
 
 class Binding:
-    """What ``bind`` found: locals by the node that names them, frames by the node that is their body."""
+    """What ``bind`` has found: most of it is on the nodes."""
 
-    def __init__(self) -> None:
-        self.locals: dict[int, Local] = {}
-        self.this: dict[int, Local] = {}
-        self.frames: dict[int, Frame] = {}
-        self.formals: dict[int, list[Local]] = {}
-        self.patterns: dict[int, list[Local | None]] = {}
-        self.lazy_names: set[str] = set()
-        self.detaching: set[int] = set()
-        """The bodies of loops that make jobs which go on by themselves, under the tags of their maker."""
-        self.apart: set[int] = set()
-        """The blocks that are functions of their own because they are too deep inside others."""
-        self.scope_tags: dict[int, Local] = {}
-        self.own_this: dict[int, Local] = {}
-        self.own_call: dict[int, Local] = {}
-        self.top: Frame = Frame(None, None)
-        self.top_this: Local
+    __slots__ = ("lazy_names", "nodes", "top")
+
+    def __init__(self, lazy_names: Iterable[str]) -> None:
+        self.lazy_names = set(lazy_names)
+        """The names known to belong to lazy functions."""
+        self.nodes: list[ast.Node] = []
+        """The nodes with something on them."""
+        self.top = Frame(None)
+        """The statement itself."""
+
+    def bound(self, node: ast.Node) -> Bound:
+        """Where to put what is found out about a node."""
+        bound = node.bound
+        if bound is UNBOUND:
+            bound = Bound()
+            node.bound = bound  # type: ignore[misc]  # what may change of a node
+            self.nodes.append(node)
+        return bound
+
+    def release(self, pace: Pace | None = None) -> None:
+        """Take off the nodes what is on them; the binding is of no use any more.
+
+        With a ``pace`` it goes by that; if a pause raises, some nodes are left for another call.
+        """
+        nodes = self.nodes
+        while nodes:
+            nodes.pop().bound = UNBOUND  # type: ignore[misc]
+            if pace is not None and not len(nodes) % 32:
+                pace.step()
 
 
 OPERATIONS = (ast.Call, ast.And, ast.Or)

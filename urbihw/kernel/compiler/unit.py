@@ -4,23 +4,16 @@ from __future__ import annotations
 
 import ast as pyast
 import pickle
-import sys
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from types import CodeType, FunctionType
 from typing import Any
 
-from urbihw.kernel import errors
 from urbihw.kernel.compiler.late import LateSites
 from urbihw.kernel.compiler.linemap import Entry, LineMap
-from urbihw.kernel.compiler.pieces import Linker, code_of, cut
+from urbihw.kernel.compiler.pieces import Linker
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.location import Position
-from urbihw.kernel.syntax.pace import Pace
-
-DEEPER = 7000
-"""Python calls that the compiler may nest on top of the usual limit."""
 
 
 class Syntax:
@@ -112,64 +105,3 @@ class Unit:
         if self.pieces:
             names["_P"] = Linker(self.pieces)
         return FunctionType(self.code, names)
-
-
-def compile_node(
-    node: ast.Node,
-    lazy_names: Iterable[str] = (),
-    *,
-    late: Iterable[str] = (),
-    generic: bool = False,
-    keep_tree: bool = False,
-    pace: Pace | None = None,
-) -> Unit:
-    """Compile one top-level statement; with a ``pace`` what takes long goes by it, and long functions are cut.
-
-    ``lazy_names`` are the names known to belong to lazy functions; ``late`` are local variables reached through
-    ``FrameLocals`` (see ``late``); ``generic`` sends arithmetic as messages, because somebody redefined an operator of
-    Float.  Raises ``TooDeep``: beyond a thousand levels of expressions, or some hundreds of functions or loops;
-    ``TooLong``: what cannot be cut into pieces short enough, or captures too many variables.
-    """
-    from urbihw.kernel.compiler.bind import bind
-    from urbihw.kernel.compiler.codegen import Codegen
-
-    def write(apart: bool) -> tuple[Codegen, pyast.FunctionDef, CodeType, list[CodeType]]:
-        with _deep():
-            steps = Pace() if pace is None else pace
-            generator = Codegen(bind(node, lazy_names, late, apart, steps), generic, steps)
-            function = generator.statement(node)
-        pieces = [] if pace is None else cut(function, pace)
-        return generator, function, code_of(function), pieces
-
-    try:
-        try:
-            generator, function, code, pieces = write(apart=False)
-        except (SyntaxError, errors.TooDeep):  # too many loops and the like inside each other
-            generator, function, code, pieces = write(apart=True)
-    except SyntaxError:
-        raise errors.TooDeep from None
-    except RecursionError:
-        if _depth() > sys.getrecursionlimit() // 2:  # it is the program that has gone deep, by ``eval``
-            raise
-        raise errors.TooDeep from None
-    tree = pyast.Module([function], []) if keep_tree else None
-    return Unit(code, generator.entries, generator.constants, generator.syntax, pieces, tree)
-
-
-@contextmanager
-def _deep() -> Iterator[None]:
-    """Let our own walks over the statement go deeper than programs may: they take no C stack."""
-    usual = sys.getrecursionlimit()
-    sys.setrecursionlimit(usual + DEEPER)
-    try:
-        yield
-    finally:
-        sys.setrecursionlimit(usual)
-
-
-def _depth() -> int:
-    """How many calls Python is in."""
-    depth, frame = 0, sys._getframe()
-    while frame.f_back is not None:
-        depth, frame = depth + 1, frame.f_back
-    return depth

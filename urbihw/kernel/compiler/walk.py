@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final
 
 from urbihw.kernel import errors
-from urbihw.kernel.compiler.scopes import Binding, Frame, Local, Scope, binding_names
+from urbihw.kernel.compiler.scopes import Binding, Scope, binding_names
 from urbihw.kernel.syntax import ast
+from urbihw.kernel.syntax.binding import Frame, Local
 from urbihw.kernel.syntax.check import children
 from urbihw.kernel.syntax.pace import Pace
 
@@ -27,23 +28,29 @@ MOST_BLOCKS = 18
 """Python nests 20 of them in a function; the function itself may need two."""
 MOST_CAPTURES = 200_000
 """How many variables the functions of a statement may capture, each counted in each function that it goes through."""
+SCOPE_TAG: Final = " scope tag"
+"""The name under which a scope has its tag; no program can write it."""
+
+Visitors = Mapping[type[ast.Node], Callable[[Any, "Binder"], None]]
+"""What to do with each class of nodes that has scoping rules of its own; all others are walked through."""
 
 
-class Walker:
-    """One walk over the statement; a method ``_Node`` per node with scoping rules of its own."""
+class Binder:
+    """The state of a walk over one statement: the frame, the scope, ``this`` and the loops that a node is in."""
 
-    def __init__(self, lazy_names: Iterable[str], apart: bool, pace: Pace) -> None:
+    def __init__(self, visitors: Visitors, lazy_names: Iterable[str], apart: bool, pace: Pace) -> None:
         """``apart``: loops, tags and ``try`` deep inside others become functions of their own."""
+        self.visitors = visitors
         self.apart = apart
         self.pace = pace
         self.captures = 0
         self.blocks = 0
-        self.bodies: list[int] = []
-        self.result = Binding()
-        self.result.lazy_names = set(lazy_names)
+        self.bodies: list[ast.Node] = []
+        self.result = Binding(lazy_names)
+        self.bound = self.result.bound
         self.frame = self.result.top
         self.scope = Scope(None, self.frame, slots=True, block=True)
-        self.this = self.result.top_this = self.declare("this")
+        self.this = self.frame.this = self.declare("this")
 
     # ---------------------------------------------------------------- names
 
@@ -52,6 +59,15 @@ class Walker:
         local = Local(name, self.frame.unique(name), self.frame, self.frame.loops > 0)
         self.scope.names[name] = local
         return local
+
+    def declare_all(self, names: list[str], node: ast.Node) -> None:
+        """Declare the names of a pattern, which the node is or has; slots of ``this`` where ``var`` makes such."""
+        bound = self.bound(node)
+        if not self.scope.slots:
+            bound.names = [self.declare(name) for name in names]
+        elif names:
+            self.use_this(node)
+            bound.names = [None] * len(names)
 
     def lookup(self, name: str) -> Local | None:
         """The local that a name means here, or None for a slot; notes who captures it."""
@@ -81,97 +97,99 @@ class Walker:
     def use_this(self, node: ast.Node) -> None:
         """The node needs ``this``."""
         self.use(self.this)
-        self.result.this[id(node)] = self.this
+        self.bound(node).this = self.this
+
+    def function_around(self) -> Frame | None:
+        """The frame of the innermost function literal."""
+        frame: Frame | None = self.frame
+        while frame is not None and not frame.literal:
+            frame = frame.parent
+        return frame
 
     # ---------------------------------------------------------------- walking
 
-    def walk(self, node: Any) -> None:
-        """Visit a node, or each node of a tuple; None is nothing."""
+    def walk(self, node: ast.Node | None) -> None:
+        """Visit a node, if there is one."""
         if node is None:
             return
-        if isinstance(node, tuple):
-            for member in node:
-                self.walk(member)
-            return
-        if not isinstance(node, ast.Node):
-            return
-        weight = BLOCKS.get(type(node)) if self.apart else None
-        if weight is None:
-            self.visit(node)
-        else:
-            self.block(node, weight)
+        if self.apart:
+            weight = BLOCKS.get(node.__class__)
+            if weight is not None:
+                self.block(node, weight)
+                return
+        self.visit(node)
+
+    def walk_all(self, nodes: Iterable[Any] | None) -> None:
+        """Visit each node of a tuple, and of the tuples in it."""
+        for node in nodes or ():
+            if node.__class__ is tuple:
+                self.walk_all(node)
+            elif isinstance(node, ast.Node):
+                self.walk(node)
 
     def visit(self, node: ast.Node) -> None:
-        """Visit a node by its own method."""
+        """Visit a node by the visitor of its class, or all nodes in it in the order of its fields."""
         self.pace.step()
-        method = getattr(self, "_" + type(node).__name__, None)
-        if method is not None:
-            method(node)
-        else:
-            self.children(node)
+        visitor = self.visitors.get(node.__class__)
+        if visitor is not None:
+            visitor(node, self)
+            return
+        for name in node.links:
+            value = getattr(node, name)
+            if value.__class__ is tuple:
+                self.walk_all(value)
+            else:
+                self.walk(value)
 
     def block(self, node: ast.Node, weight: int) -> None:
         """Visit what Python can nest only so deep in one function."""
         if self.blocks + weight > MOST_BLOCKS and not _declares(node, self.pace):
-            self.result.apart.add(id(node))
+            self.bound(node).apart = True
             self.framed(node)
             return
         self.blocks += weight
         self.visit(node)
         self.blocks -= weight
 
-    def children(self, node: ast.Node) -> None:
-        """Visit all fields in order."""
-        for name in type(node).__dataclass_fields__:
-            if name != "span":
-                self.walk(getattr(node, name))
+    # ---------------------------------------------------------------- scopes, functions, loops
 
-    def scoped(self, *nodes: Any) -> None:
-        """Visit nodes in a scope of their own."""
+    def enter_scope(self) -> None:
+        """A scope begins; it is left when ``leave_scope`` is called, or the walk is given up."""
         self.scope = Scope(self.scope, self.frame, slots=False)
-        try:
-            for node in nodes:
-                self.walk(node)
-        finally:
-            assert self.scope.outer is not None
-            self.scope = self.scope.outer
 
-    def framed(self, node: ast.Node, bound: tuple[ast.Node, ...] = ()) -> Frame:
-        """Visit a node as the body of a Python function of its own; ``bound`` are patterns whose names it receives."""
-        frame = Frame(self.frame, None)
-        self.result.frames[id(node)] = frame
-        outer_frame, outer_scope, outer_blocks = self.frame, self.scope, self.blocks
-        self.frame, self.blocks = frame, 0
-        self.scope = Scope(outer_scope, frame, outer_scope.slots and not bound, block=True)
-        try:
-            if bound:
-                self.result.formals[id(node)] = [self.declare(name) for name in binding_names(bound)]
-            self.walk(node)
-            self.keep_scope_tag(node)
-        finally:
-            self.frame, self.scope, self.blocks = outer_frame, outer_scope, outer_blocks
-        return frame
-
-    def keep_scope_tag(self, node: ast.Node) -> None:
-        """Remember the scope tag that was wanted in the present scope, which is that of a node."""
-        local = self.scope.names.get(" scope tag")
-        if local is not None:
-            self.result.scope_tags[id(node)] = local
-
-    def loop(self, head: ast.Node | None, body: ast.Node, apart: bool) -> None:
-        """Visit a loop; ``apart`` when each turn of the body is a job of its own."""
-        self.frame.loops += 1
-        self.bodies.append(id(body))
-        self.scope = Scope(self.scope, self.frame, slots=False)
-        self.walk(head)
-        if apart:
-            self.framed(body)
-        else:
-            self.walk(body)
-        self.bodies.pop()
+    def leave_scope(self) -> None:
+        """The present scope ends."""
         assert self.scope.outer is not None
         self.scope = self.scope.outer
+
+    def scoped(self, node: ast.Node | None) -> None:
+        """Visit a node in a scope of its own."""
+        self.enter_scope()
+        self.walk(node)
+        self.leave_scope()
+
+    def framed(self, node: ast.Node, patterns: tuple[ast.Node, ...] = ()) -> Frame:
+        """Visit a node as the body of a Python function of its own, which receives what the patterns bind."""
+        frame = self.bound(node).frame = Frame(self.frame)
+        outer_frame, outer_scope, outer_blocks = self.frame, self.scope, self.blocks
+        self.frame, self.blocks = frame, 0
+        self.scope = Scope(outer_scope, frame, outer_scope.slots and not patterns, block=True)
+        if patterns:
+            frame.params = [self.declare(name) for name in binding_names(patterns)]
+        self.walk(node)
+        frame.scope_tag = self.scope.names.get(SCOPE_TAG)
+        self.frame, self.scope, self.blocks = outer_frame, outer_scope, outer_blocks
+        return frame
+
+    def enter_turn(self, body: ast.Node) -> None:
+        """What follows is done in each turn of the loop with this body."""
+        self.frame.loops += 1
+        self.bodies.append(body)
+
+    def leave_turn(self) -> None:
+        """The innermost loop ends."""
         self.frame.loops -= 1
+        self.bodies.pop()
 
 
 def _declares(node: ast.Node, pace: Pace) -> bool:

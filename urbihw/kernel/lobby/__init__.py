@@ -1,5 +1,6 @@
 """One connection's world: bytes in, jobs, lines out.
 
 Reading order: ``output`` (time-stamped lines, bounded), ``lobby`` (the object and its life), ``shell`` (statements to
-jobs).  May import ``compiler``, ``syntax`` (through it), ``runtime`` and ``sched``; knows no socket.
+jobs), ``templates`` (statements that differ in their literals only).  May import ``compiler``, ``syntax``
+(through it), ``runtime`` and ``sched``; knows no socket.
 """

@@ -15,6 +15,7 @@ from urbihw.kernel.lobby.printing import described
 from urbihw.kernel.lobby.shell import Shell
 from urbihw.kernel.lobby.statements import execute
 from urbihw.kernel.runtime.event import Event
+from urbihw.kernel.runtime.holdings import Address, Holdings
 from urbihw.kernel.runtime.object import Obj
 
 if TYPE_CHECKING:
@@ -27,8 +28,8 @@ class Lobby(Obj):
 
     of_connection = True
     __slots__ = (
-        "connected", "in_command", "intake", "on_quit", "output", "peer", "programs", "received", "shell", "tag",
-        "user",
+        "connected", "holdings", "in_command", "intake", "maker", "on_quit", "output", "peer", "programs", "received",
+        "shell", "tag", "user",
     )  # fmt: skip
 
     def __init__(
@@ -50,6 +51,10 @@ class Lobby(Obj):
         self.on_quit: Callable[[], None] = lambda: None
         self.peer = remote
         """The address of the client, None for none; ``remoteIP`` says the same, but a program may change a slot."""
+        self.holdings = Holdings()
+        """What its jobs hold of the operating system."""
+        self.maker: Lobby | None = None
+        """The lobby that this one belongs to."""
         self.user = ""
         """The name of who showed a token, "" if nobody was asked."""
         name = programs.lobby_name()
@@ -69,6 +74,22 @@ class Lobby(Obj):
         except Exception as error:
             self.report(error)
 
+    def belong_to(self, maker: Lobby) -> None:
+        """A job of another lobby made this one: it ends with that one, and both count together in what they hold."""
+        self.maker = maker
+        self.holdings = Holdings(maker.holdings)
+
+    def came_from(self, address: Address) -> None:
+        """The address from which the client connects: if a program of another lobby does, this one belongs to it."""
+        for other in self.programs.lobbies:
+            if other is not self and other.holdings.connects_from(address):
+                self.belong_to(other)
+                return
+
+    def _made(self) -> list[Lobby]:
+        """The lobbies that belong to this one."""
+        return [lobby for lobby in self.programs.lobbies if lobby.maker is self]
+
     def feed(self, data: bytes) -> None:
         """Bytes from the client."""
         self.received += len(data)
@@ -87,9 +108,12 @@ class Lobby(Obj):
             done()  # a remote in binary mode, whose foreground never ends
 
     def lose_command(self) -> None:
-        """The client will say nothing new: what it moves is stopped, and it moves nothing any more."""
+        """The client will say nothing new: what it moves is stopped, and it moves nothing any more, nor do those who
+        belong to it."""
         if self.in_command:
             self.in_command = False
+            for other in self._made():
+                other.lose_command()
             for hear in list(self.world.client_gone):
                 hear(self)
 
@@ -103,21 +127,24 @@ class Lobby(Obj):
             self.output.line(f"!!! {line}", "error")
 
     def close(self) -> None:
-        """The connection is gone: what it runs ends, its ``finally`` clauses run, ``Lobby.onDisconnect`` is emitted."""
+        """The connection is gone: what it runs ends, its ``finally`` clauses run, ``Lobby.onDisconnect`` is emitted.
+
+        Then what it holds is closed.
+        """
         if not self.connected:
             return
         self.connected = False
         self.programs.lobbies.pop(self, None)
         self.output.close()
+        self.holdings.seal()
         try:
             self.lose_command()
         finally:
             # In this order, but in two jobs: the guards of those who hear of it may wait as long as they like.
             self.world.spawn_own(self._say_gone, "disconnect")
             self.world.spawn_own(self._end, "disconnect")
-            # The lobbies that it made speak through it, and end with it.
-            for other in [lobby for lobby in self.programs.lobbies if lobby.output.root is self.output]:
-                other.close()
+            for other in self._made():
+                other.quit()
 
     def _say_gone(self) -> None:
         event = self.world.lobby_proto.slots.get("onDisconnect")
@@ -132,6 +159,8 @@ class Lobby(Obj):
                 self.tag.tag.stop(self.world.void)  # what is left by it may run code of the program
             finally:
                 self.output.let_go()
+                self.world.scheduler.yield_()  # finally clauses may say a last word to what the program is connected to
+                self.holdings.close()
 
     def quit(self) -> None:
         """``lobby.quit``: what was said is delivered, then the connection is closed."""

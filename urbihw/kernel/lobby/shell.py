@@ -15,6 +15,7 @@ from urbihw.kernel.compiler import Unit, compile_node, library
 from urbihw.kernel.compiler.cache import UnitCache
 from urbihw.kernel.lobby.long_work import SHORT, LongWork, end_of_slice
 from urbihw.kernel.lobby.printing import show
+from urbihw.kernel.lobby.templates import SIZE, TemplateCache, TemplateUse
 from urbihw.kernel.runtime.backtrace import current_stack
 from urbihw.kernel.sched.group import Group
 from urbihw.kernel.sched.job import Job
@@ -22,7 +23,7 @@ from urbihw.kernel.sched.signals import Interrupted, JobKilled, StopTag
 from urbihw.kernel.sched.waiting import WaitQueue
 from urbihw.kernel.syntax.location import Location
 from urbihw.kernel.syntax.pace import Pace
-from urbihw.kernel.syntax.reader import Item, Reader, Statement, StatementCache, SyntaxProblem, parse_program
+from urbihw.kernel.syntax.reader import Item, Reader, Statement, SyntaxProblem, parse_program
 
 if TYPE_CHECKING:
     from urbihw.kernel.lobby.lobby import Lobby
@@ -40,8 +41,8 @@ class Programs:
     def __init__(self, world: World, ops: dict[str, Any]) -> None:
         self.world = world
         self.ops = ops
-        self.read = StatementCache()
-        self.units = UnitCache()
+        self.read = TemplateCache()
+        self.units = UnitCache(SIZE)
         self.long_work = LongWork(world.scheduler)
         self._lobbies = 0
         self.lobbies: dict[Lobby, None] = {}
@@ -65,13 +66,17 @@ class Programs:
 
     def function(self, statement: Statement) -> Callable[[Any], Any]:
         """A statement as a Python function of ``this``."""
-        world = self.world
+        world, node = self.world, statement.node
+        if isinstance(node, TemplateUse):
+            return node.template.unit(world, statement.text, node.values).function(self.ops, statement.base)
         unit = self.units.get(statement.text, world.lazy_names, world.generic_floats, partial(self.unit, statement))
         return unit.function(self.ops, statement.base)
 
     def unit(self, statement: Statement) -> Unit:
         """A statement, compiled; a long one by and by.  Must be called in a job then."""
-        world = self.world
+        world, use = self.world, self.read.use(statement.text)
+        if use is not None:
+            return use.template.unit(world, statement.text, use.values)
         make = partial(compile_node, statement.node, world.lazy_names, generic=world.generic_floats)
         try:
             return make() if len(statement.text) <= SHORT else self.long_work.run(lambda pace: make(pace=pace))

@@ -9,6 +9,7 @@ which call raised it; each frame further out says from where the next was called
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from types import FrameType, TracebackType
 from typing import Any, NamedTuple, Protocol
 
@@ -63,13 +64,21 @@ def stack_of(error: BaseException, hide_system: bool = True) -> Stack:
 
 def failed_in_program(error: BaseException) -> bool:
     """Whether an exception went through a function of a program, and not only through the library."""
+    return any(not line_map.system for line_map in _line_maps(error))
+
+
+def failed_in_code(error: BaseException) -> bool:
+    """Whether an exception went through urbiscript, of a program or the library, on its way up to here."""
+    return any(True for _ in _line_maps(error))
+
+
+def _line_maps(error: BaseException) -> Iterator[LineMap]:
     tb: TracebackType | None = error.__traceback__
     while tb is not None:
         line_map = tb.tb_frame.f_globals.get(LINE_MAP)
-        if line_map is not None and not line_map.system:
-            return True
+        if line_map is not None:
+            yield line_map
         tb = tb.tb_next
-    return False
 
 
 def current_stack(hide_system: bool = True) -> Stack:

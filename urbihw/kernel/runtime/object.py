@@ -1,10 +1,9 @@
 """Objects: slots, prototypes, and the order in which slots are looked up.
 
 An object owns a dict of its local slots, name to value.  What is inherited is found through a *cache* kept by each
-object that serves as a prototype: name to the ancestor that holds it.  All caches of a world are
-flushed when the structure of some prototype changes (a slot appears or goes, the prototypes change), never when a
-value changes.  A slot that is more than a value (constant, watched, with properties, with an owner) has a ``SlotMeta``
-beside it in ``meta``; objects without any such slot have ``meta`` None, which is all that a plain write tests.
+object that serves as a prototype: name to the ancestor that holds it (see ``lookup``).  A slot that is more than a
+value (constant, watched, with properties, with an owner) has a ``SlotMeta`` beside it in ``meta``; objects without any
+such slot have ``meta`` None, which is all that a plain write tests.
 
 Floats are Python floats and are no ``Obj``: their prototype is ``World.float_proto``, and the rare slots hung on one
 particular number live in ``World.float_slots``, keyed by identity.
@@ -20,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.backtrace import running_call
+from urbihw.kernel.runtime.lookup import NOWHERE
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.slot import SlotMeta
@@ -53,48 +53,29 @@ class Obj:
         """The object that holds the slot ``name``, looking depth first from here, or None."""
         if name in self.slots:
             return self
-        if not self.protos:
+        protos = self.protos
+        if not protos:
             return None
-        first = self.protos[0]
-        if first.__class__ is float:
-            first = self.world.float_proto
-        cache = first.make_cache() if first.cache is None else first.cache
-        holder: Obj | None = cache.get(name)
-        if holder is None:
-            holder = first._search(name, {id(self): None})
-            if holder is not None:
-                cache[name] = holder
-            elif len(self.protos) > 1:
-                holder = self._search(name, {})
-        return holder
-
-    def make_cache(self) -> dict[str, Obj]:
-        """Begin to serve as a prototype: from now on a change of this object's structure flushes the caches."""
-        self.cache = {}
-        self.world.cached.append(self)
-        return self.cache
-
-    def _search(self, name: str, seen: dict[int, None]) -> Obj | None:
-        if name in self.slots:
-            return self
-        seen[id(self)] = None
-        for proto in self.protos:
-            if proto.__class__ is float:
-                proto = self.world.float_proto
-            if id(proto) not in seen:
-                if proto.cache is None:
-                    proto.make_cache()
-                found: Obj | None = proto._search(name, seen)
-                if found is not None:
-                    return found
-        return None
+        world = self.world
+        first = protos[0] if protos[0].__class__ is not float else world.peek_obj(protos[0])
+        found: Obj | None = None if first.cache is None else first.cache.get(name)
+        if found is None or (found is not NOWHERE and name not in found.slots):
+            found = world.lookups.search(first, name)
+        if found is NOWHERE and len(protos) > 1:
+            found = None if self.cache is None else self.cache.get(name)
+            if found is None or (found is not NOWHERE and name not in found.slots):
+                found = world.lookups.search(self, name)
+        return None if found is NOWHERE else found
 
     def fallback_slot(self, name: str) -> Any:
         """What answers for a slot that was not found: raises ``lookup failed``."""
-        raise errors.lookup_failed(name)
+        raise errors.lookup_failed(name, self)
 
-    def bounce(self, action: Callable[[Any], Any]) -> Any:
-        """Do something with all members; only for what ``bounces``."""
+    def distribute(self, value: Any, action: Callable[[Any, Any], Any]) -> Any:
+        """Call ``action(member, share)`` for all members; only for what ``bounces``.
+
+        The shares are the members of ``value`` if it is a Group of as many, else each has all of it.
+        """
         raise NotImplementedError
 
     # ---------------------------------------------------------------- structure
@@ -103,8 +84,10 @@ class Obj:
         """Change the prototypes; raises an error if that would take from others what is owed to all."""
         if not self.heirs_alike and any(isinstance(proto, Obj) and proto.heirs_alike for proto in protos):
             raise errors.unfinalizable()
-        before, self.protos = self.protos, protos
-        self.world.flush()
+        before, known = self.protos, self.cache is not None
+        self.protos = protos
+        if known:
+            self.world.flush()
         lost = self.world.record.lost()
         if lost:
             self.protos = before

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime import matching
-from urbihw.kernel.runtime.backtrace import LINE_MAP
+from urbihw.kernel.runtime.backtrace import LINE_MAP, failed_in_code
 from urbihw.kernel.runtime.blend import place
 from urbihw.kernel.runtime.code import MISSING, Executable, Getter, make_code
 from urbihw.kernel.runtime.conditions import Conditions
@@ -206,12 +206,21 @@ def _slots(world: World) -> dict[str, Any]:
         return world.send(target, "setProperty", world.string(slot), world.string(name), value)
 
     def get_item(target: Any, index: list[Any]) -> Any:
-        """``target[index]``."""
-        return world.send(target, "[]", *index)
+        """``target[index]``, read to be changed."""
+        return send_named(target, "[]", *index)
 
     def set_item(target: Any, index: list[Any], value: Any) -> Any:
-        """``target[index] = value``."""
-        return world.send(target, "[]=", *index, value)
+        """``target[index] = value``, where it was read to be changed."""
+        return send_named(target, "[]=", *index, value)
+
+    def send_named(target: Any, name: str, *args: Any) -> Any:
+        """A message that the program does not spell out: a built-in that fails names it all the same."""
+        try:
+            return world.send(target, name, *args)
+        except errors.Raised as error:
+            if error.routine == "" and not failed_in_code(error):
+                error.routine = name
+            raise
 
     def in_place(old: Any, operator: str, value: Any) -> Any:
         """What ``old operator= value`` makes of ``old``."""
@@ -344,7 +353,7 @@ def _concurrency(world: World) -> dict[str, Any]:
     def move_slot(target: Any, name: str, value: Any, attributes: dict[str, Any]) -> None:
         """``target.name = value time: 1s``."""
         if target.__class__ is not float and target.bounces and name not in target.slots:
-            target.bounce(lambda member: move_slot(member, name, value, attributes))
+            target.distribute(value, lambda member, share: move_slot(member, name, share, attributes))
             return
         read = world.ops.send0
         properties, blender = place(world, target, name)

@@ -15,11 +15,13 @@ from urbihw.kernel.runtime.values import Dictionary, FloatObject, List, String, 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
-SINGLE_MAX: Final = 3.4028234663852886e38
-"""Printing knows single precision only: beyond this a number shows as ``inf``."""
 ESCAPES: Final = {
     "\b": "\\b", "\f": "\\f", "\n": "\\n", "\r": "\\r", "\t": "\\t", "\v": "\\v", '"': '\\"', "\\": "\\\\",
 }  # fmt: skip
+_ESCAPED: Final = str.maketrans({
+    chr(code): ESCAPES.get(chr(code), f"\\x{code:02x}")
+    for code in range(256) if chr(code) in ESCAPES or not " " <= chr(code) <= "~"
+})  # fmt: skip
 DEPTH: Final = 20
 """How deep containers are shown; a list may hold itself."""
 MEMBERS: Final = 1000
@@ -30,15 +32,12 @@ def float_text(value: float) -> str:
     """How a number is shown: in full if it is integral and fits 64 bits, else with six significant digits."""
     if value.is_integer() and abs(value) < 2.0**63:
         return str(int(value))
-    if abs(value) > SINGLE_MAX:
-        return "inf" if value > 0 else "-inf"
     return f"{value:g}"
 
 
 def escaped(text: str) -> str:
     """A text as a string literal, quotes included; bytes that are no printable ASCII as ``\\xNN``."""
-    parts = [ESCAPES.get(c) or (c if " " <= c <= "~" else f"\\x{ord(c):02x}") for c in text]
-    return '"' + "".join(parts) + '"'
+    return '"' + text.translate(_ESCAPED) + '"'
 
 
 def plain_text(world: World, value: Any) -> str:

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
+from itertools import count
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from urbihw.kernel import errors
@@ -123,13 +124,13 @@ def _checked(world: World, name: str, function: Function) -> Primitive:
     most = len(names) - 1
     least = most - len(function.__defaults__ or ())
     checks = [_check(world, str(notes.get(name, "Any"))) for name in names]
+    check_rest: Check | None = None
     if variadic:
         most = -1
-        checks.append(_check(world, str(notes.get(code.co_varnames[code.co_argcount], "Any"))))
+        check_rest = _check(world, str(notes.get(code.co_varnames[code.co_argcount], "Any")))
     raw_result = str(notes.get("return", "")) == "Any"
     check_this, *check_args = checks
-    if variadic:
-        check_args += [check_args[-1]] * 64
+    fixed = len(check_args)
 
     def run(this: Any, *args: Any) -> Any:
         if check_this is not None:
@@ -138,7 +139,8 @@ def _checked(world: World, name: str, function: Function) -> Primitive:
             argument if check is None else check(argument, index)
             for index, (argument, check) in enumerate(zip(args, check_args, strict=False), 1)
         ]
-        given += args[len(check_args) :]
+        rest = args[fixed:]
+        given += rest if check_rest is None else map(check_rest, rest, count(fixed + 1))
         result = function(world, this, *given)
         return result if raw_result or result.__class__ is float else world.from_python(result)
 
@@ -148,7 +150,7 @@ def _checked(world: World, name: str, function: Function) -> Primitive:
         result = function(world, this)
         return result if raw_result or result.__class__ is float else world.from_python(result)
 
-    check_first = check_args[0] if check_args else None
+    check_first = check_args[0] if check_args else check_rest
 
     def run1(this: Any, argument: Any) -> Any:
         if check_this is not None:

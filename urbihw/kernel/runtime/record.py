@@ -100,6 +100,11 @@ class Record:
         """Whether an object belongs to the library or the robot."""
         return isinstance(obj, Obj) and obj in self._kept
 
+    def has(self, obj: Obj, name: str) -> bool:
+        """Whether a slot of a shared object is recorded."""
+        kept = self._kept.get(obj)
+        return kept is not None and name in kept.slots
+
     def guard(self, obj: Obj, name: str) -> None:
         """A slot of this name, which is owed, is to be made or replaced; raises if that is not for programs."""
         for owed in self.owed[name]:

@@ -7,6 +7,7 @@ Kept as closures over one world (``SlotOps``), so that a slot read is one Python
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
@@ -27,135 +28,161 @@ CACHE_MISS = (KeyError, TypeError, IndexError, AttributeError)
 a number as prototype."""
 
 
+Find = Callable[[Any, str], Any]
+"""What a name means for a target."""
+
+
+def make_finders(world: World, ops: SlotOps) -> tuple[Find, Find]:
+    """``get_slot``, and ``found``, which takes the ``fallback`` where there is no slot."""
+    recorder = world.recorder
+    float_proto = world.float_proto
+
+    def get_slot(target: Any, name: str) -> Any:
+        """The value of a slot, not called; raises ``lookup failed``."""
+        obj = world.peek_obj(target) if target.__class__ is float else target
+        slots = obj.slots
+        if name not in slots:
+            holder = obj.find(name)
+            if holder is None:
+                if recorder.active is not None:
+                    recorder.read(target, name)
+                return obj.fallback_slot(name)
+            slots = holder.slots
+            if recorder.active is not None:
+                recorder.read(holder, name)
+        if recorder.active is not None:
+            ops.record(target, name, slots[name])
+        return slots[name]
+
+    def found(target: Any, name: str) -> Any:
+        """What a message finds: a slot, the target's own or inherited, or the ``fallback``."""
+        if recorder.active is not None:
+            return slow(target, name)
+        if target.__class__ is float:
+            slots = float_proto.slots
+            return slots[name] if name in slots and not world.float_slots else slow(target, name)
+        try:
+            return target.slots[name] if name in target.slots else target.protos[0].cache[name].slots[name]
+        except CACHE_MISS:
+            return slow(target, name)
+
+    def slow(target: Any, name: str) -> Any:
+        try:
+            return get_slot(target, name)
+        except errors.Raised:
+            return ops.fallback(target, name)
+
+    return get_slot, found
+
+
+def make_messages(world: World, found: Find) -> tuple[Find, Find]:
+    """``method`` and ``send0``, the verbs of generated code: what is usual is done without another call."""
+    recorder = world.recorder
+
+    def method(target: Any, name: str) -> Any:
+        """What ``target.name`` means, as something with ``strict`` and ``c0`` to ``cn``."""
+        if recorder.active is None:
+            try:
+                slots = target.slots
+                value = slots[name] if name in slots else target.protos[0].cache[name].slots[name]
+            except CACHE_MISS:
+                value = found(target, name)
+        else:
+            value = found(target, name)
+        kind = value.__class__
+        if kind is Code1 or kind is Code2 or kind is not float and value.runs:
+            return value
+        return Getter(world, value)
+
+    def send0(target: Any, name: str) -> Any:
+        """``target.name`` without arguments: the value, or what calling it gives."""
+        if recorder.active is None:
+            try:
+                slots = target.slots
+                value = slots[name] if name in slots else target.protos[0].cache[name].slots[name]
+            except CACHE_MISS:
+                value = found(target, name)
+        else:
+            value = found(target, name)
+        kind = value.__class__
+        if kind is Code0:
+            fn = value.fn
+            return fn(target)
+        if kind is float or not value.runs:
+            return value
+        if value.strict:
+            return value.c0(target)
+        return value.call_lazy(world.call_message(value, target, (), name))
+
+    return method, send0
+
+
+def make_senders(world: World, found: Find) -> tuple[Callable[..., Any], Callable[[Any, str, Any], Any]]:
+    """``send`` and ``send1``, messages from native code."""
+
+    def send(target: Any, name: str, *args: Any) -> Any:
+        """``target.name(args)`` with evaluated arguments, from native code."""
+        return world.invoke(found(target, name), target, args, name)
+
+    def send1(target: Any, name: str, argument: Any) -> Any:
+        """``target.name(argument)`` with an evaluated argument: the usual operator."""
+        value: Any = found(target, name)
+        if value.__class__ is not float and value.runs and value.strict:
+            return value.c1(target, argument)
+        return world.invoke(value, target, (argument,), name)
+
+    return send, send1
+
+
+def make_operators(
+    world: World, send1: Callable[[Any, str, Any], Any]
+) -> tuple[Callable[[Any, Any], Any], Callable[[Any, Any], Any], Callable[[Any, Any], Any]]:
+    """``equal``, ``unequal`` and ``push``, the operators of generated code that Python's own do not serve."""
+
+    def equal(a: Any, b: Any) -> Any:
+        """``a == b``: a Python bool for numbers, what ``'=='`` gives for others."""
+        if a.__class__ is float and b.__class__ is float:
+            return a == b
+        if b is world.void:
+            raise errors.unexpected_void()
+        return send1(a, "==", b)
+
+    def unequal(a: Any, b: Any) -> Any:
+        """``a != b``."""
+        if a.__class__ is float and b.__class__ is float:
+            return a != b
+        if b is world.void:
+            raise errors.unexpected_void()
+        return send1(a, "!=", b)
+
+    def push(a: Any, b: Any) -> Any:
+        """``a << b``."""
+        if a.__class__ is List and a.protos is world.quick_lists:
+            a.l.append(b)
+            if a.meta is not None:
+                a.touch()
+            return a
+        return send1(a, "<<", b)
+
+    return equal, unequal, push
+
+
 class SlotOps:
     """The slot verbs of one world."""
 
     def __init__(self, world: World) -> None:
         self.world = world
         self._owed = world.record.owed
-        recorder = world.recorder
-        float_proto = world.float_proto
-
-        def get_slot(target: Any, name: str) -> Any:
-            """The value of a slot, not called; raises ``lookup failed``."""
-            obj = world.peek_obj(target) if target.__class__ is float else target
-            slots = obj.slots
-            if name not in slots:
-                holder = obj.find(name)
-                if holder is None:
-                    if recorder.active is not None:
-                        recorder.read(target, name)
-                    return obj.fallback_slot(name)
-                slots = holder.slots
-                if recorder.active is not None:
-                    recorder.read(holder, name)
-            if recorder.active is not None:
-                self.record(target, name, slots[name])
-            return slots[name]
-
-        def method(target: Any, name: str) -> Any:
-            """What ``target.name`` means, as something with ``strict`` and ``c0`` to ``cn``."""
-            if recorder.active is None:
-                try:
-                    slots = target.slots
-                    value = slots[name] if name in slots else target.protos[0].cache[name].slots[name]
-                except CACHE_MISS:
-                    value = found(target, name)
-            else:
-                value = found(target, name)
-            kind = value.__class__
-            if kind is Code1 or kind is Code2 or kind is not float and value.runs:
-                return value
-            return Getter(world, value)
-
-        def send0(target: Any, name: str) -> Any:
-            """``target.name`` without arguments: the value, or what calling it gives."""
-            if recorder.active is None:
-                try:
-                    slots = target.slots
-                    value = slots[name] if name in slots else target.protos[0].cache[name].slots[name]
-                except CACHE_MISS:
-                    value = found(target, name)
-            else:
-                value = found(target, name)
-            kind = value.__class__
-            if kind is Code0:
-                fn = value.fn
-                return fn(target)
-            if kind is float or not value.runs:
-                return value
-            if value.strict:
-                return value.c0(target)
-            return value.call_lazy(world.call_message(value, target, (), name))
-
-        def found(target: Any, name: str) -> Any:
-            """What a message finds: a slot, the target's own or inherited, or the ``fallback``."""
-            if recorder.active is not None:
-                return slow(target, name)
-            if target.__class__ is float:
-                slots = float_proto.slots
-                return slots[name] if name in slots and not world.float_slots else slow(target, name)
-            try:
-                return target.slots[name] if name in target.slots else target.protos[0].cache[name].slots[name]
-            except CACHE_MISS:
-                return slow(target, name)
-
-        def slow(target: Any, name: str) -> Any:
-            try:
-                return get_slot(target, name)
-            except errors.Raised:
-                return self.fallback(target, name)
-
-        def send(target: Any, name: str, *args: Any) -> Any:
-            """``target.name(args)`` with evaluated arguments, from native code."""
-            return world.invoke(found(target, name), target, args, name)
-
-        def send1(target: Any, name: str, argument: Any) -> Any:
-            """``target.name(argument)`` with an evaluated argument: the usual operator."""
-            value: Any = found(target, name)
-            if value.__class__ is not float and value.runs and value.strict:
-                return value.c1(target, argument)
-            return world.invoke(value, target, (argument,), name)
-
-        def equal(a: Any, b: Any) -> Any:
-            """``a == b``: a Python bool for numbers, what ``'=='`` gives for others."""
-            if a.__class__ is float and b.__class__ is float:
-                return a == b
-            if b is world.void:
-                raise errors.unexpected_void()
-            return send1(a, "==", b)
-
-        def unequal(a: Any, b: Any) -> Any:
-            """``a != b``."""
-            if a.__class__ is float and b.__class__ is float:
-                return a != b
-            if b is world.void:
-                raise errors.unexpected_void()
-            return send1(a, "!=", b)
-
-        self.equal = equal
-        self.unequal = unequal
-        def push(a: Any, b: Any) -> Any:
-            """``a << b``."""
-            if a.__class__ is List and a.protos is world.quick_lists:
-                a.l.append(b)
-                if a.meta is not None:
-                    a.touch()
-                return a
-            return send1(a, "<<", b)
-
-        self.push = push
-        self.get_slot = get_slot
-        self.method = method
-        self.send0 = send0
-        self.send = send
-        self.send1 = send1
+        self.get_slot, found = make_finders(world, self)
+        self.method, self.send0 = make_messages(world, found)
+        self.send, self.send1 = make_senders(world, found)
+        self.equal, self.unequal, self.push = make_operators(world, self.send1)
 
     def fallback(self, target: Any, name: str) -> Any:
         """What answers a message that was not understood: the ``fallback`` slot, if there is one."""
         holder = self.world.peek_obj(target).find("fallback")
         if holder is None or target is self.world.void:
-            raise  # noqa: PLE0704 - called from an except clause: the look-up error goes on
+            raise  # called from an except clause: the look-up error goes on
         return holder.slots["fallback"]
 
     def record(self, target: Any, name: str, value: Any) -> None:
@@ -185,7 +212,7 @@ class SlotOps:
                 return value
             return self._write(obj, obj, name, value)
         if obj.bounces:
-            return obj.bounce(lambda member: self.update_slot(member, name, value))
+            return obj.distribute(value, lambda member, share: self.update_slot(member, name, share))
         holder = obj.find(name)
         if holder is None:
             return obj.fallback_slot(name)
@@ -224,7 +251,7 @@ class SlotOps:
         if name in self._owed:
             self.world.record.guard(obj, name)
         if name not in obj.slots and obj.cache is not None:
-            self.world.flush()
+            self.world.lookups.forget(name)
         obj.slots[name] = value
         if isinstance(value, Executable):
             if not value.strict:
@@ -253,7 +280,7 @@ class SlotOps:
             self.world.record.guard_removal(obj, name)
         del obj.slots[name]
         if obj.cache is not None:
-            self.world.flush()
+            self.world.lookups.forget(name)
         meta = None if obj.meta is None else obj.meta.pop(name, None)
         if meta is not None:
             notify(meta)

@@ -2,7 +2,8 @@
 
 The value is a staircase written at multiples of the generator's period P; a movement of length T is over at the first
 step with T - t < P, where the target itself is written.  Open-loop kinds (time, speed, smooth, accel, sin, cos) write
-f(t) whatever the place holds; closed-loop ones (time and speed with ``adaptive: true``) go on from what they find.
+f(t) whatever the place holds; closed-loop ones (time and speed with ``adaptive: true``) go on from what they find, and
+``adaptive: true`` alone waits until a device has come to the target.  A speed of 0 stays where it is, for ever.
 Time is the job's own: while it is frozen, it stands still.  The properties of the slot limit range and speed (see
 ``Limits``), and say how movements of the same place are blended (see ``blend``).  Source: manual, TrajectoryGenerator
 and "Trajectories".
@@ -11,7 +12,7 @@ and "Trajectories".
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
@@ -23,6 +24,12 @@ if TYPE_CHECKING:
 Curve = Callable[[float], float]
 KINDS = ("time", "speed", "accel", "smooth", "sin", "cos")
 ATTRIBUTES = (*KINDS, "adaptive", "ampli", "phase")
+LAG_S = 0.5
+"""How far behind what is written to it a device may be, in seconds of the movement, before it is waited for: more than
+what its bus, its controller and its inertia take together."""
+LEAST_LEAD = 0.25
+"""How far ahead of a device what is written may be in any case, as a share of the whole way: motors do not stir for the
+small errors of a slow movement."""
 _CLOSE = 1e-9
 
 
@@ -81,11 +88,16 @@ class Trajectory:
         self._attributes = attributes
         unknown = [name for name in attributes if name not in ATTRIBUTES]
         kinds = [name for name in attributes if name in KINDS]
-        if unknown or not kinds:
+        self._adaptive = "adaptive" in attributes and bool(attributes["adaptive"])
+        if unknown or not (kinds or self._adaptive):
             raise errors.primitive(f"unknown trajectory attribute: {', '.join(unknown or attributes)}", None)
-        self._kind = kinds[0]
-        self._parameter = self._number(attributes[self._kind], self._kind)
+        self._kind = kinds[0] if kinds else ""
+        self._parameter = self._number(attributes[self._kind], self._kind) if kinds else 0.0
         self._period = world.period
+        self._written: float | None = None
+        """What a closed loop wrote to a place that does not hold it yet."""
+        self._pace = 0.0
+        """How fast a closed loop is to go, in units a second."""
 
     def run(self) -> None:
         """Move; returns when the movement is over (never, for sin and cos)."""
@@ -98,11 +110,12 @@ class Trajectory:
                 self._move()
 
     def _move(self) -> None:
-        adaptive = "adaptive" in self._attributes and bool(self._attributes["adaptive"])
-        if adaptive and self._kind == "time":
+        if self._adaptive and self._kind == "time":
             self._closed_time(self._parameter)
-        elif adaptive and self._kind == "speed":
+        elif self._adaptive and self._kind == "speed":
             self._closed_speed(self._parameter)
+        elif not self._kind:
+            self._closed()
         else:
             curve, length = self._curve()
             self._follow(curve, length)
@@ -124,9 +137,8 @@ class Trajectory:
             length = math.sqrt(2 * way / parameter) if way else 0.0
             return lambda t: start + parameter * t * t / 2, length
         if self._kind == "speed":
-            if parameter <= 0:
-                raise errors.primitive(f"speed must be positive, got {parameter:g}", None)
-            parameter = abs(way) / parameter
+            speed = self._not_negative(parameter)
+            parameter = abs(way) / speed if speed else math.inf if way else 0.0
         if self._kind == "smooth":
             length = self._limits.length(parameter, abs(way) * math.pi / 2)
             return lambda t: start + way * (1 - math.cos(math.pi * t / length)) / 2, length
@@ -154,8 +166,7 @@ class Trajectory:
     # ---------------------------------------------------------------- closed loop
 
     def _closed_time(self, length: float) -> None:
-        for t in self._steps():
-            value = self._number(self._read(), "-")
+        for t, value in self._found():
             way = self._target - value
             left = self._limits.length(length - t, abs(way))
             if left <= self._period + _CLOSE:
@@ -163,21 +174,68 @@ class Trajectory:
                 if left > _CLOSE:
                     self._world.scheduler.sleep(left)
                 return
-            self._write(value + way * self._period / left)
+            self._pace = abs(way) / left
+            self._write_found(value + way * self._period / left)
 
     def _closed_speed(self, speed: float) -> None:
-        if speed <= 0:
-            raise errors.primitive(f"speed must be positive, got {speed:g}", None)
-        reach = self._limits.speed(speed) * self._period
-        for _ in self._steps():
-            value = self._number(self._read(), "-")
+        speed = self._limits.speed(self._not_negative(speed))
+        reach = speed * self._period
+        self._pace = speed
+        for _, value in self._found():
             way = self._target - value
-            if abs(way) <= self._limits.delta:
-                return
             if abs(way) <= reach + _CLOSE:
                 self._write(self._target)
                 return
-            self._write(value + math.copysign(reach, way))
+            self._write_found(value + math.copysign(reach, way))
+
+    def _closed(self) -> None:
+        """Write the target; over when the place has come there, or comes no nearer."""
+        self._write(self._target)
+        nearest, since = math.inf, 0.0
+        for t in self._steps():
+            way = abs(self._target - self._number(self._read(), "-"))
+            if way <= max(self._limits.delta, _CLOSE):
+                return
+            if way < nearest - _CLOSE:
+                nearest, since = way, t
+            elif t - since >= LAG_S:
+                return
+
+    def _found(self) -> Iterator[tuple[float, float]]:
+        """The times of the steps, and from where each is to go on; a speed ends where the place is near enough.
+
+        That is the value found, if the place holds what is written to it.  A device lags behind: its value is still on
+        the way to what was written, so the movement goes on from what was written, never behind the value, and not
+        further ahead of it than LAG_S and LEAST_LEAD allow.  So it keeps its pace, and waits for a device that is held.
+        While a device comes no nearer, it is led ever further away, at half the pace: one that does not stir for so
+        little must not keep the movement from its end.
+        """
+        nearest = least = slack = 0.0
+        for t in self._steps():
+            value = self._number(self._read(), "-")
+            way = abs(self._target - value)
+            if self._kind == "speed" and way <= self._limits.delta:
+                return
+            if not t:
+                nearest, least = way, way * LEAST_LEAD
+            slack = slack + self._pace * self._period / 2 if way >= nearest - _CLOSE else 0.0
+            nearest = min(nearest, way)
+            written = self._written
+            if written is None or (written - value) * (self._target - value) <= 0:
+                yield t, value
+            else:
+                lead = max(self._pace * LAG_S, least) + slack
+                yield t, value + math.copysign(min(abs(written - value), lead), written - value)
+
+    def _write_found(self, value: float) -> None:
+        """Write the value of a step, and see whether the place holds it."""
+        self._write(value)
+        self._written = None if self._read() == value else value
+
+    def _not_negative(self, speed: float) -> float:
+        if speed < 0:
+            raise errors.primitive(f"speed must not be negative, got {speed:g}", None)
+        return speed
 
     # ---------------------------------------------------------------- time
 
@@ -195,11 +253,10 @@ class Trajectory:
             scheduler.sleep(begin + step * self._period - now)
 
     def _number(self, value: Any, routine: str) -> float:
-        if value.__class__ is not float:
-            raise self._world.type_error(1, value, "Float", routine or None)
-        if value != value:  # neither a place to go to nor a time to be there
+        number = self._world.as_float(value, 1, routine or None)
+        if number != number:  # neither a place to go to nor a time to be there
             raise errors.bad_number("BadNumber", "expected a number, got nan")
-        return float(value)
+        return number
 
     def _finite(self, value: float) -> float:
         if math.isinf(value):

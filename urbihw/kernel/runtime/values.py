@@ -116,7 +116,7 @@ class List(Container):
 
     def __init__(self, world: World, protos: list[Obj], values: list[Any]) -> None:
         super().__init__(world, protos)
-        self.l = values  # noqa: E741
+        self.l = values
 
     def clone(self) -> List:
         """A fresh list with the same members."""
@@ -126,6 +126,38 @@ class List(Container):
         return bool(self.l)
 
 
+class ProtoList(List):
+    """The prototypes of a value as a list: whoever changes the list changes the prototypes."""
+
+    __slots__ = ("_known", "_members", "owner")
+
+    def __init__(self, world: World, protos: list[Obj], owner: Any) -> None:
+        self.owner = owner
+        self._known: list[Any] | None = None
+        super().__init__(world, protos, [])
+        self.meta = {}  # so that every change is told of by touch
+
+    @property
+    def l(self) -> list[Any]:  # noqa: E743
+        """The prototypes at present."""
+        now = self.world.protos_of(self.owner)
+        if now is not self._known:
+            self._known, self._members = now, list(now)
+        return self._members
+
+    @l.setter
+    def l(self, members: list[Any]) -> None:  # noqa: E743
+        self._members = members
+
+    def touch(self) -> None:
+        """The members were changed: they become the prototypes.  Raises the errors of ``Obj.set_protos``."""
+        owner = self.world.as_obj(self.owner)
+        self._known = None
+        owner.set_protos(list(self._members))
+        self._known = owner.protos
+        super().touch()
+
+
 class Tuple(Container):
     """A tuple; ``l`` holds the values."""
 
@@ -133,7 +165,7 @@ class Tuple(Container):
 
     def __init__(self, world: World, protos: list[Obj], values: list[Any]) -> None:
         super().__init__(world, protos)
-        self.l = values  # noqa: E741
+        self.l = values
 
     def clone(self) -> Tuple:
         """A fresh tuple with the same members."""
@@ -162,7 +194,7 @@ class FloatObject(Obj):
 
     __slots__ = ("value",)
 
-    def __init__(self, world: World, protos: list[Obj], value: float) -> None:
+    def __init__(self, world: World, protos: list[Any], value: float) -> None:
         super().__init__(world, protos)
         self.value = value
 

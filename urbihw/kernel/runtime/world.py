@@ -17,11 +17,14 @@ from urbihw.kernel.runtime import convert
 from urbihw.kernel.runtime.backtrace import Stack, failed_in_program, stack_of
 from urbihw.kernel.runtime.code import Executable, make_primitive
 from urbihw.kernel.runtime.event import Event
+from urbihw.kernel.runtime.holdings import Holdings
+from urbihw.kernel.runtime.lookup import Lookups
 from urbihw.kernel.runtime.object import Nil, Obj, Plain, Truth, Void
 from urbihw.kernel.runtime.passage import RootTag, TagObject
 from urbihw.kernel.runtime.plain import plain_error, plain_text
 from urbihw.kernel.runtime.record import Record
 from urbihw.kernel.runtime.slots import SlotOps
+from urbihw.kernel.runtime.spelling import suggestion
 from urbihw.kernel.runtime.values import CallMessage, Dictionary, FloatObject, Lazy, List, String, Tuple
 from urbihw.kernel.runtime.watch import Recorder
 from urbihw.kernel.sched.errors import HeldTooLong, TooManyJobs
@@ -45,7 +48,7 @@ class World:
     def __init__(self, scheduler: Scheduler) -> None:
         self.scheduler = scheduler
         self.recorder = Recorder()
-        self.cached: list[Obj] = []
+        self.lookups = Lookups(self)
         self.ndebug = False
         self._showing = False
         self.hide_system = True
@@ -90,7 +93,10 @@ class World:
         self._notifier: Job | None = None
         self.client_gone: list[Callable[[Any], None]] = []
         """Called with a lobby at once when its connection is gone, before what it runs is ended."""
+        self.holdings = Holdings()
+        """What is held by jobs that speak to no lobby."""
         self.uobjects: Any = None
+        self.pipes: Any = None
         self.external: Callable[..., Any] = _no_compiler
         self.event_proto = Event(self, [self.object])
         self.tag_proto = RootTag(self, [self.object], Tag(scheduler, "tag"))
@@ -195,6 +201,7 @@ class World:
         known = self.float_slots.get(id(value))
         if known is None:
             known = self.float_slots[id(value)] = (value, Plain(self, [self.float_proto]))
+            self.flush()  # it may have been looked through as a prototype
             numbered = self._float_numbers.pop(id(value), None)
             if numbered is not None and numbered[0] is value:
                 known[1].number = numbered[1]
@@ -248,7 +255,7 @@ class World:
         """The ``type`` of a value."""
         return self.text(self.send(value, "type"))
 
-    def as_float(self, value: Any, index: int | None, routine: str) -> float:
+    def as_float(self, value: Any, index: int | None, routine: str | None) -> float:
         """A value that must be a Float."""
         if value.__class__ is not float:
             if isinstance(value, FloatObject):
@@ -301,9 +308,7 @@ class World:
 
     def flush(self) -> None:
         """The structure of some prototype changed: forget where inherited slots were found."""
-        for obj in self.cached:
-            obj.cache = None
-        self.cached.clear()
+        self.lookups.flush()
 
     # ---------------------------------------------------------------- tags
 
@@ -431,7 +436,7 @@ class World:
         base = self.exception_proto
         kind = base if raised.kind == "Exception" else self.classes.get(f"Exception.{raised.kind}", base)
         made = Plain(self, [kind])
-        made.slots["message"] = self.string(raised.message)
+        made.slots["message"] = self.string(raised.message + self._spelling(raised))
         stack = stack_of(raised, self.hide_system)
         routine = stack.routine if raised.routine == "" else raised.routine
         if routine is not None:
@@ -441,9 +446,20 @@ class World:
         self._locate(made, stack)
         return made
 
+    def _spelling(self, raised: errors.Raised) -> str:
+        """What to add to the message of a look-up that failed."""
+        if not isinstance(raised, errors.LookupFailed) or raised.target is None:
+            return ""
+        kind = self.classes.get("Exception.Lookup")
+        if kind is None or not kind.slots.get("fixSpelling"):
+            return ""
+        return suggestion(self, raised.target, raised.slots["name"])
+
     def _locate(self, value: Obj, stack: Stack) -> None:
         value.slots["location"] = self.location_value(stack.location)
         value.slots["backtrace"] = self.backtrace_value(stack)
+        if value.cache is not None:
+            self.flush()
 
     def location_value(self, location: Any) -> Any:
         """A Location object (replaced by the standard library; a string until then)."""

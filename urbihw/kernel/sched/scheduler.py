@@ -331,8 +331,9 @@ class Scheduler:
         enough = self.clock.now() + AIR
         while True:
             self.now = now = self.clock.round()
-            while self._posted:
-                self._posted.popleft()()
+            if self._posted:
+                for _ in range(len(self._posted)):  # threads may post faster than this takes
+                    self._posted.popleft()()
             while self.timers.soonest <= now:
                 action = self.timers.pop_due(now)
                 if action is not None:
@@ -343,6 +344,8 @@ class Scheduler:
                 if not ready and not self._posted:
                     self.latest = None
                     return self.timers.next_deadline()
+                if now > enough:
+                    return now
                 continue
             if now > enough:
                 return now

@@ -28,13 +28,21 @@ class Driver:
         self._timer: asyncio.Handle | None = None
         self._driving = False
         self._closed = False
+        self._called = False
+        """Whether another thread has called for a drive that has not begun: a second one would do nothing but take
+        its time, before the sockets have their turn."""
         self._watchdog = Watchdog(scheduler, bounds)
         self._memory = self._watchdog.memory
         scheduler.set_wake_host(self._wake)
 
     def _wake(self) -> None:
-        if not self._closed:
-            self._loop.call_soon_threadsafe(self.drive)
+        if not self._closed and not self._called:
+            self._called = True
+            self._loop.call_soon_threadsafe(self._drive_as_called)
+
+    def _drive_as_called(self) -> None:
+        self._called = False  # before it: what is posted from now on may come too late for this drive
+        self.drive()
 
     def drive(self) -> None:
         """Run what is ready and see to it that we are called again in time."""

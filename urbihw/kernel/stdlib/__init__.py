@@ -75,6 +75,7 @@ MODULES = (
     "process",
     "io_service",
     "network",
+    "server",
     "kernel1",
     "documentation",
     "interface",

@@ -14,6 +14,7 @@ from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import Dictionary, List, String
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.members import equal, same_members
+from urbihw.kernel.stdlib.slices import in_slices, sort_in_slices
 from urbihw.kernel.stdlib.tuple import pair
 
 __breakable__ = True
@@ -161,7 +162,7 @@ def clear(world: World, this: Dictionary) -> Any:
 @TABLE.primitive("keys")
 def keys(world: World, this: Dictionary) -> Any:
     """The keys, in order."""
-    return world.new_list([world.string(key) for key in sorted(this.d)])
+    return world.new_list([world.string(key) for key in in_slices(world, _ordered(world, this.d))])
 
 
 @TABLE.primitive("asList")
@@ -171,13 +172,24 @@ def as_list(world: World, this: Dictionary) -> Any:
 
 
 def _pairs(world: World, this: Dictionary) -> List:
-    return world.new_list([pair(world, world.string(key), this.d[key]) for key in sorted(this.d)])
+    now = dict(this.d)
+    keys = in_slices(world, _ordered(world, now))
+    return world.new_list([pair(world, world.string(key), now[key]) for key in keys])
+
+
+def _ordered(world: World, content: dict[str, Any]) -> list[str]:
+    """The keys, in order."""
+    keys = list(content)
+    sort_in_slices(world, keys)
+    return keys
 
 
 @TABLE.primitive("asString", "asPrintable")
 def as_string(world: World, this: Dictionary) -> str:
     """Keys and values as they are written in a program."""
-    content = ", ".join([f"{escaped(key)} => {world.printable(this.d[key])}" for key in sorted(this.d)])
+    now = dict(this.d)
+    keys = in_slices(world, _ordered(world, now))
+    content = ", ".join([f"{escaped(key)} => {world.printable(now[key])}" for key in keys])
     return f"[{content or ' => '}]"
 
 
@@ -196,16 +208,22 @@ def differs(world: World, this: Dictionary, other: Any) -> bool:
 def _equal(world: World, this: Dictionary, other: Any) -> bool:
     if isinstance(other, List):
         return same_members(world, _pairs(world, this).l, other.l)
-    if not isinstance(other, Dictionary) or this.d.keys() != other.d.keys():
+    if not isinstance(other, Dictionary) or len(this.d) != len(other.d):
         return False
-    return all(equal(world, this.d[key], other.d[key]) for key in sorted(this.d))
+    mine, others = dict(this.d), dict(other.d)
+    if not all(key in others for key in in_slices(world, list(mine))):
+        return False
+    return all(equal(world, mine[key], others[key]) for key in in_slices(world, _ordered(world, mine)))
 
 
 @TABLE.primitive("matchAgainst")
 def match_against(world: World, this: Dictionary, handler: Any, pattern: Any) -> bool:
     """Whether a pattern (a Dictionary of some of the keys) matches, its values asked of the handler's
     ``matchPattern``."""
-    if not isinstance(pattern, Dictionary) or not pattern.d.keys() <= this.d.keys():
+    if not isinstance(pattern, Dictionary):
         return False
-    wanted = sorted(pattern.d.items())
-    return all(bool(world.send(handler, "matchPattern", inner, this.d[key])) for key, inner in wanted)
+    mine, wanted = dict(this.d), dict(pattern.d)
+    if not all(key in mine for key in in_slices(world, list(wanted))):
+        return False
+    keys = in_slices(world, _ordered(world, wanted))
+    return all(bool(world.send(handler, "matchPattern", wanted[key], mine[key])) for key in keys)

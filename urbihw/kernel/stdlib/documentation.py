@@ -6,7 +6,9 @@ Nothing is gathered before somebody asks, so that it costs a server nothing to s
 from __future__ import annotations
 
 import inspect
+import math
 import re
+from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
 from importlib.resources import files
@@ -15,6 +17,8 @@ from typing import Any
 from urbihw.kernel.runtime.code import Executable, Primitive
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.slot import peek_meta
+from urbihw.kernel.runtime.values import String
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib import MODULES, prototype
 
@@ -83,7 +87,32 @@ class Docstrings:
             text = value.source.__doc__ or ""
         if not text and not isinstance(value, Executable):
             text = self._of_value(value)
-        return inspect.cleandoc(text).replace("``", "")
+        measures = " ".join(self._measures(self._world.peek_obj(this), name))
+        return "\n".join(filter(None, (inspect.cleandoc(text).replace("``", ""), measures)))
+
+    def _measures(self, this: Obj, name: str) -> Iterator[str]:
+        """The unit of a slot, and its range, as properties of the slot or of the interfaces of its object say."""
+        unit = self._property(this, name, "unit")
+        if isinstance(unit, String) and unit.s:
+            yield "Unit: none." if unit.s == "1" else f"Unit: {unit.s}."
+        least, most = (self._property(this, name, end) for end in ("rangemin", "rangemax"))
+        if least.__class__ is float and most.__class__ is float and (math.isfinite(least) or math.isfinite(most)):
+            yield f"Range: {least:g} to {most:g}."
+
+    def _property(self, this: Obj, name: str, wanted: str) -> Any:
+        """A property of a slot, or of that of this name in the first prototype that has one; None if none has."""
+        seen: dict[int, Obj] = {}
+        waiting = [this]
+        while waiting:
+            one = waiting.pop()
+            if id(one) in seen:
+                continue
+            seen[id(one)] = one
+            meta = peek_meta(one, name)
+            if meta is not None and meta.properties and wanted in meta.properties:
+                return meta.properties[wanted]
+            waiting += [proto for proto in reversed(one.protos) if isinstance(proto, Obj)]
+        return None
 
     def noted(self, prototype: Any) -> set[str]:
         """The slots of which more is said than a docstring has, some of them of objects and not of the class."""

@@ -12,7 +12,8 @@ from urbihw.kernel import errors
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib import prototype
-from urbihw.kernel.stdlib.support import constant, in_thread
+from urbihw.kernel.stdlib.child import Child
+from urbihw.kernel.stdlib.support import constant
 
 TABLE = Table("System")
 PROTOS = {"System.Platform": ("Object",), "System.PackageInfo": ("Object",)}
@@ -64,8 +65,8 @@ def system(world: World, this: Any, command: str) -> int:
 
     Returns the status as the operating system tells it: the exit code times 256, or the signal that ended it.
     """
-    code = in_thread(world, lambda: subprocess.run(command, shell=True, check=False).returncode)
-    return int(code << 8 if code >= 0 else -code)
+    code = Child(world, lambda group: subprocess.Popen(command, shell=True, process_group=group)).wait()
+    return code << 8 if code >= 0 else -code
 
 
 def _vendor() -> str:

@@ -6,13 +6,16 @@ its events.
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import stat
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import Any, Final
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.event import Event
+from urbihw.kernel.runtime.holdings import Holding, holdings_of
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.plain import escaped
 from urbihw.kernel.runtime.primitive import Table
@@ -20,7 +23,8 @@ from urbihw.kernel.runtime.values import MOST_CHARACTERS
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.binary import binary
 from urbihw.kernel.stdlib.path import failure, from_system, name_of, path, system
-from urbihw.kernel.stdlib.support import in_thread
+from urbihw.kernel.stdlib.pipe import OPENED, Backlog, Opening, PipeSink, PipeSource, pipes_of
+from urbihw.kernel.stdlib.support import check_descriptors
 
 FILE = Table("File")
 DIRECTORY = Table("Directory")
@@ -32,6 +36,18 @@ PERIOD = 0.1
 Looking works in simulated time and on file systems of other machines, where the notices of the operating system
 (inotify) do not; it costs some microseconds, and only while somebody watches.
 """
+
+AIR: Final = 0.002
+"""Seconds after which others have a turn."""
+PIECE: Final = 256 * 1024
+"""How many bytes of a file are read or written at once."""
+MOST_WITHOUT_SIZE: Final = 16 * 1024 * 1024
+"""How many bytes of a device or a fifo are read as a whole."""
+MOST_TOGETHER: Final = 4 * MOST_WITHOUT_SIZE
+"""How many bytes of them the jobs of a connection may have read that are not at the end yet."""
+STREAMS: Final = "streams"
+MOST_STREAMS: Final = 64
+"""How many fifos, terminals and devices a connection may read and write at once."""
 
 NOTES = {
     "File": "A file of the operating system.",
@@ -116,40 +132,107 @@ def names(directory: str) -> list[str]:
 
 
 def read(world: World, name: str) -> str:
-    """The bytes of a file, as characters.  Some devices have no end: an error if there is more than a String may hold.
-    """
-    def whole() -> bytes:
-        with open(system(name), "rb") as file:
-            return file.read(MOST_CHARACTERS + 1)
+    """The bytes of a file, as characters; see ``read_bytes``."""
+    return read_bytes(world, name).decode("latin-1")
 
+
+def read_bytes(world: World, name: str) -> bytes:
+    """All of a file; what is no plain file (a device, a fifo) is waited for.  Others have their turn meanwhile.
+
+    Raises an error if it cannot be read, or if there is more than a String may hold; of what has no size beforehand
+    and may have no end, much less is taken.
+    """
     try:
-        data: bytes = _patiently(world, name, whole)
+        descriptor = os.open(system(name), os.O_RDONLY | OPENED)
     except OSError as error:
         raise failure(error, name) from error
-    if len(data) > MOST_CHARACTERS:
-        raise errors.primitive(f"file too large (more than {MOST_CHARACTERS} bytes): {name}")
-    return data.decode("latin-1")
+    mode = os.fstat(descriptor).st_mode
+    if stat.S_ISREG(mode):
+        with open(descriptor, "rb", buffering=0) as file:
+            return _gathered(world, name, lambda: _piece(file, name), MOST_CHARACTERS)
+    source = PipeSource(pipes_of(world))
+    with held(world, source):
+        source.start(descriptor, Backlog(pipes_of(world).poller, 0), stat.S_ISFIFO(mode))
+        return _gathered(world, name, source.some, MOST_WITHOUT_SIZE, pipes_of(world).backlog(holdings_of(world)))
+
+
+def _piece(file: io.FileIO, name: str) -> bytes:
+    try:
+        return file.read(PIECE) or b""
+    except OSError as error:
+        raise failure(error, name) from error
+
+
+def _gathered(world: World, name: str, some: Callable[[], bytes], most: int, backlog: Backlog | None = None) -> bytes:
+    """All of a file; what is gathered counts in the backlog meanwhile."""
+    found = bytearray()
+    try:
+        while piece := some():
+            found += piece
+            if backlog is not None:
+                backlog.gathered += len(piece)
+                if backlog.gathered > MOST_TOGETHER:
+                    raise errors.primitive(f"too much is read at once (more than {MOST_TOGETHER} bytes): {name}")
+            if len(found) > most:
+                raise errors.primitive(f"file too large (more than {most} bytes): {name}")
+            world.scheduler.give_way(AIR)
+        return bytes(found)
+    finally:
+        if backlog is not None:
+            backlog.gathered -= len(found)
 
 
 def write(world: World, name: str, content: str) -> None:
-    """Make a file of these bytes."""
-    def whole() -> None:
-        with open(system(name), "wb") as file:
-            file.write(content.encode("latin-1", "replace"))
-
+    """Make a file of these bytes; what is there and no plain file (a device, a fifo) is written to."""
+    data = content.encode("latin-1", "replace")
     try:
-        _patiently(world, name, whole)
+        if not lets_wait(name):
+            with open(system(name), "wb", buffering=0) as file:
+                for at in range(0, len(data), PIECE):
+                    file.write(data[at : at + PIECE])
+                    world.scheduler.give_way(AIR)
+            return
+        sink = PipeSink(pipes_of(world))
+        opened = open_to_write(world, name)
+        with held(world, sink):
+            sink.start(opened)
+            try:
+                sink.write(data)
+                sink.wait_until_written()
+            finally:
+                sink.drop()
     except OSError as error:
         raise failure(error, name) from error
 
 
-def _patiently(world: World, name: str, work: Callable[[], Any]) -> Any:
-    """Do something with a file; in a thread if it is there and no plain file, since its other side may let wait."""
+def lets_wait(name: str) -> bool:
+    """Whether something of a name is there and no plain file: its other side may let wait.  Raises OSError."""
     try:
-        plain = stat.S_ISREG(os.stat(system(name)).st_mode)
+        return not stat.S_ISREG(os.stat(system(name)).st_mode)
     except FileNotFoundError:
-        plain = True
-    return work() if plain else in_thread(world, work)
+        return False
+
+
+def open_to_write(world: World, name: str) -> int:
+    """Open what is no plain file so that it does not block; a fifo once somebody reads it.  Raises OSError."""
+    if not stat.S_ISFIFO(os.stat(system(name)).st_mode):
+        return os.open(system(name), os.O_WRONLY | OPENED)
+    opening = Opening(pipes_of(world), system(name))
+    with held(world, opening):
+        return opening.wait()
+
+
+@contextlib.contextmanager
+def held(world: World, one: Holding) -> Iterator[None]:
+    """Hold a stream for the running job's connection as long as the job needs it; it is closed then."""
+    holdings = holdings_of(world)
+    holdings.own(one, STREAMS, MOST_STREAMS)
+    try:
+        check_descriptors()
+        yield
+    finally:
+        holdings.disown(one)
+        one.close()
 
 
 # ---------------------------------------------------------------- File
@@ -183,7 +266,7 @@ def save(world: World, this: Obj, name: Any, content: str) -> None:
 @FILE.primitive("content")
 def content(world: World, this: FileObject) -> Any:
     """The content as a Binary without keywords."""
-    return binary(world, "", read(world, this.path).encode("latin-1"))
+    return binary(world, "", read_bytes(world, this.path))
 
 
 @FILE.primitive("asList")

@@ -217,6 +217,28 @@ def _or_nan(compute: Callable[[float], float]) -> Callable[[float], float]:
     return run
 
 
+def _not_negative(compute: Callable[[float], float]) -> Callable[[float], float]:
+    """A function that is defined from 0 on; raises Primitive below."""
+
+    def run(value: float) -> float:
+        if value < 0:
+            raise errors.primitive("argument has to be positive")
+        return compute(value)
+
+    return run
+
+
+def _arc(compute: Callable[[float], float]) -> Callable[[float], float]:
+    """An inverse of a sine; raises Primitive for what no sine can be."""
+
+    def run(value: float) -> float:
+        if abs(value) > 1:
+            raise errors.primitive(f"argument has to be between -1 and 1, got {float_text(value)}")
+        return compute(value)
+
+    return run
+
+
 def _log(value: float) -> float:
     return -math.inf if value == 0 else math.log(value)
 
@@ -240,12 +262,12 @@ _function("abs", abs, "The absolute value.")
 _function("sin", _or_nan(math.sin), "The sine of an angle in radians.")
 _function("cos", _or_nan(math.cos), "The cosine of an angle in radians.")
 _function("tan", _or_nan(math.tan), "The tangent of an angle in radians.")
-_function("asin", _or_nan(math.asin), "The arc sine, in radians.")
-_function("acos", _or_nan(math.acos), "The arc cosine, in radians.")
+_function("asin", _arc(math.asin), "The arc sine, in radians; raises Primitive beyond -1 and 1.")
+_function("acos", _arc(math.acos), "The arc cosine, in radians; raises Primitive beyond -1 and 1.")
 _function("atan", math.atan, "The arc tangent, in radians.")
 _function("exp", _or_nan(math.exp), "e to the power of this number.")
-_function("log", _or_nan(_log), "The natural logarithm; that of 0 is -inf.")
-_function("sqrt", _or_nan(math.sqrt), "The square root.")
+_function("log", _not_negative(_log), "The natural logarithm; that of 0 is -inf.  Raises Primitive for less.")
+_function("sqrt", _not_negative(math.sqrt), "The square root; raises Primitive for less than 0.")
 _function("sqr", lambda value: value * value, "The square.")
 _function("ceil", _finite(math.ceil), "The next integer, up.")
 _function("floor", _finite(math.floor), "The next integer, down.")
@@ -277,10 +299,10 @@ def is_inf(world: World, this: float) -> bool:
 
 @TABLE.primitive("clone")
 def clone(world: World, this: Any) -> Any:
-    """A fresh number of the same value."""
+    """A fresh number of the same value, whose only prototype is this one; of Float itself, 0."""
     if this is world.float_proto:
         return 0.0 + 0.0
-    return this + 0.0 if this.__class__ is float else this.clone()
+    return FloatObject(world, [this], this) if this.__class__ is float else this.clone()
 
 
 @TABLE.primitive("asFloat")

@@ -13,7 +13,10 @@ from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib import members, prototype
 from urbihw.kernel.stdlib.float import whole
+from urbihw.kernel.stdlib.slices import calls, in_slices
 from urbihw.kernel.stdlib.support import native
+
+__breakable__ = True
 
 TABLE = Table("Float")
 
@@ -26,12 +29,16 @@ NOTES = {
 
 
 @TABLE.primitive("seq", "asList")
-def seq(world: World, this: float) -> list[Any]:
+def seq(world: World, this: float) -> Any:
     """The integers from 0 up to, not including, this one; raises BadInteger."""
+    return world.new_list([float(index) for index in in_slices(world, _range(world, this))])
+
+
+def _range(world: World, this: float) -> range:
     number = whole(world, this)
     if number > members.MANY:
         raise errors.Raised("BadInteger", f"expected at most {members.MANY:.0f}, got {float_text(this)}", "seq")
-    return list(_below(world, this))
+    return range(number)
 
 
 def _below(world: World, this: float) -> Iterable[float]:
@@ -54,7 +61,7 @@ def each_pipe(world: World, this: float, function: Any) -> None:
 @TABLE.primitive("each&")
 def each_and(world: World, this: float, function: Any) -> None:
     """Call the function on all integers from 0 up to this one at once; raises BadInteger."""
-    members.each_apart(world, this, _below(world, this), function)
+    members.each_apart(world, this, map(float, calls(world, range(whole(world, this)))), function)
 
 
 @TABLE.primitive("times")
@@ -68,9 +75,10 @@ def times(world: World, this: float, function: Any) -> None:
 
 
 @TABLE.primitive("map")
-def map_(world: World, this: float, function: Any) -> list[Any]:
+def map_(world: World, this: float, function: Any) -> Any:
     """What the function gives for each integer from 0 up to this one; raises BadInteger."""
-    return [world.invoke(function, this, (index,)) for index in seq(world, this)]
+    indexes = calls(world, _range(world, this))
+    return world.new_list([world.invoke(function, this, (float(index),)) for index in indexes])
 
 
 @TABLE.primitive("max")

@@ -16,6 +16,9 @@ from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import List, String
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.stdlib.slices import SLICE, give_way, in_slices
+
+__breakable__ = True
 
 INFO = Table("FormatInfo")
 FORMATTER = Table("Formatter")
@@ -26,6 +29,8 @@ TABLES = [INFO, FORMATTER, FLOAT, STRING]
 OPTIONS = r"(?P<flags>[-=+ 0#']*)(?P<width>\d{0,5})(?:\.(?P<precision>\d{1,5}))?"
 BARE_OPTIONS = OPTIONS.replace("P<", "P<bare_")
 PATTERN = re.compile(rf"%(?:\|{OPTIONS}(?P<spec>[sdDxXoeEf]?)\||{BARE_OPTIONS}(?P<bare_spec>[sdDxXoeEf]))")
+SHORT = 1000
+"""Characters of a format string that is remembered once it has been cut."""
 EXACT = 2.0**63
 """Integral numbers below it print all their digits."""
 
@@ -74,28 +79,31 @@ def read(match: re.Match[str]) -> Format:
     )
 
 
-def cut(text: str) -> list[str | Format]:
+def cut(world: World, text: str) -> list[str | Format]:
     """A format string in pieces: plain texts and formats; ``%%`` is a plain ``%``."""
     pieces: list[str | Format] = []
-    plain = ""
-    position = 0
+    plain: list[str] = []
+    position = turns = 0
     while position < len(text):
+        turns += 1
+        if not turns % SLICE:
+            give_way(world)
         if text[position] != "%":
             end = text.find("%", position)
             end = len(text) if end < 0 else end
-            plain += text[position:end]
+            plain.append(text[position:end])
             position = end
         elif text.startswith("%%", position):
-            plain += "%"
+            plain.append("%")
             position += 2
         else:
             match = PATTERN.match(text, position)
             if match is None:
                 raise errors.primitive(f"invalid format: {text[position : position + 8]}")
-            pieces += ([plain] if plain else []) + [read(match)]
-            plain = ""
+            pieces += (["".join(plain)] if plain else []) + [read(match)]
+            plain.clear()
             position = match.end()
-    return pieces + ([plain] if plain else [])
+    return pieces + (["".join(plain)] if plain else [])
 
 
 # ---------------------------------------------------------------- formatting
@@ -265,7 +273,7 @@ CLASSES = {"FormatInfo": FormatInfoObject, "Formatter": FormatterObject}
 @FORMATTER.primitive("init")
 def init_formatter(world: World, this: FormatterObject, text: str) -> None:
     """Cut a format string into texts and formats."""
-    this.pieces = cut(text)
+    this.pieces = cut(world, text)
 
 
 @FORMATTER.primitive("asList")
@@ -279,7 +287,7 @@ def _members(world: World, this: FormatterObject) -> List:
     return world.new_list(
         [
             world.string(piece) if isinstance(piece, str) else FormatInfoObject(world, [proto], piece)
-            for piece in this.pieces
+            for piece in in_slices(world, this.pieces)
         ]
     )
 
@@ -299,11 +307,12 @@ def formatter_apply(world: World, this: FormatterObject, args: Any) -> str:
 def fill(world: World, pieces: list[str | Format], args: Any) -> str:
     """The pieces put together, the formats applied to the arguments."""
     values = list(args.l) if isinstance(args, List) else [args]
-    wanted = sum(1 for piece in pieces if isinstance(piece, Format))
+    wanted = sum(1 for piece in in_slices(world, pieces) if isinstance(piece, Format))
     if len(values) != wanted:
         raise errors.primitive(f"too {'few' if len(values) < wanted else 'many'} arguments")
     following = iter(values)
-    return "".join([p if isinstance(p, str) else apply(world, p, next(following)) for p in pieces])
+    parts = [p if isinstance(p, str) else apply(world, p, next(following)) for p in in_slices(world, pieces)]
+    return "".join(parts)
 
 
 def install(world: World, programs: Any) -> None:
@@ -320,9 +329,11 @@ def install(world: World, programs: Any) -> None:
                 raise world.type_error(None, this, "String")
             pieces = known.get(this.s)
             if pieces is None:
-                if len(known) > 500:
-                    known.clear()
-                pieces = known[this.s] = cut(this.s)
+                pieces = cut(world, this.s)
+                if len(this.s) <= SHORT:
+                    if len(known) > 500:
+                        known.clear()
+                    known[this.s] = pieces
             return world.string(fill(world, pieces, args))
 
         return run

@@ -1,6 +1,8 @@
 """Group: messages to several objects as if they were one.
 
 Source: manual, specs/group.  Calls reach all members at the same time; the results come in the order of the members.
+A Group that is assigned to a slot of as many members, or an operand of theirs, is shared out: so
+``robot.wheel.val = robot.wheel.val + d`` moves each wheel from where it is (manual, specs/naming-standard).
 """
 
 from __future__ import annotations
@@ -16,6 +18,8 @@ from urbihw.kernel.sched.group import Group as Jobs
 from urbihw.kernel.stdlib.members import callable_of, equal
 
 TABLE = Table("Group")
+ARITHMETIC = frozenset(("+", "-", "*", "/", "%", "**"))
+"""Operators between two groups that work member by member."""
 
 
 class GroupObject(Obj):
@@ -36,13 +40,19 @@ class GroupObject(Obj):
 
     def bounce(self, action: Callable[[Any], Any]) -> Any:
         """Do something with all members at the same time; the Group of the results, void if they are all void."""
+        return self.distribute(None, lambda member, share: action(member))
+
+    def distribute(self, value: Any, action: Callable[[Any, Any], Any]) -> Any:
+        """Call ``action(member, share)`` for all members at the same time; the Group of the results, or void."""
         members = list(self.members)
+        split = isinstance(value, GroupObject) and len(value.members) == len(members)
+        shares = list(value.members) if split else [value] * len(members)
         if len(members) < 2:
-            return self.gathered([action(member) for member in members])
+            return self.gathered(list(map(action, members, shares)))
         results: list[Any] = [self.world.void] * len(members)
 
         def run(index: int) -> None:
-            results[index] = action(members[index])
+            results[index] = action(members[index], shares[index])
 
         with Jobs(self.world.scheduler) as jobs:
             for index in range(len(members)):
@@ -107,13 +117,15 @@ def fallback(world: World, message: Any) -> Any:
     if not isinstance(this, GroupObject):
         raise world.type_error(None, this, "Group")
     args = [argument.force() for argument in message.args]
+    if name in ARITHMETIC and len(args) == 1:
+        return this.distribute(args[0], lambda member, share: world.send(member, name, share))
     return this.bounce(lambda member: world.send(member, name, *args))
 
 
 @TABLE.primitive("updateSlot")
 def update_slot(world: World, this: GroupObject, name: str, value: Any) -> Any:
     """Assign a slot of all members; the Group of the values."""
-    return this.bounce(lambda member: world.update_slot(member, name, value))
+    return this.distribute(value, lambda member, share: world.update_slot(member, name, share))
 
 
 @TABLE.primitive("getProperty")

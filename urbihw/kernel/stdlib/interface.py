@@ -159,7 +159,7 @@ class KindObject(Obj):
 
     def promise(self, promise: Promise, unit: Any) -> None:
         """Make a promise."""
-        self.slots[promise.name] = promise
+        self.world.ops.put(self, promise.name, promise)
         meta = meta_of(self, promise.name)
         meta.accessor = promise
         meta.properties = {"unit": unit}

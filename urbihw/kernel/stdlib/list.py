@@ -13,6 +13,7 @@ from urbihw.kernel.runtime.values import MOST_MEMBERS, List, String, too_long
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.channel import deprecated
 from urbihw.kernel.stdlib.members import (
+    Less,
     Ranked,
     callable_of,
     comparison,
@@ -25,11 +26,15 @@ from urbihw.kernel.stdlib.members import (
     repetitions,
     same_members,
 )
+from urbihw.kernel.stdlib.slices import MANY_CALLS, calls, give_way, in_slices, sort_in_slices
 
 __breakable__ = True
 
 TABLE = Table("List")
 PROTOS = {"List": ("Container", "RangeIterable", "Orderable")}
+
+SHORT = 1000
+"""Characters of strings of which many are compared before anybody else has a turn."""
 
 
 def _list(world: World, value: Any, index: int | None = None) -> list[Any]:
@@ -50,7 +55,7 @@ def _filled(members: list[Any]) -> list[Any]:
 @TABLE.primitive("asString", "asPrintable")
 def as_string(world: World, this: list[Any]) -> str:
     """The members' ``asPrintable`` in brackets."""
-    return "[" + ", ".join([world.printable(member) for member in this]) + "]"
+    return "[" + ", ".join([world.printable(member) for member in in_slices(world, this)]) + "]"
 
 
 @TABLE.primitive("asList")
@@ -68,7 +73,7 @@ def as_bool(world: World, this: list[Any]) -> bool:
 @TABLE.primitive("keys")
 def keys(world: World, this: list[Any]) -> Any:
     """The valid indexes: 0 to size - 1."""
-    return world.new_list([float(index) for index in range(len(this))])
+    return world.new_list([float(index) for index in in_slices(world, range(len(this)))])
 
 
 @TABLE.primitive("join")
@@ -117,25 +122,25 @@ def tail(world: World, this: list[Any]) -> Any:
 @TABLE.primitive("has")
 def has(world: World, this: list[Any], value: Any) -> bool:
     """Whether a member equals the value."""
-    return any(equal(world, member, value) for member in list(this))
+    return any(equal(world, member, value) for member in in_slices(world, this))
 
 
 @TABLE.primitive("hasNot")
 def has_not(world: World, this: list[Any], value: Any) -> bool:
     """Whether no member equals the value."""
-    return not any(equal(world, member, value) for member in list(this))
+    return not any(equal(world, member, value) for member in in_slices(world, this))
 
 
 @TABLE.primitive("hasSame")
 def has_same(world: World, this: list[Any], value: Any) -> bool:
     """Whether a member is the very value."""
-    return any(member is value for member in this)
+    return any(member is value for member in in_slices(world, this))
 
 
 @TABLE.primitive("subset")
 def subset(world: World, this: list[Any], that: list[Any]) -> bool:
     """Whether every member is also one of the other list."""
-    return all(any(equal(world, member, other) for other in that) for member in this)
+    return all(has(world, that, member) for member in in_slices(world, this))
 
 
 @TABLE.raw("[]", least=1)
@@ -160,7 +165,8 @@ def range_(world: World, this: list[Any], begin: float, end: Any = None) -> Any:
     if end is None or end is world.nil:
         begin, end = 0.0, begin
     low, high = _bound(world, this, begin), _bound(world, this, end)
-    return world.new_list([this[index] for index in range(low, high)])
+    now = this[:]
+    return world.new_list([now[index] for index in in_slices(world, range(low, high))])
 
 
 def _bound(world: World, members: list[Any], value: Any) -> int:
@@ -177,24 +183,37 @@ def _bound(world: World, members: list[Any], value: Any) -> int:
 def sort(world: World, this: List, function: Any = None) -> Any:
     """A new list of the members in order (that of ``<``, or of a function that tells whether a comes before b)."""
     members = list(this.l)
-    kinds = {member.__class__ for member in members} if function is None else set()
+    kinds = {member.__class__ for member in in_slices(world, members)} if function is None else set()
     if kinds == {float}:
-        members.sort()
-    elif kinds == {String}:
-        members.sort(key=lambda member: member.s)
+        sort_in_slices(world, members)
+    elif kinds == {String} and all(len(member.s) <= SHORT for member in in_slices(world, members)):
+        sort_in_slices(world, members, lambda member: member.s)
     else:
-        order = comparison(world, this, function)
-        members.sort(key=lambda member: Ranked(order, member))
+        order = _order(world, this, function)
+        sort_in_slices(world, members, lambda member: Ranked(order, member))
     return world.new_list(members)
 
 
-def _best(world: World, this: List, function: Any, largest: bool) -> int:
-    members = list(this.l)
+def _order(world: World, this: List, function: Any) -> Less:
+    """The order meant by an optional comparison function; it gives way between comparisons of many members."""
+    order = comparison(world, this, function)
+    if len(this.l) <= MANY_CALLS:
+        return order
+
+    def patient(a: Any, b: Any) -> bool:
+        give_way(world)
+        return order(a, b)
+
+    return patient
+
+
+def _best(world: World, this: List, members: list[Any], function: Any, largest: bool) -> int:
+    """The index of the best of the members of a list."""
     if not members:
         raise errors.primitive("list cannot be empty")
-    order = comparison(world, this, function)
+    order = _order(world, this, function)
     best = 0
-    for index in range(1, len(members)):
+    for index in in_slices(world, range(1, len(members))):
         old, new = members[best], members[index]
         if order(old, new) if largest else order(new, old):
             best = index
@@ -204,25 +223,27 @@ def _best(world: World, this: List, function: Any, largest: bool) -> int:
 @TABLE.primitive("max")
 def max_(world: World, this: List, function: Any = None) -> Any:
     """The largest member (by ``<``, or a function that tells whether a is less than b); the first of equals."""
-    return this.l[_best(world, this, function, True)]
+    members = list(this.l)
+    return members[_best(world, this, members, function, True)]
 
 
 @TABLE.primitive("min")
 def min_(world: World, this: List, function: Any = None) -> Any:
     """The smallest member (by ``<``, or a function that tells whether a is less than b); the first of equals."""
-    return this.l[_best(world, this, function, False)]
+    members = list(this.l)
+    return members[_best(world, this, members, function, False)]
 
 
 @TABLE.primitive("argMax")
 def arg_max(world: World, this: List, function: Any = None) -> int:
     """The index of the largest member; the first of equals."""
-    return _best(world, this, function, True)
+    return _best(world, this, list(this.l), function, True)
 
 
 @TABLE.primitive("argMin")
 def arg_min(world: World, this: List, function: Any = None) -> int:
     """The index of the smallest member; the first of equals."""
-    return _best(world, this, function, False)
+    return _best(world, this, list(this.l), function, False)
 
 
 @TABLE.primitive("reverse")
@@ -267,14 +288,14 @@ def each_pipe(world: World, this: List, function: Any) -> None:
 @TABLE.primitive("each&")
 def each_and(world: World, this: List, function: Any) -> None:
     """Call a function on all members at the same time; over when all calls are."""
-    each_apart(world, this, list(this.l), function)
+    each_apart(world, this, calls(world, this.l), function)
 
 
 @TABLE.primitive("eachi")
 def eachi(world: World, this: List, function: Any) -> None:
     """Call a function on every member and its index."""
     wanted = callable_of(world, function)
-    for index, member in enumerate(list(this.l)):
+    for index, member in enumerate(calls(world, this.l)):
         world.invoke(wanted, this, (member, float(index)))
 
 
@@ -283,7 +304,7 @@ def map_(world: World, this: List, function: Any) -> Any:
     """The list of what a function gives for each member."""
     wanted = callable_of(world, function)
     results = []
-    for member in list(this.l):
+    for member in calls(world, this.l):
         result = world.invoke(wanted, this, (member,))
         if result is world.void:
             raise errors.unexpected_void()
@@ -295,28 +316,28 @@ def map_(world: World, this: List, function: Any) -> Any:
 def filter_(world: World, this: List, function: Any) -> Any:
     """The list of the members for which a function gives something true."""
     wanted = callable_of(world, function)
-    return world.new_list([member for member in list(this.l) if world.invoke(wanted, this, (member,))])
+    return world.new_list([member for member in calls(world, this.l) if world.invoke(wanted, this, (member,))])
 
 
 @TABLE.primitive("all")
 def all_(world: World, this: List, function: Any) -> bool:
     """Whether a function gives something true for every member; asks no further than the first that fails."""
     wanted = callable_of(world, function)
-    return all(bool(world.invoke(wanted, this, (member,))) for member in list(this.l))
+    return all(bool(world.invoke(wanted, this, (member,))) for member in calls(world, this.l))
 
 
 @TABLE.primitive("any")
 def any_(world: World, this: List, function: Any) -> bool:
     """Whether a function gives something true for some member; asks no further than the first that does."""
     wanted = callable_of(world, function)
-    return any(bool(world.invoke(wanted, this, (member,))) for member in list(this.l))
+    return any(bool(world.invoke(wanted, this, (member,))) for member in calls(world, this.l))
 
 
 @TABLE.primitive("foldl")
 def foldl(world: World, this: List, function: Any, value: Any) -> Any:
     """Combine a value with every member from left to right by a function of two arguments."""
     wanted = callable_of(world, function)
-    for member in list(this.l):
+    for member in calls(world, this.l):
         value = world.invoke(wanted, this, (value, member))
         if value is world.void:
             raise errors.unexpected_void()
@@ -327,7 +348,7 @@ def foldl(world: World, this: List, function: Any, value: Any) -> Any:
 def zip_(world: World, this: List, function: Any, other: list[Any]) -> Any:
     """The list of what a function gives for each member and its partner in the other list."""
     wanted = callable_of(world, function)
-    pairs = list(zip(this.l, other, strict=False))
+    pairs = zip(calls(world, this.l), calls(world, other), strict=False)
     return world.new_list([world.invoke(wanted, this, pair) for pair in pairs])
 
 
@@ -336,7 +357,7 @@ def match_against(world: World, this: list[Any], handler: Any, pattern: Any) -> 
     """Whether a pattern (a List of the same size) matches, its members asked of the handler's ``matchPattern``."""
     if not isinstance(pattern, List) or len(pattern.l) != len(this):
         return False
-    pairs = list(zip(pattern.l, this, strict=True))
+    pairs = zip(in_slices(world, pattern.l), in_slices(world, this), strict=True)
     return all(bool(world.send(handler, "matchPattern", inner, member)) for inner, member in pairs)
 
 
@@ -396,17 +417,22 @@ def clear(world: World, this: List) -> Any:
 @TABLE.primitive("remove")
 def remove(world: World, this: List, value: Any) -> Any:
     """Remove all members equal to a value; gives this list."""
-    this.l[:] = [member for member in list(this.l) if not equal(world, member, value)]
-    this.touch()
+    gone = {id(member): member for member in in_slices(world, this.l) if equal(world, member, value)}
+    _leave_out(this, gone)
     return this
 
 
 @TABLE.primitive("removeById")
 def remove_by_id(world: World, this: List, value: Any) -> Any:
     """Remove all members that are the very value; gives this list."""
-    this.l[:] = [member for member in this.l if member is not value]
-    this.touch()
+    _leave_out(this, {id(value): value})
     return this
+
+
+def _leave_out(this: List, gone: dict[int, Any]) -> None:
+    """Remove members by their identity, in one go: others may have changed the list since these were chosen."""
+    this.l[:] = [member for member in this.l if id(member) not in gone]
+    this.touch()
 
 
 @TABLE.primitive("removeFront")
@@ -467,7 +493,8 @@ def plus(world: World) -> Any:
 def minus(world: World, this: list[Any], other: list[Any]) -> Any:
     """A new list of the members that equal none of the other list."""
     gone = list(other)
-    return world.new_list([m for m in list(this) if not any(equal(world, m, value) for value in gone)])
+    kept = [m for m in in_slices(world, this) if not any(equal(world, m, value) for value in in_slices(world, gone))]
+    return world.new_list(kept)
 
 
 @TABLE.primitive("*")

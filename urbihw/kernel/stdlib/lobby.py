@@ -7,7 +7,7 @@ used of it here is written down as ``Lobby``.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.primitive import Table
@@ -19,6 +19,9 @@ from urbihw.kernel.stdlib.members import members_of
 TABLE = Table("Lobby")
 GLOBAL = Table("Global")
 TABLES = [TABLE, GLOBAL]
+
+MOST_WAITING: Final = 8 * 1024 * 1024
+"""How many bytes may wait in a lobby to be read."""
 
 NOTES = {
     "Lobby.connectionTag": "The tag of all that the connection runs; stopping it leaves the connection usable.",
@@ -125,9 +128,14 @@ def write(world: World, this: Any, text: str) -> None:
 def receive(world: World, this: Any, text: str) -> None:
     """Take a string as if the client had typed it; a lobby whose connection is gone takes nothing.
 
-    For a lobby of one's own connection only: nobody speaks in somebody else's name.
+    For a lobby of one's own connection only: nobody speaks in somebody else's name.  An error if more than 8 MiB would
+    wait there to be read: what was taken is read when the statement in the foreground is over.
     """
-    mine(world, this).feed(text.encode("latin-1", "replace"))
+    lobby = mine(world, this)
+    waiting = lobby.shell.waiting
+    if waiting + len(text) > MOST_WAITING:
+        raise errors.primitive(f"too much to be read: {waiting} bytes wait already, {len(text)} more are too many")
+    lobby.feed(text.encode("latin-1", "replace"))
 
 
 @TABLE.primitive("interrupt")
@@ -240,6 +248,7 @@ def _created(world: World, maker: Any) -> Any:
     make: Callable[..., Any] = type(maker)
     made = make(world, speaker.programs, lambda lobby: None)
     made.output = Relay(speaker.output)
+    made.belong_to(speaker)
     return made
 
 

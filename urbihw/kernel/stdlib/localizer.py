@@ -35,9 +35,9 @@ class LocalizerObject(Obj):
         """A Localizer without parts."""
         return LocalizerObject(self.world, [self])
 
-    def bounce(self, action: Callable[[Any], Any]) -> Any:
+    def distribute(self, value: Any, action: Callable[[Any, Any], Any]) -> Any:
         """Do something with all parts at the same time."""
-        return self.group().bounce(action)
+        return self.group().distribute(value, action)
 
     def group(self) -> GroupObject:
         """The parts as a Group."""

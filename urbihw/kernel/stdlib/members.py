@@ -15,13 +15,14 @@ from urbihw.kernel.runtime.code import Executable
 from urbihw.kernel.runtime.values import List, String
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.group import Group
+from urbihw.kernel.stdlib.slices import in_slices
 
 Less = Callable[[Any, Any], bool]
 
 __breakable__ = True
 
 MANY = 1e7
-"""How many members a built-in function may be asked to go through: it does not give way to others meanwhile."""
+"""How many members a built-in function may be asked to make of a number."""
 
 
 def equal(world: World, a: Any, b: Any) -> bool:
@@ -35,15 +36,15 @@ def equal(world: World, a: Any, b: Any) -> bool:
 
 def same_members(world: World, a: Sequence[Any], b: Sequence[Any]) -> bool:
     """Whether two sequences are equal member by member."""
-    return len(a) == len(b) and all(equal(world, x, y) for x, y in zip(a, b, strict=True))
+    if len(a) != len(b):
+        return False
+    return all(equal(world, x, y) for x, y in zip(in_slices(world, a), in_slices(world, b), strict=True))
 
 
 def less(world: World, a: Any, b: Any) -> bool:
     """Whether ``a < b``; a member that cannot be compared with another of a built-in type is argument 2."""
     if a.__class__ is float:
-        if b.__class__ is not float:
-            raise world.type_error(2, b, "Float")
-        return bool(a < b)
+        return bool(a < (b if b.__class__ is float else world.as_float(b, 2, "")))
     if a.__class__ is String and "<" not in a.slots:
         if not isinstance(b, String):
             raise world.type_error(2, b, "String")
@@ -61,7 +62,7 @@ def comparison(world: World, this: Any, function: Any) -> Less:
 
 def less_members(world: World, a: Sequence[Any], b: Sequence[Any]) -> bool:
     """Whether a sequence comes before another in lexicographic order."""
-    for x, y in zip(a, b, strict=False):
+    for x, y in zip(in_slices(world, a), in_slices(world, b), strict=False):
         if bool(world.send(x, "<", y)):
             return True
         if not equal(world, x, y):
@@ -126,9 +127,9 @@ def index_in(size: int, value: Any, world: World, negative: bool = True) -> int:
     return index + size if index < 0 else index
 
 
-def count(world: World, value: Any) -> int:
-    """An argument that must be a non-negative integer."""
-    number = world.as_float(value, 1, "") if value.__class__ is not float else value
+def count(world: World, value: Any, index: int = 1) -> int:
+    """The argument number ``index``, which must be a non-negative integer."""
+    number = world.as_float(value, index, "") if value.__class__ is not float else value
     if not 0 <= number < 2**63 or number != int(number):
         raise errors.bad_number("NegativeNumber", f"expected non-negative integer, got {world.text(value)}")
     return int(number)
@@ -157,7 +158,7 @@ def strings_of(world: World, value: Any, index: int) -> list[str]:
     if not isinstance(value, List):
         raise world.type_error(index, value, "String")
     found = []
-    for member in value.l:
+    for member in in_slices(world, value.l):
         if not isinstance(member, String):
             raise world.type_error(index, member, "String")
         found.append(member.s)

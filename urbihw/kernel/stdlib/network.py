@@ -1,15 +1,11 @@
-"""Socket and Server: connections.
+"""Socket: connections.
 
-Source: manual, specs/socket, specs/server, specs/ioservice.  Threads (``wire``) tell what happens by
-``scheduler.post``; an IoService keeps it until it is polled, except the default one, which handles it at once.
+Source: manual, specs/socket, specs/ioservice.  A thread (see ``wire``) tells what happens by ``scheduler.post``; an
+IoService keeps it until it is polled, except the default one, which handles it at once.
 """
 
 from __future__ import annotations
 
-import os
-import resource
-import threading
-from collections.abc import Callable
 from typing import Any
 
 from urbihw.kernel import errors
@@ -18,19 +14,20 @@ from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import String
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.sched.job import Job
+from urbihw.kernel.stdlib.held_socket import HeldSocket
 from urbihw.kernel.stdlib.io_service import Action, ServiceObject
-from urbihw.kernel.stdlib.support import field, in_thread
-from urbihw.kernel.stdlib.wire import Listener, SerialStream, TcpStream, Wire, dial
+from urbihw.kernel.stdlib.pipe import pipes_of
+from urbihw.kernel.stdlib.support import field
+from urbihw.kernel.stdlib.wire import Stream, Wire, dial, serial_stream
 
 SOCKET = Table("Socket")
-SERVER = Table("Server")
 SERVICE = Table("IoService")
 """What an IoService makes; the rest of it is in ``io_service``."""
-TABLES = [SOCKET, SERVER, SERVICE]
+TABLES = [SOCKET, SERVICE]
 
 NOTES = {
     "Socket": "A connection by TCP or a serial port, whose events tell what happens.",
-    "Server": "What accepts TCP connections.",
     "Socket.pollInterval": (
         "0 if events of the default IoService shall wait until somebody polls; with any other number of seconds "
         "they are handled as they come."
@@ -39,7 +36,6 @@ NOTES = {
     "Socket.disconnected": "The event emitted when the connection is gone.",
     "Socket.error": "The event emitted with a message when something fails; disconnected is emitted too.",
     "Socket.received": "The event emitted with a String when bytes came.",
-    "Server.connection": "The event emitted with the Socket of each new connection.",
 }
 """What no docstring can say: of classes, and of slots that are values or fields."""
 
@@ -47,12 +43,13 @@ NOTES = {
 class SocketObject(Obj):
     """An urbiscript Socket."""
 
-    __slots__ = ("service", "wire")
+    __slots__ = ("held", "service", "wire")
 
     def __init__(self, world: World, protos: list[Obj], service: ServiceObject | None = None) -> None:
         super().__init__(world, protos)
         self.service = service
         self.wire: Wire | None = None
+        self.held: HeldSocket | None = None
 
     def clone(self) -> SocketObject:
         """A socket that is not connected, of the same service."""
@@ -63,33 +60,59 @@ class SocketObject(Obj):
         for name in ("connected", "disconnected", "error", "received"):
             self.world.ops.put(self, name, Event(self.world, [self.world.event_proto]))
 
-    def tell(self, name: str, *payload: Any) -> None:
-        """Emit one of the events."""
+    def tell(self, name: str, *payload: Any) -> list[Job]:
+        """Emit one of the events; the jobs that handle it, if it is still an Event."""
         event = self.slots.get(name)
+        if isinstance(event, Event):
+            return event.emit([*payload]).jobs
         if event is not None:
             self.world.send(event, "emit", *payload)
+        return []
 
-    def adopt(self, stream: TcpStream | SerialStream) -> None:
-        """This socket is connected."""
+    def adopt(self, stream: Stream, held: HeldSocket) -> None:
+        """This socket is connected, and held by a lobby."""
         service = self.io()
+        scheduler = self.world.scheduler
 
-        def received(data: bytes) -> None:
-            service.happened(lambda: self._received(wire, data))
+        def news() -> None:
+            scheduler.post(lambda: service.happened(held.owner, look))
 
-        def closed(message: str) -> None:
-            service.happened(lambda: self._closed(wire, message))
+        def look() -> None:
+            data = wire.take()
+            if data:
+                if wire.waiting:  # the others first
+                    service.happened(held.owner, look)
+                self._received(wire, data)
+            elif wire.over:
+                held.release()
+                self._closed(wire)
 
-        wire = self.wire = Wire(stream, received, closed)
+        wire = self.wire = Wire(pipes_of(self.world).poller, stream, news)
+        self.held = held
+        held.hold(wire)
 
     def _received(self, wire: Wire, data: bytes) -> None:
-        wire.taken(len(data))
-        self.tell("received", self.world.from_python(data))
+        """Bytes came.  They are handled when the handlers are over; as long as too many are not, no more is read."""
+        left = 1
 
-    def _closed(self, wire: Wire, message: str) -> None:
+        def over(_: Any = None) -> None:
+            nonlocal left
+            left -= 1
+            if not left:
+                wire.handled(len(data))
+
+        try:
+            for job in self.tell("received", self.world.from_python(data)):
+                left += 1
+                job.when_ended(over)
+        finally:
+            over()
+
+    def _closed(self, wire: Wire) -> None:
         if self.wire is wire:
             self.wire = None
-            if message:
-                self.tell("error", self.world.string(message))
+            if wire.message:
+                self.tell("error", self.world.string(wire.message))
             self.tell("disconnected")
 
     def io(self) -> ServiceObject:
@@ -104,81 +127,27 @@ class SocketObject(Obj):
             raise errors.primitive("socket not connected")
         return self.wire
 
-
-class ServerObject(Obj):
-    """An urbiscript Server."""
-
-    __slots__ = ("listener", "service", "sockets")
-
-    def __init__(self, world: World, protos: list[Obj], service: ServiceObject | None = None) -> None:
-        super().__init__(world, protos)
-        self.service = service
-        self.listener: Listener | None = None
-        self.sockets: list[SocketObject] = []
-
-    def clone(self) -> ServerObject:
-        """A server that does not listen, of the same service."""
-        return ServerObject(self.world, [self], self.service)
-
-    def accepted(self, stream: TcpStream) -> None:
-        """From the listening thread: somebody connected."""
-        if self.service is not None:
-            self.service.happened(lambda: self._welcome(stream))
-
-    def _welcome(self, stream: TcpStream) -> None:
-        try:
-            _check_descriptors()
-        except errors.Raised:
-            stream.close()
-            return
-        proto = self.world.classes["Socket"]
-        made = SocketObject(self.world, [proto], self.service)
-        made.events()
-        made.adopt(stream)
-        self.sockets = [socket for socket in self.sockets if socket.wire is not None] + [made]
-        event = self.slots.get("connection")
-        if event is not None:
-            self.world.send(event, "emit", made)
-        self.world.scheduler.yield_()  # the handlers set up theirs before anything is received
-        if made.wire is not None:
-            made.wire.start()
-
-    def listening(self) -> Listener:
-        """The listening socket; raises when there is none."""
-        if self.listener is None:
-            raise errors.primitive("server not listening")
-        return self.listener
+    def send(self, data: str, sent: Action | None = None) -> None:
+        """Write when its turn comes; ``sent()`` is called from any thread then, whatever became of it."""
+        wire, held = self.connection(), self.held
+        if held is not None:
+            held.check_unsent()
+        wire.send(data.encode("latin-1", "replace"), sent)
 
 
-CLASSES = {"Socket": SocketObject, "Server": ServerObject}
+CLASSES = {"Socket": SocketObject}
 
 
-def _port(world: World, value: Any, index: int) -> int | str:
+def port_number(world: World, value: Any, index: int) -> int | str:
+    """The port that an argument says: a number, or the name of a service; raises Exception.Primitive."""
     if isinstance(value, String):
         if value.s.isdigit():
-            return _port(world, float(value.s), index)
+            return port_number(world, float(value.s), index)
         return value.s
     number = world.as_float(value, index, "")
     if not number.is_integer() or not 0 <= number < 65536:
         raise errors.primitive(f"invalid port: {world.text(value)}")
     return int(number)
-
-
-def _check_descriptors() -> None:
-    """Programs may have half of the descriptors of the process: the rest is for clients and for the robot's worker."""
-    most = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
-    if most != resource.RLIM_INFINITY and len(os.listdir("/proc/self/fd")) > most // 2:
-        raise errors.primitive("too many files and connections are open")
-
-
-def _blocking(world: World, action: Callable[[], Any]) -> Any:
-    """What an action gives that may take long: it is done in a thread while the running job waits."""
-    try:
-        return in_thread(world, action)
-    except OSError as problem:
-        raise errors.primitive(problem.strerror or str(problem)) from problem
-    except UnicodeError as problem:  # the names of hosts have a grammar of their own
-        raise errors.primitive("invalid host name") from problem
 
 
 # ---------------------------------------------------------------- Socket
@@ -193,23 +162,27 @@ def init_socket(world: World, this: SocketObject) -> None:
 @SOCKET.primitive("connect")
 def connect(world: World, this: SocketObject, host: str, port: Any) -> None:
     """Connect to a port (a number, or the name of a service) of a host; an error if it cannot be reached."""
-    number = _port(world, port, 2)
-    _check_descriptors()
-    _begin(this, _blocking(world, lambda: dial(host, number)))
+    number = port_number(world, port, 2)
+    held = HeldSocket.of_job(world)
+    _begin(this, held, held.open(lambda: dial(host, number, held.trial)))
 
 
 @SOCKET.primitive("connectSerial")
 def connect_serial(world: World, this: SocketObject, device: str, baud: int) -> None:
     """Connect to a serial port at a number of bits a second; an error if it cannot be opened."""
-    _begin(this, _blocking(world, lambda: SerialStream(device, baud)))
+    held = HeldSocket.of_job(world)
+    _begin(this, held, held.open(lambda: serial_stream(device, baud)))
 
 
-def _begin(this: SocketObject, stream: TcpStream | SerialStream) -> None:
+def _begin(this: SocketObject, held: HeldSocket, stream: Stream) -> None:
     if this.wire is not None:
         this.wire.close()
-    this.adopt(stream)
-    this.tell("connected")
-    this.connection().start()
+    this.adopt(stream, held)
+    wire = this.connection()
+    try:
+        this.tell("connected")
+    finally:
+        wire.start()
 
 
 @SOCKET.primitive("disconnect")
@@ -222,23 +195,22 @@ def disconnect(world: World, this: SocketObject) -> None:
 @SOCKET.primitive("write")
 def write(world: World, this: SocketObject, data: str) -> None:
     """Send bytes; does not wait until they are gone."""
-    _send(this.connection(), data)
-
-
-def _send(wire: Wire, data: str, sent: Action | None = None) -> None:
-    try:
-        wire.send(data.encode("latin-1", "replace"), sent)
-    except OSError as error:
-        raise errors.primitive(str(error)) from error
+    this.send(data)
 
 
 @SOCKET.primitive("syncWrite")
 def sync_write(world: World, this: SocketObject, data: str) -> None:
     """Send bytes and wait until they are gone."""
-    wire = this.connection()
-    gone = threading.Event()
-    _send(wire, data, gone.set)
-    _blocking(world, gone.wait)
+    scheduler = world.scheduler
+    job, gone = scheduler.running(), [False]
+
+    def sent() -> None:
+        gone[0] = True
+        scheduler.post(lambda: scheduler.wake(job))
+
+    this.send(data, sent)
+    while not gone[0]:
+        scheduler.suspend(None)
 
 
 @SOCKET.primitive("isConnected")
@@ -284,51 +256,6 @@ def socket_poll(world: World, this: SocketObject) -> None:
         this.io().poll()
 
 
-# ---------------------------------------------------------------- Server
-
-
-@SERVER.primitive("init")
-def init_server(world: World, this: ServerObject) -> None:
-    """A server that does not listen."""
-    world.ops.put(this, "connection", Event(world, [world.event_proto]))
-
-
-@SERVER.primitive("listen")
-def listen(world: World, this: ServerObject, host: str, port: Any) -> None:
-    """Wait for connections to a port (0: any that is free) of this machine, under one of its addresses."""
-    number = _port(world, port, 2)
-    _check_descriptors()
-    if this.listener is not None:
-        this.listener.close()
-    this.listener = _blocking(world, lambda: Listener(host, number, this.accepted))
-
-
-@SERVER.primitive("host")
-def server_host(world: World, this: ServerObject) -> str:
-    """The address; an error if this server does not listen."""
-    return str(this.listening().host)
-
-
-@SERVER.primitive("port")
-def server_port(world: World, this: ServerObject) -> float:
-    """The port; an error if this server does not listen."""
-    return float(this.listening().port)
-
-
-@SERVER.primitive("sockets")
-def sockets(world: World, this: ServerObject) -> Any:
-    """The sockets of the connections that are still there."""
-    return world.new_list([socket for socket in this.sockets if socket.wire is not None])
-
-
-@SERVER.primitive("getIoService")
-def server_service(world: World, this: ServerObject) -> Any:
-    """The IoService of this server."""
-    if this.service is None:
-        raise errors.primitive("server without IoService")
-    return this.service
-
-
 # ---------------------------------------------------------------- IoService
 
 
@@ -340,19 +267,10 @@ def make_socket(world: World, this: ServiceObject) -> Any:
     return made
 
 
-@SERVICE.primitive("makeServer")
-def make_server(world: World, this: ServiceObject) -> Any:
-    """A new Server of this service."""
-    made = ServerObject(world, [world.classes["Server"]], this)
-    init_server(world, made)
-    return made
-
-
 def install(world: World, programs: Any) -> None:
-    """The service that needs no polling, and the sockets and servers that use it."""
+    """The service that needs no polling, and the sockets that use it."""
     service = ServiceObject(world, [world.classes["IoService"]], True)
-    for name in ("Socket", "Server"):
-        world.classes[name].service = service
+    world.classes["Socket"].service = service
     interval = [0.01]
 
     def write_interval(this: Any, value: Any) -> None:

@@ -8,7 +8,7 @@ from urbihw.kernel import errors
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.record import lineage
 from urbihw.kernel.runtime.slot import meta_of
-from urbihw.kernel.runtime.values import CallMessage, List
+from urbihw.kernel.runtime.values import CallMessage, FloatObject, List, ProtoList
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.support import Field, native
 
@@ -27,7 +27,7 @@ NOTES = {
 @TABLE.primitive("clone")
 def clone(world: World, this: Any) -> Any:
     """A fresh object whose only prototype is this one."""
-    return this + 0.0 if this.__class__ is float else this.clone()
+    return FloatObject(world, [this], this) if this.__class__ is float else this.clone()
 
 
 @TABLE.raw("new", least=0, most=-1)
@@ -164,8 +164,8 @@ def _has_own_slots(world: World, this: Any) -> bool:
 
 @TABLE.primitive("protos")
 def protos(world: World, this: Any) -> Any:
-    """The list of prototypes; assign it to replace them."""
-    return world.new_list([*world.protos_of(this)])
+    """The list of prototypes; change it or assign it to change them."""
+    return ProtoList(world, world.list_protos, this)
 
 
 @TABLE.primitive("setProtos")

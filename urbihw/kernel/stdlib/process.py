@@ -1,23 +1,30 @@
 """Process: programs of the operating system, with their standard streams.
 
-Source: manual, specs/process.  Threads read, write and wait (``pipe``); the kernel never does.
+Source: manual, specs/process.  A thread reads and writes (``pipe``) and sees the end (``child``); the kernel never
+waits.
 """
 
 from __future__ import annotations
 
+import io
 import os
 import subprocess
-import threading
-from typing import Any
+import weakref
+from functools import partial
+from typing import IO, Any, Final
 
 from urbihw.kernel import errors
+from urbihw.kernel.runtime.holdings import holdings_of
 from urbihw.kernel.runtime.object import Obj, Plain
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import String
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.sched.scheduler import Scheduler
+from urbihw.kernel.sched.timequeue import Timer
 from urbihw.kernel.sched.waiting import WaitQueue
+from urbihw.kernel.stdlib.child import Child
 from urbihw.kernel.stdlib.path import failure, name_of, system
-from urbihw.kernel.stdlib.pipe import PipeSink, PipeSource, in_background, pump_in
+from urbihw.kernel.stdlib.pipe import PipeSink, PipeSource, pipes_of
 from urbihw.kernel.stdlib.stream import InputStreamObject, OutputStreamObject
 
 PROCESS = Table("Process")
@@ -33,17 +40,19 @@ NOTES = {
 class ProcessObject(Obj):
     """An urbiscript Process."""
 
-    __slots__ = ("args", "code", "ended", "inner", "name", "sink", "sources", "waiting")
+    __slots__ = ("_late", "args", "begun", "child", "ended", "name", "sink", "sources", "waiting")
 
     def __init__(self, world: World, protos: list[Obj]) -> None:
         super().__init__(world, protos)
         self.name = ""
         self.args: list[str] = []
-        self.inner: subprocess.Popen[bytes] | None = None
-        self.code: int | None = None
+        self.begun = False
+        self.child: Child | None = None
         self.ended = False
-        self.sink = PipeSink()
-        self.sources = (PipeSource(world.scheduler), PipeSource(world.scheduler))
+        self._late: Timer | None = None
+        pipes = pipes_of(world)
+        self.sink = PipeSink(pipes)
+        self.sources = (PipeSource(pipes), PipeSource(pipes))
         self.waiting = WaitQueue(world.scheduler)
 
     def clone(self) -> ProcessObject:
@@ -53,41 +62,84 @@ class ProcessObject(Obj):
         return made
 
     def start(self, target: str | None = None) -> None:
-        """Run the program, and let what it writes go to a file of this name; its threads end with it."""
-        if self.inner is not None:
+        """Run the program, and let what it writes go to a file of this name.  It ends with the connection."""
+        if self.begun:
             raise errors.primitive("Process was already run")
         command = [system(part) for part in (self.name, *self.args)]
-        pipe = subprocess.PIPE
-        output = pipe if target is None else _made(target)
+        self.begun = True
         try:
-            inner = self.inner = subprocess.Popen(command, stdin=pipe, stdout=output, stderr=pipe)
-        except OSError as error:
-            raise failure(error, self.name) from error
-        finally:
-            if output != pipe:
-                os.close(output)
-        assert inner.stdin is not None
-        readers = []
-        for out, source in zip((inner.stdout, inner.stderr), self.sources, strict=True):
+            self.child = made = Child(self.world, partial(_started, command, target))
+        except BaseException as error:
+            self.begun = False
+            if isinstance(error, OSError):
+                raise failure(error, self.name) from error
+            raise
+        made.on_end, made.on_close = self._exited, self._hung_up
+        backlog = pipes_of(self.world).backlog(holdings_of(self.world))
+        for out, source in zip((made.inner.stdout, made.inner.stderr), self.sources, strict=True):
             if out is None:
-                source.feed(b"")
+                source.finish()
             else:
-                readers.append(in_background(pump_in, out, source, self.world.scheduler))
-        in_background(self.sink.pump, inner.stdin)
-        in_background(self._wait, inner, readers)
-        self.world.scheduler.give_way(AIR)
+                source.start(_detached(out), backlog)
+        assert made.inner.stdin is not None
+        self.sink.start(_detached(made.inner.stdin))
+        weakref.finalize(self, _release, self.world.scheduler, self.sources)
 
-    def _wait(self, inner: subprocess.Popen[bytes], readers: list[threading.Thread]) -> None:
-        code = inner.wait()
-        for reader in readers:
-            reader.join(1.0)  # a child of the program may keep its streams open for ever
-        self.world.scheduler.post(lambda: self._over(code))
+    def _hung_up(self) -> None:
+        """The connection has ended: nobody speaks to the program any more."""
+        self.sink.drop()
+        for source in self.sources:
+            source.close()
 
-    def _over(self, code: int) -> None:
-        self.code = code
+    def _exited(self) -> None:
+        """The program has ended; what it has written may still be under way."""
+        self.sink.drop()
+        for source in self.sources:
+            source.on_end = self._drained
+        self._drained()
+        # A child of the program may keep its streams open for ever.
+        if not self.ended:
+            scheduler = self.world.scheduler
+            self._late = scheduler.call_at(scheduler.clock.now() + UNDER_WAY, self._over)
+
+    def _drained(self) -> None:
+        if all(source.ended for source in self.sources):
+            self._over()
+
+    def _over(self) -> None:
         self.ended = True
-        self.sink.close()
+        if self._late is not None:
+            self._late.cancel()
+        # A process that is forgotten is to be freed at once, and with it what it has written.
+        assert self.child is not None
+        for source in self.sources:
+            source.on_end = _nothing
+        self.child.on_end = self.child.on_close = _nothing
         self.waiting.wake_all()
+
+
+def _nothing() -> None:
+    """Nobody wants to be told."""
+
+
+def _detached(pipe: IO[bytes]) -> int:
+    """The descriptor of a pipe, which is the caller's from now on and does not block."""
+    assert isinstance(pipe, io.FileIO)
+    descriptor = os.dup(pipe.fileno())
+    pipe.close()
+    os.set_blocking(descriptor, False)
+    return descriptor
+
+
+def _started(command: list[bytes], target: str | None, group: int | None) -> subprocess.Popen[bytes]:
+    """Start a program with pipes, and with a file of this name for what it writes."""
+    pipe = subprocess.PIPE
+    output = pipe if target is None else _made(target)
+    try:
+        return subprocess.Popen(command, stdin=pipe, stdout=output, stderr=pipe, bufsize=0, process_group=group)
+    finally:
+        if output != pipe:
+            os.close(output)
 
 
 def _made(name: str) -> int:
@@ -98,10 +150,16 @@ def _made(name: str) -> int:
         raise failure(error, name) from error
 
 
+def _release(scheduler: Scheduler, sources: tuple[PipeSource, ...]) -> None:
+    """A process is forgotten, in whichever thread: nobody reads what it has written."""
+    for source in sources:
+        scheduler.post(source.close)
+
+
 CLASSES = {"Process": ProcessObject}
 
-AIR = 0.002
-"""Seconds after which others have a turn: starting a program takes some milliseconds."""
+UNDER_WAY: Final = 1.0
+"""Seconds for which what a program has written is waited for when it is over."""
 
 
 @PROCESS.primitive("init")
@@ -148,7 +206,7 @@ def run_to(world: World, this: ProcessObject, file: Any) -> None:
 @PROCESS.primitive("join")
 def join(world: World, this: ProcessObject) -> None:
     """Wait until the program is over; an error if it was not started."""
-    if this.inner is None:
+    if this.child is None:
         raise errors.primitive("Process was not run")
     while not this.ended:
         this.waiting.wait()
@@ -157,8 +215,8 @@ def join(world: World, this: ProcessObject) -> None:
 @PROCESS.primitive("kill")
 def kill(world: World, this: ProcessObject) -> None:
     """End the program by force, unless it is over; ``join`` waits for it."""
-    if this.inner is not None and not this.ended:
-        this.inner.kill()
+    if this.child is not None:
+        this.child.kill()
 
 
 @PROCESS.primitive("done")
@@ -171,13 +229,14 @@ def done(world: World, this: ProcessObject) -> bool:
 def status(world: World, this: ProcessObject) -> Any:
     """An object that tells what became of the program: ``exitStatus`` or ``signal`` once it is over."""
     made = Plain(world, [world.classes["Process.Status"]])
-    text = "not started" if this.inner is None else "running"
-    if this.code is not None and this.code >= 0:
-        text = f"exited with status {this.code}"
-        made.slots["exitStatus"] = float(this.code)
-    elif this.code is not None:
-        text = f"killed by signal {-this.code}"
-        made.slots["signal"] = float(-this.code)
+    text = "not started" if this.child is None else "running"
+    code = this.child.code if this.child is not None and this.ended else None
+    if code is not None and code >= 0:
+        text = f"exited with status {code}"
+        made.slots["exitStatus"] = float(code)
+    elif code is not None:
+        text = f"killed by signal {-code}"
+        made.slots["signal"] = float(-code)
     made.slots["text"] = world.string(text)
     return made
 

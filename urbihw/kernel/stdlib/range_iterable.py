@@ -8,6 +8,9 @@ from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import List
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib import members
+from urbihw.kernel.stdlib.slices import calls
+
+__breakable__ = True
 
 TABLE = Table("RangeIterable")
 
@@ -22,13 +25,13 @@ def _members(world: World, this: Any) -> list[Any]:
 @TABLE.primitive("all")
 def all_(world: World, this: Any, function: Any) -> bool:
     """Whether the function is true of all members; stops at the first of which it is not."""
-    return all(world.invoke(function, this, (member,)) for member in _members(world, this))
+    return all(world.invoke(function, this, (member,)) for member in calls(world, _members(world, this)))
 
 
 @TABLE.primitive("any")
 def any_(world: World, this: Any, function: Any) -> bool:
     """Whether the function is true of a member; stops at the first one."""
-    return any(world.invoke(function, this, (member,)) for member in _members(world, this))
+    return any(world.invoke(function, this, (member,)) for member in calls(world, _members(world, this)))
 
 
 @TABLE.primitive("each")

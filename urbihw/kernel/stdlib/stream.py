@@ -10,22 +10,29 @@ import io
 import os
 import stat
 import weakref
-from typing import Any, BinaryIO, Protocol
+from collections.abc import Callable
+from functools import partial
+from typing import Any, BinaryIO, Final, Protocol
 
 from urbihw.kernel import errors
+from urbihw.kernel.runtime.holdings import Holding, holdings_of
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
-from urbihw.kernel.stdlib.file import FileObject
+from urbihw.kernel.sched.scheduler import Scheduler
+from urbihw.kernel.stdlib.file import AIR, MOST_STREAMS, STREAMS, FileObject, lets_wait, open_to_write
 from urbihw.kernel.stdlib.path import failure, system
-from urbihw.kernel.stdlib.pipe import LIMIT, PipeSink, PipeSource, in_background, pump_in
-from urbihw.kernel.stdlib.support import in_thread
+from urbihw.kernel.stdlib.pipe import LONGEST_LINE, OPENED, PipeSink, PipeSource, pipes_of
+from urbihw.kernel.stdlib.support import check_descriptors
 
 __breakable__ = True
 
 INPUT = Table("InputStream")
 OUTPUT = Table("OutputStream")
 TABLES = [INPUT, OUTPUT]
+
+LAST_WORDS: Final = 10.0
+"""Seconds for which what was written is still delivered when the connection has ended."""
 
 NOTES = {
     "InputStream": "What is read byte by byte or line by line: a file, the output of a Process.",
@@ -80,7 +87,7 @@ class FileSource:
 
     def line(self) -> bytes:
         """The rest of the line.  One that is too long comes in pieces."""
-        return self._file.readline(LIMIT)
+        return self._file.readline(LONGEST_LINE)
 
     def close(self) -> None:
         """Close the file."""
@@ -130,15 +137,9 @@ class OutputStreamObject(Obj):
 CLASSES = {"InputStream": InputStreamObject, "OutputStream": OutputStreamObject}
 
 
-def _open(world: World, file: FileObject, mode: str) -> Any:
-    """Open a file; one whose other side may let wait (a FIFO, a terminal) is opened in a thread."""
-    name = system(file.path)
-    try:
-        if stat.S_ISREG(os.stat(name).st_mode):
-            return open(name, mode)
-        return in_thread(world, lambda: open(name, mode.replace("a", "w"), buffering=0))
-    except OSError as error:
-        raise failure(error, file.path) from error
+def _forget(scheduler: Scheduler, close: Callable[[], object]) -> None:
+    """A stream is forgotten, in whichever thread: close what it stands on."""
+    scheduler.post(close)  # type: ignore[arg-type]
 
 
 # ---------------------------------------------------------------- InputStream
@@ -147,15 +148,32 @@ def _open(world: World, file: FileObject, mode: str) -> Any:
 @INPUT.primitive("init")
 def init_input(world: World, this: InputStreamObject, file: FileObject) -> None:
     """Read a File from its beginning.  One that is no plain file (a FIFO, a device) is read as things come."""
-    opened = _open(world, file, "rb")
+    check_descriptors()
+    try:
+        descriptor = os.open(system(file.path), os.O_RDONLY | OPENED)
+    except OSError as error:
+        raise failure(error, file.path) from error
+    mode = os.fstat(descriptor).st_mode
     source: FileSource | PipeSource
-    if isinstance(opened, io.BufferedReader):
-        source = FileSource(opened)
+    if stat.S_ISREG(mode):
+        source = FileSource(io.BufferedReader(io.FileIO(descriptor)))
     else:
-        source = PipeSource(world.scheduler)
-        in_background(pump_in, opened, source, world.scheduler)
-    weakref.finalize(this, source.close)
+        source = PipeSource(pipes_of(world))
+        _hold(world, source, source, descriptor)
+        source.start(descriptor, pipes_of(world).backlog(holdings_of(world)), stat.S_ISFIFO(mode))
+    weakref.finalize(this, _forget, world.scheduler, source.close)
     this.source = source
+
+
+def _hold(world: World, stream: PipeSource | PipeSink, holding: Holding, descriptor: int) -> None:
+    """Let a stream belong to the running job's connection until it ends; otherwise close the file, and raise."""
+    holdings = holdings_of(world)
+    try:
+        holdings.own(holding, STREAMS, MOST_STREAMS)
+    except errors.Raised:
+        os.close(descriptor)
+        raise
+    stream.on_end = partial(holdings.disown, holding)
 
 
 @INPUT.primitive("get")
@@ -187,6 +205,7 @@ def as_list(world: World, this: InputStreamObject) -> Any:
     line = source.line()
     while line:
         found.append(world.from_python(_trimmed(line)))
+        world.scheduler.give_way(AIR)
         line = source.line()
     return world.new_list(found)
 
@@ -205,17 +224,35 @@ def close_input(world: World, this: InputStreamObject) -> None:
 # ---------------------------------------------------------------- OutputStream
 
 
+class _Delivered:
+    """A sink of a connection: when that ends, the other side may take what was said for a while."""
+
+    def __init__(self, scheduler: Scheduler, sink: PipeSink) -> None:
+        self._scheduler = scheduler
+        self._sink = sink
+
+    def close(self) -> None:
+        """The connection has ended."""
+        self._sink.close()
+        self._scheduler.call_at(self._scheduler.clock.now() + LAST_WORDS, self._sink.drop)
+
+
 @OUTPUT.primitive("init")
 def init_output(world: World, this: OutputStreamObject, file: FileObject) -> None:
     """Write to the end of a File.  To one that is no plain file (a FIFO, a device) is written in a thread."""
-    opened = _open(world, file, "ab")
+    check_descriptors()
     sink: io.BufferedWriter | PipeSink
-    if isinstance(opened, io.BufferedWriter):
-        sink = opened
-    else:
-        sink = PipeSink()
-        in_background(sink.pump, opened)
-    weakref.finalize(this, sink.close)
+    try:
+        if lets_wait(file.path):
+            descriptor = open_to_write(world, file.path)
+            sink = PipeSink(pipes_of(world))
+            _hold(world, sink, _Delivered(world.scheduler, sink), descriptor)
+            sink.start(descriptor)
+        else:
+            sink = io.BufferedWriter(io.FileIO(system(file.path), "a"))
+    except OSError as error:
+        raise failure(error, file.path) from error
+    weakref.finalize(this, _forget, world.scheduler, sink.close)
     this.sink = sink
 
 

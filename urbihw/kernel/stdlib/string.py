@@ -6,21 +6,29 @@ Source: manual, specs/string.  The operators compare and index bytes; nothing he
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from typing import Any
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.plain import escaped
 from urbihw.kernel.runtime.primitive import Table
-from urbihw.kernel.runtime.values import MOST_CHARACTERS, String, too_long
+from urbihw.kernel.runtime.values import MOST_CHARACTERS, MOST_MEMBERS, String, too_long
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.members import count, members_of, repetitions, strings_of
+from urbihw.kernel.stdlib.searching import found_separators, replaced
+from urbihw.kernel.stdlib.slices import give_way, in_slices, text_slices
 
 __breakable__ = True
 
 TABLE = Table("String")
 PROTOS = {"String": ("Comparable", "Orderable", "RangeIterable")}
 
-NUMBER = re.compile(r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|inf|nan)\Z")
+NUMBER = re.compile(r"[-+]?(?:(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][-+]?\d++)?|inf|nan)\Z")
+"""Nothing of it is tried a second time: what is no number is known to be none after going through it once."""
+LONGEST_LIKENED = 10_000
+"""Characters of a string that is likened to others: the time goes with the product of the lengths."""
+SHOWN = 60
+"""Characters of a string that an error shows."""
 
 
 # ---------------------------------------------------------------- conversions
@@ -35,7 +43,7 @@ def as_string(world: World, this: String) -> Any:
 @TABLE.primitive("asPrintable")
 def as_printable(world: World, this: str) -> str:
     """This string as a literal, with quotes and escapes."""
-    return escaped(this)
+    return '"' + "".join([escaped(piece)[1:-1] for piece in text_slices(world, this)]) + '"'
 
 
 @TABLE.primitive("empty")
@@ -54,7 +62,8 @@ def as_bool(world: World, this: str) -> bool:
 def as_float(world: World, this: str) -> float:
     """The number that this string is; an error if anything but a number stands in it."""
     if NUMBER.match(this) is None:
-        raise errors.primitive(f"unable to convert to float: {escaped(this)}")
+        shown = this if len(this) <= SHOWN else this[:SHOWN] + "..."
+        raise errors.primitive(f"unable to convert to float: {escaped(shown)}")
     return float(this)
 
 
@@ -108,7 +117,7 @@ def _add_class(slot: str, pattern: str) -> None:
     compiled = re.compile(pattern)
 
     def all_are(world: World, this: str) -> bool:
-        return compiled.match(this) is not None
+        return all(compiled.match(piece) is not None for piece in text_slices(world, this))
 
     all_are.__doc__ = f"Whether all characters of this string are of the C class {slot.lower()}."
     TABLE.primitive(slot)(all_are)
@@ -142,26 +151,39 @@ def split(
         keep_empty = sep is not None
     if lim != lim:
         raise errors.bad_number("BadNumber", "expected a number of splits, got nan")
-    return world.new_list([world.string(part) for part in _split(this, separators, lim, keep_sep, bool(keep_empty))])
-
-
-def _split(text: str, separators: list[str], lim: float, keep_sep: bool, keep_empty: bool) -> list[str]:
     if "" in separators:
-        return list(text)
-    pattern = re.compile("(" + "|".join(map(re.escape, separators)) + ")")
-    most = int(min(lim, len(text) + 1)) if lim >= 0 else 0
-    parts = pattern.split(text, maxsplit=most) if separators and lim != 0 else [text]
-    wanted = []
-    for index, part in enumerate(parts):
-        if keep_sep if index % 2 else part or keep_empty:
-            wanted.append(part)
-    return wanted
+        if len(this) > MOST_MEMBERS:
+            raise too_long("members", MOST_MEMBERS)
+        return world.new_list([world.string(character) for character in in_slices(world, this)])
+    found = found_separators(world, this, separators) if separators and not 0 <= lim < 1 else iter(())
+    return world.new_list(_parts(world, this, found, lim, keep_sep, keep_empty))
+
+
+def _parts(
+    world: World, text: str, separators: Iterator[tuple[int, int]], lim: float, keep_sep: bool, keep_empty: bool
+) -> list[Any]:
+    string = world.string
+    parts: list[Any] = []
+    begin = 0
+    for number, (at, end) in enumerate(separators, 1):
+        if keep_empty or begin < at:
+            parts.append(string(text[begin:at]))
+        if keep_sep:
+            parts.append(string(text[at:end]))
+        begin = end
+        if 0 <= lim < number + 1 or len(parts) > MOST_MEMBERS:
+            break
+    if keep_empty or begin < len(text):
+        parts.append(string(text[begin:]))
+    if len(parts) > MOST_MEMBERS:
+        raise too_long("members", MOST_MEMBERS)
+    return parts
 
 
 @TABLE.primitive("join")
 def join(world: World, this: str, members: Any, prefix: str = "", suffix: str = "") -> str:
     """The members' ``asString``, with this string between them, a prefix before and a suffix behind."""
-    texts = [world.text(member) for member in members_of(world, members)]
+    texts = [world.text(member) for member in in_slices(world, [*members_of(world, members)])]
     if sum(map(len, texts)) + len(this) * len(texts) > MOST_CHARACTERS:
         raise too_long("characters", MOST_CHARACTERS)
     return prefix + this.join(texts) + suffix
@@ -170,11 +192,7 @@ def join(world: World, this: str, members: Any, prefix: str = "", suffix: str = 
 @TABLE.primitive("replace")
 def replace(world: World, this: str, old: str, new: str) -> str:
     """A copy with every occurrence of ``old`` replaced by ``new``."""
-    if not old:
-        return this
-    if len(new) > len(old) and len(this) + this.count(old) * (len(new) - len(old)) > MOST_CHARACTERS:
-        raise too_long("characters", MOST_CHARACTERS)
-    return this.replace(old, new)
+    return replaced(world, this, old, new) if old else this
 
 
 @TABLE.raw("[]", least=1, most=2)
@@ -212,7 +230,7 @@ def _range(world: World, text: str, begin: Any, end: Any) -> tuple[int, int]:
         raise errors.primitive(f"invalid index: {start}")
     if end is None:
         return start, start + 1
-    stop = count(world, end)
+    stop = count(world, end, 2)
     if stop > len(text):
         raise errors.primitive(f"invalid index: {stop}")
     if stop < start:
@@ -305,11 +323,13 @@ def not_before(world: World, this: str, other: str) -> bool:
 @TABLE.primitive("distance")
 def distance(world: World, this: str, other: str) -> float:
     """How many characters to insert, remove, replace or swap with their neighbour to get the other string."""
-    return float(edits(this, other))
+    return float(edits(world, this, other))
 
 
-def edits(a: str, b: str) -> int:
+def edits(world: World, a: str, b: str) -> int:
     """The Damerau-Levenshtein distance (a swap is of neighbours that nothing else touches)."""
+    if len(a) > LONGEST_LIKENED or len(b) > LONGEST_LIKENED:
+        raise errors.primitive(f"too long: expected strings of at most {LONGEST_LIKENED} characters")
     before_last: list[int] = []
     last = list(range(len(b) + 1))
     for i, x in enumerate(a, 1):
@@ -320,6 +340,7 @@ def edits(a: str, b: str) -> int:
                 cost = min(cost, before_last[j - 2] + 1)
             row.append(cost)
         before_last, last = last, row
+        give_way(world)
     return last[-1]
 
 
@@ -327,11 +348,13 @@ def edits(a: str, b: str) -> int:
 def closest(world: World, this: str, among: Any) -> Any:
     """The one member that is like this string: by at most one edit in three characters, or else but for the case of
     letters; nil if there is none or more than one."""
-    names = [_text(world, member) for member in members_of(world, among)]
+    names = [_text(world, member) for member in in_slices(world, [*members_of(world, among)])]
     reach = max(1, len(this) // 3)
-    near = [name for name in names if edits(this, name) <= reach]
+    alike = [name for name in in_slices(world, names) if abs(len(name) - len(this)) <= reach]
+    near = [name for name in in_slices(world, alike) if edits(world, this, name) <= reach]
     if not near:
-        near = [name for name in names if name.lower() == this.lower()]
+        lower = this.lower()
+        near = [name for name in in_slices(world, names) if name.lower() == lower]
     return world.string(near[0]) if len(near) == 1 else world.nil
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import resource
 import threading
 from collections.abc import Callable
 from typing import Any
@@ -115,3 +117,10 @@ def in_thread(world: World, work: Callable[[], Any]) -> Any:
     if error is not None:
         raise error
     return value
+
+
+def check_descriptors() -> None:
+    """Programs may have half of the descriptors of the process: the rest is for clients and for the robot's worker."""
+    most = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+    if most != resource.RLIM_INFINITY and len(os.listdir("/proc/self/fd")) > most // 2:
+        raise errors.primitive("too many files and connections are open")

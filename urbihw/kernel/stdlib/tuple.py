@@ -13,6 +13,7 @@ from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import Tuple
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.members import index_in, less_members, same_members
+from urbihw.kernel.stdlib.slices import in_slices
 
 __breakable__ = True
 
@@ -92,7 +93,7 @@ def init(world: World, this: Tuple, members: list[Any]) -> None:
 @TUPLE.primitive("asString", "asPrintable")
 def as_string(world: World, this: Tuple) -> str:
     """The members' ``asPrintable`` in parentheses, as a tuple is written."""
-    content = ", ".join([world.printable(member) for member in this.l])
+    content = ", ".join([world.printable(member) for member in in_slices(world, this.l)])
     return f"({content},)" if len(this.l) == 1 else f"({content})"
 
 
@@ -137,7 +138,7 @@ def before(world: World, this: Tuple, other: Tuple) -> bool:
 @TUPLE.primitive("*")
 def times(world: World, this: Tuple, factor: Any) -> Any:
     """The tuple of the members times a factor."""
-    return world.new_tuple([world.send(member, "*", factor) for member in this.l])
+    return world.new_tuple([world.send(member, "*", factor) for member in in_slices(world, this.l)])
 
 
 @TUPLE.primitive("+")
@@ -145,7 +146,8 @@ def plus(world: World, this: Tuple, other: Tuple) -> Any:
     """The tuple of the sums of the members of two tuples of the same size."""
     if len(this.l) != len(other.l):
         raise errors.primitive(f"tuples of different sizes: {len(this.l)} and {len(other.l)}")
-    return world.new_tuple([world.send(a, "+", b) for a, b in zip(this.l, other.l, strict=True)])
+    pairs = zip(in_slices(world, this.l), in_slices(world, other.l), strict=True)
+    return world.new_tuple([world.send(a, "+", b) for a, b in pairs])
 
 
 @TUPLE.primitive("matchAgainst")
@@ -153,7 +155,7 @@ def match_against(world: World, this: Tuple, handler: Any, pattern: Any) -> bool
     """Whether a pattern (a Tuple of the same size) matches, its members asked of the handler's ``matchPattern``."""
     if not isinstance(pattern, Tuple) or len(pattern.l) != len(this.l):
         return False
-    pairs = list(zip(pattern.l, this.l, strict=True))
+    pairs = zip(in_slices(world, pattern.l), in_slices(world, this.l), strict=True)
     return all(bool(world.send(handler, "matchPattern", inner, member)) for inner, member in pairs)
 
 

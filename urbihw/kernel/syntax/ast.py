@@ -10,11 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from typing import Any, TypeVar, dataclass_transform
+from typing import Any, ClassVar, Final, TypeVar, dataclass_transform
 
+from urbihw.kernel.syntax.binding import UNBOUND, Bound
 from urbihw.kernel.syntax.location import NOWHERE, Span
 
 T = TypeVar("T")
+PLAIN: Final = frozenset(("str", "float", "bool", "Span", "Bound", "str | None", "float | None", "tuple[str, ...]"))
+"""The types of fields that hold no nodes."""
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
@@ -26,16 +29,23 @@ def node(*, kw_only: bool = False) -> Callable[[type[T]], type[T]]:
     """
 
     def make(kind: type[T]) -> type[T]:
-        return dataclass(slots=True, eq=False, repr=False, kw_only=kw_only)(kind)
+        made = dataclass(slots=True, eq=False, repr=False, kw_only=kw_only)(kind)
+        made.links = tuple(each.name for each in fields(made) if each.type not in PLAIN)  # type: ignore[arg-type, attr-defined]
+        return made
 
     return make
 
 
 @node(kw_only=True)
 class Node:
-    """What all nodes have: the span they cover."""
+    """What all nodes have: the span they cover, and what the compiler knows of them while it compiles.
 
+    ``links`` are the names of the fields that hold nodes, or tuples with nodes among others.
+    """
+
+    links: ClassVar[tuple[str, ...]]
     span: Span = field(default=NOWHERE, compare=False)
+    bound: Bound = field(default=UNBOUND, init=False, compare=False, repr=False)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Node) and self.__class__ is other.__class__ and self._content() == other._content()
@@ -44,7 +54,7 @@ class Node:
         return hash((self.__class__, *self._content()))
 
     def __repr__(self) -> str:
-        content = (f"{each.name}={getattr(self, each.name)!r}" for each in fields(self))
+        content = (f"{each.name}={getattr(self, each.name)!r}" for each in fields(self) if each.repr)
         return f"{self.__class__.__name__}({', '.join(content)})"
 
     def _content(self) -> list[Any]:

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.ast import Node
-from urbihw.kernel.syntax.expressions import Problem
 from urbihw.kernel.syntax.pace import Pace
+from urbihw.kernel.syntax.rules import Problem
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ def check(statement: Node, pace: Pace) -> list[Problem]:
 
 def children(node: Node) -> Iterator[Node]:
     """The nodes directly below a node, in the order of its fields."""
-    for name in node.__dataclass_fields__:
+    for name in node.links:
         value = getattr(node, name)
         if isinstance(value, Node):
             yield value

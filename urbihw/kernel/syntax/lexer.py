@@ -11,9 +11,10 @@ lines; NUL, control characters and bytes from 0x80 on are errors outside strings
 from __future__ import annotations
 
 import re
+from typing import Final
 
-from urbihw.kernel.syntax.expressions import Problem
 from urbihw.kernel.syntax.location import Span
+from urbihw.kernel.syntax.rules import Problem
 from urbihw.kernel.syntax.source import Source
 from urbihw.kernel.syntax.tokens import (
     ANGLES,
@@ -28,15 +29,22 @@ from urbihw.kernel.syntax.tokens import (
     escaped,
 )
 
+_new: Final = tuple.__new__
+KNOWN: Final = {**{text: text for text in (*KEYWORDS, *SIGNS)}, **SYNONYMS}
+"""The kinds of the tokens that keywords, signs, and their other spellings are."""
+ODD_WORDS: Final = RESERVED | IGNORED | {"BIN"}
+
 _SIGN = "|".join(re.escape(sign) for sign in sorted(SIGNS, key=len, reverse=True))
 _TOKEN = re.compile(
     rf"""
+    [ \t]* (?:
       (?P<word> [A-Za-z_][A-Za-z0-9_]* )
     | (?P<number> (?: (?P<hex> 0x[0-9A-Fa-f]+) | (?P<decimal> [0-9]+ (?:\.[0-9]+)? (?:[eE][-+]?[0-9]+)? ) )
                   (?P<unit> [A-Za-z0-9_]* ) )
     | (?P<comment> /[/*] )
     | (?P<sign> {_SIGN} )
     | (?P<quote> ["'] )
+    )
     """,
     re.VERBOSE,
 )
@@ -80,38 +88,49 @@ class Lexer(Source):
                     return token
                 if self._mode:
                     return None
-            if not self._skip_blanks():
-                return None
-            buffer, at = self._buffer, self._at
-            match = _TOKEN.match(buffer, at)
+            buffer, begin = self._buffer, self._at
+            match = _TOKEN.match(buffer, begin)
             if match is None:
-                self._invalid_character()
+                if not self._skip_blanks():
+                    return None
+                if self._at == begin:
+                    self._invalid_character()
                 continue
-            kind, end = match.lastgroup, match.end()
-            if end + 2 > len(buffer) and not self._closed and self._may_grow(kind, at, end):
-                return None
-            if kind == "sign":
+            kind = match.lastgroup
+            assert kind is not None
+            at, end = match.span(kind)
+            if end + 2 > len(buffer) and not self._closed:
+                self._at = at
+                if self._may_grow(kind, at, end):
+                    return None
+            text = match[kind]
+            known = KNOWN.get(text)
+            if known is not None or kind == "word" and text not in ODD_WORDS:
                 self._at = end
-                text = match[0]
-                return Token(text, text, self._span(at, end))
-            if kind == "word":
-                token = self._word(match[0], at, end)
-            elif kind == "number":
-                token = self._number(match)
-            elif kind == "quote":
-                self._quote = match[0]
-                self._started = (self._relative_line, at - self._relative_origin)
-                self._at = end
-                self._mode = "string"
-                self._parts = []
-                continue
-            else:
-                self._begin_comment()
-                continue
+                return _new(Token, (known or "NAME", known or text, self._span(at, end)))
+            token = self._other(match, kind, at, end)
             if token is not None:
                 return token
-            if self._at == at:
+            if self._at == at and not self._mode:
                 return None
+
+    def _other(self, match: re.Match[str], kind: str, at: int, end: int) -> Token | None:
+        """A number, or a word out of the ordinary; or a string or a comment begins."""
+        if kind == "number":
+            self._at = end
+            return self._number(match, self._span(at, end))
+        self._at = at
+        if kind == "word":
+            return self._odd_word(match[kind], at, end)
+        if kind == "comment":
+            self._begin_comment()
+            return None
+        self._quote = match[kind]
+        self._started = (self._relative_line, at - self._relative_origin)
+        self._at = end
+        self._mode = "string"
+        self._parts = []
+        return None
 
     def forget(self) -> None:
         """Let go of the text of the present statement so far, and of what is read of a string or binary."""
@@ -136,27 +155,22 @@ class Lexer(Source):
     def _problem(self, message: str, span: Span) -> None:
         self._problems.append(Problem(message, span))
 
-    def _word(self, word: str, at: int, end: int) -> Token | None:
-        if word == "BIN" and not self._begin_binary(at):
-            return None
-        if self._mode:
-            return self._go_on()
+    def _odd_word(self, word: str, at: int, end: int) -> Token | None:
+        """A word that begins a binary, or that is no name although it is no keyword either."""
+        if word == "BIN":
+            if not self._begin_binary(at):
+                return None
+            if self._mode:
+                return self._go_on()
         self._at = end
         span = self._span(at, end)
-        if word in KEYWORDS:
-            return Token(word, word, span)
-        if word in SYNONYMS:
-            return Token(SYNONYMS[word], SYNONYMS[word], span)
         if word in RESERVED:
             self._problem(f"reserved symbol: `{word}'", span)
         elif word in IGNORED:
             return None
         return Token("NAME", word, span)
 
-    def _number(self, match: re.Match[str]) -> Token | None:
-        at, end = match.span()
-        self._at = end
-        span = self._span(at, end)
+    def _number(self, match: re.Match[str], span: Span) -> Token | None:
         if match["hex"]:
             if not match["unit"]:
                 return Token("FLOAT", float(int(match["hex"], 16)), span)
@@ -169,7 +183,7 @@ class Lexer(Source):
                 return Token("TIME", value * DURATIONS[unit], span)
             if unit in ANGLES:
                 return Token("FLOAT", value / ANGLES[unit], span)
-        self._problem(f"invalid token: `{match[0]}'", span)
+        self._problem(f"invalid token: `{match['number']}'", span)
         return None
 
     def _invalid_character(self) -> None:

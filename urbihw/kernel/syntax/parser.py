@@ -15,14 +15,20 @@ reported.  Nothing of the statement runs (server protocol, section 2).
 from __future__ import annotations
 
 from collections import Counter
-from typing import Any
+from functools import lru_cache, partial
+from typing import Any, Final
 
+from urbihw.kernel.syntax import expressions, statements
 from urbihw.kernel.syntax.check import CHECKED, check
 from urbihw.kernel.syntax.location import Span
 from urbihw.kernel.syntax.pace import Pace
-from urbihw.kernel.syntax.statements import Command, Statements
-from urbihw.kernel.syntax.tables import Tables, load_tables
+from urbihw.kernel.syntax.rules import Action, Problem, Problems
+from urbihw.kernel.syntax.statements import Command
+from urbihw.kernel.syntax.tables import load_tables
 from urbihw.kernel.syntax.tokens import Token, shown
+
+_new: Final = tuple.__new__
+"""Makes a named tuple of a tuple, in half the time that its own constructor takes."""
 
 # What lark calls the end of what the start rule covers.
 _ACCEPT = "$END"
@@ -37,22 +43,44 @@ _CLOSERS = frozenset(["}", ")", "]"])
 _QUIET = 3
 
 
-class Parser(Statements):
+Plan = tuple[str, int, tuple[int, ...] | None, Action | None]
+"""What reducing by a rule takes: what it makes, of how many symbols, which of them its function gets (None: all)."""
+
+
+@lru_cache(maxsize=1)
+def _plans() -> tuple[list[Plan], list[int]]:
+    """The plans of all rules, and the numbers of those whose functions report problems."""
+    makers = {**expressions.RULES.makers, **statements.RULES.makers}
+    reporters = {**expressions.RULES.reporters, **statements.RULES.reporters}
+    plans: list[Plan] = []
+    reporting = []
+    for number, rule in enumerate(load_tables().rules):
+        action = None if rule.action is None else makers.get(rule.action)
+        if action is None and rule.action is not None:
+            action = reporters[rule.action]
+            reporting.append(number)
+        kept = None if action is not None and rule.kept == tuple(range(rule.size)) else rule.kept
+        plans.append((rule.origin, rule.size, kept, action))
+    return plans, reporting
+
+
+class Parser:
     """Reads one statement after the other.
 
     ``push`` takes a token and answers whether it was the last one of a statement; ``take`` then gives the statement.
     ``problems`` collects what is wrong with the present statement, from the lexer too, in order of appearance.
     """
 
-    def __init__(self, tables: Tables | None = None) -> None:
-        super().__init__()
-        tables = load_tables() if tables is None else tables
-        self._tables = tables
-        self._rows = tables.rows
-        self._rules: list[tuple[str, int, tuple[int, ...], Any]] = [
-            (rule.origin, rule.size, rule.kept, None if rule.action is None else getattr(self, rule.action))
-            for rule in tables.rules
-        ]
+    def __init__(self) -> None:
+        self.problems: Problems = []
+        self._tables = load_tables()
+        self._rows = self._tables.rows
+        plans, reporting = _plans()
+        self._plans = plans.copy()
+        for number in reporting:
+            origin, size, kept, action = plans[number]
+            assert action is not None
+            self._plans[number] = (origin, size, kept, partial(action, self.problems))
         self._begin()
 
     def _begin(self) -> None:
@@ -95,53 +123,61 @@ class Parser(Statements):
 
     def push(self, token: Token) -> bool:
         """Take the next token; true if it completes a statement."""
-        kind = token.kind
+        kind = token[0]
         if self._resume is not None:
             if kind not in self._resume:
                 if kind != "END":
                     return False
                 self._recover_at_start()
             self._resume = None
-        rows, states, passing = self._rows, self._states, self._tables.passing
+        rows, states, tables = self._rows, self._states, self._tables
+        passing, passed = tables.passing, tables.passed
         while (act := rows[states[-1]].get(kind)) is not None:
-            if act >= 0:
-                states.append(act)
-                self._shifted = act
-                self._values.append(token)
-                self._spans.append(token.span)
-                if self._quiet:
-                    self._quiet -= 1
-                if kind in CHECKED:
-                    self._doubtful = True
-                if act in self._tables.final:
-                    self._accept()
-                    return True
-                return False
-            if passing[~act] is None:
-                self._reduce(act)
-            else:
-                states[-1] = self._tables.passed(states[-2], states[-1], kind)
+            if act < 0:
+                if passing[~act] is None:
+                    self._reduce(act)
+                    continue
+                # The symbol passes some twenty levels of precedence unchanged, the same way each time.
+                way = states[-2], states[-1], kind
+                end = passed.get(way)
+                states[-1] = tables.pass_on(way) if end is None else end
+                continue
+            states.append(act)
+            self._shifted = act
+            self._values.append(token)
+            self._spans.append(token[2])
+            if self._quiet:
+                self._quiet -= 1
+            if kind in CHECKED:
+                self._doubtful = True
+            if act in tables.final:
+                self._accept()
+                return True
+            return False
         return self._fail(token)
 
     def _reduce(self, act: int) -> None:
-        origin, size, kept, action = self._rules[~act]
+        origin, size, kept, action = self._plans[~act]
         states, values, spans = self._states, self._values, self._spans
         if size == 1:
             if action is not None:
-                values[-1] = action(spans[-1], values[-1]) if kept else action(spans[-1])
+                values[-1] = action(spans[-1]) if kept == () else action(spans[-1], values[-1])
         elif size == 0:
             end = spans[-1] if spans else Span(1, 1, 1, 1)
             span = Span(end.end_line, end.end_column, end.end_line, end.end_column)
+            assert action is not None
             values.append(action(span))
             spans.append(span)
             states.append(0)
         else:
-            first, last = spans[-size], spans[-1]
-            span = Span(first.line, first.column, last.end_line, last.end_column)
+            line, column, _, _ = spans[-size]
+            _, _, end_line, end_column = spans[-1]
+            span = _new(Span, (line, column, end_line, end_column))
             kids = values[-size:]
-            value = kids[kept[0]] if action is None else action(span, *[kids[place] for place in kept])
+            if kept is not None:
+                kids = [kids[place] for place in kept]
             del values[1 - size :], spans[1 - size :], states[1 - size :]
-            values[-1] = value
+            values[-1] = kids[0] if action is None else action(span, *kids)
             spans[-1] = span
         states[-1] = self._rows[states[-2]][origin]
 
@@ -150,6 +186,10 @@ class Parser(Statements):
             self._reduce(act)
 
     # ------------------------------------------------------------ errors
+
+    def problem(self, message: str, span: Span) -> None:
+        """Report a syntax error."""
+        self.problems.append(Problem(message, span))
 
     def _fail(self, token: Token) -> bool:
         if not self._quiet:
@@ -214,7 +254,7 @@ class Parser(Statements):
             act = self._rows[state].get(kind)
             if act is None or act >= 0:
                 return act is not None
-            origin, size, _, _ = self._rules[~act]
+            origin, size, _, _ = self._plans[~act]
             taken = min(size, len(above))
             if taken:
                 del above[-taken:]

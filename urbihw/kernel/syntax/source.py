@@ -13,9 +13,11 @@ Text is a str with one character per byte (latin-1).
 from __future__ import annotations
 
 import re
+from typing import Final
 
 from urbihw.kernel.syntax.location import Position, Span
 
+_new: Final = tuple.__new__
 _BLANKS = re.compile(r"[ \t\r\n]*")
 _LINE_END = re.compile(r"\r\n|\n\r|\r|\n")
 _COMMENT_PART = re.compile(r"/\*|\*/")
@@ -174,7 +176,7 @@ class Source:
     def _span(self, begin: int, end: int) -> Span:
         """The span of characters of the present line."""
         line, origin = self._relative_line, self._relative_origin
-        return Span(line, begin - origin, line, end - origin)
+        return _new(Span, (line, begin - origin, line, end - origin))
 
     # ------------------------------------------------------------ blanks and comments
 

@@ -47,7 +47,7 @@ class Tables:
 
     rows: tuple[dict[str, int], ...]
     rules: tuple[Rule, ...]
-    _passed: dict[tuple[int, int, str], int] = field(default_factory=dict, compare=False, repr=False)
+    passed: dict[tuple[int, int, str], int] = field(default_factory=dict, compare=False, repr=False)
 
     @cached_property
     def passing(self) -> list[str | None]:
@@ -64,18 +64,13 @@ class Tables:
         """The states behind a closing brace."""
         return frozenset(row["}"] for row in self.rows if row.get("}", -1) >= 0)
 
-    def passed(self, below: int, state: int, kind: str) -> int:
-        """The state in which a symbol is passed on no further when this token follows; ``below`` is under it.
-
-        An operand goes through some twenty levels, the same way each time: the way is remembered.
-        """
-        key = below, state, kind
-        end = self._passed.get(key)
-        if end is None:
-            end = state
-            while (act := self.rows[end].get(kind, 0)) < 0 and (origin := self.passing[~act]) is not None:
-                end = self.rows[below][origin]
-            self._passed[key] = end
+    def pass_on(self, way: tuple[int, int, str]) -> int:
+        """Find out, and remember in ``passed``, in which state a symbol is passed on no further: the way is the state
+        below it, its own, and the token that follows."""
+        below, end, kind = way
+        while (act := self.rows[end].get(kind, 0)) < 0 and (origin := self.passing[~act]) is not None:
+            end = self.rows[below][origin]
+        self.passed[way] = end
         return end
 
 

@@ -15,11 +15,9 @@
 ``host.register(Servo)`` makes the urbiscript class ``Servo``; ``Servo.new(3)`` makes an instance of both worlds and
 calls ``init(3)``.  The same class also runs in a process of its own (``urbihw.remote``).  Reading order: ``uvar`` (a
 variable with an owner, on ``hooked``, a slot with a device behind it), ``declarations`` and ``uobject`` (the base
-class), ``functions`` and ``threads`` (its methods), ``motion`` (who may move a robot), ``host`` (what a platform holds
-of the kernel), ``robot`` (what the daemon holds of a platform), ``natives`` (how urbiscript sees it).  For devices of
-other processes: ``external`` and
-``connection`` (as the server sees them), ``mirror`` and ``bridge`` (as they see the server), ``remote``, ``frames``,
-``rtp`` (the bytes between them).
+class), ``values`` (what was written, checked), ``functions`` and ``threads`` (its methods), ``motion`` (who may move a
+robot), ``host`` (what a platform holds of the kernel), ``robot`` (what the daemon holds of a platform), ``natives``
+(how urbiscript sees it).  Devices of other processes are in ``uremote``.
 May import ``runtime`` and ``sched``.
 """
 
@@ -40,6 +38,7 @@ from urbihw.kernel.uobject.threads import (
 from urbihw.kernel.uobject.uevent import UEvent
 from urbihw.kernel.uobject.uobject import UObject, UObjectHub
 from urbihw.kernel.uobject.uvar import UVar
+from urbihw.kernel.uobject.values import finite_number, finite_numbers, number, set_range
 
 __all__ = [
     "LOCK_CLASS",
@@ -68,9 +67,13 @@ __all__ = [
     "USound",
     "UVar",
     "event",
+    "finite_number",
+    "finite_numbers",
     "function",
+    "number",
     "owned",
     "reading",
+    "set_range",
     "threaded",
     "variable",
 ]

@@ -30,7 +30,7 @@ class Bound:
         self.slot = self.slot or name
 
 
-class variable(Bound):  # noqa: N801 - reads as a declaration
+class variable(Bound):
     """A bound variable (UBindVar) with an initial value; on an instance, its UVar."""
 
     owned = False
@@ -51,19 +51,19 @@ class variable(Bound):  # noqa: N801 - reads as a declaration
         return self if instance is None else instance.variables[self.slot]
 
 
-class owned(variable):  # noqa: N801
+class owned(variable):
     """An owned variable (UOwned): a target written by urbiscript, a value sensed by the device."""
 
     owned = True
 
 
-class reading(owned):  # noqa: N801
+class reading(owned):
     """A bound variable that only the device writes; urbiscript that assigns it is told so."""
 
     writable = False
 
 
-class event(Bound):  # noqa: N801
+class event(Bound):
     """A bound event (UBindEvent); on an instance, its UEvent."""
 
     def __init__(self, name: str = "") -> None:

@@ -60,10 +60,6 @@ class Mirror(Protocol):
         """A property was set."""
         ...
 
-    def asked(self, var: UVar) -> Any:
-        """The value at the server, as an urbiscript value; may park the running job."""
-        ...
-
 
 class Hooked(Executable):
     """One hooked variable; lives in the slot ``name`` of ``holder`` (and of others it was copied to)."""
@@ -139,6 +135,11 @@ class Hooked(Executable):
     def holder(self) -> Obj:
         """The object whose slot it is in the first place."""
         return self._homes[0][0]
+
+    @property
+    def constant(self) -> bool:
+        """Whether the property ``constant`` keeps everybody from writing."""
+        return self._meta.constant
 
     @property
     def full_name(self) -> str:

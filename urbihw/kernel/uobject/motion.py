@@ -15,9 +15,9 @@ and also when it ends its sending side, because then it cannot stop them any mor
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.backtrace import calling_frame, current_stack
@@ -216,12 +216,18 @@ class Motion:
             self._release(devices, f"the connection of {_client(lease)} is closed, which moved it")
 
 
+OFF: Final = "off"
+"""``limitedBy`` of what is written to a device that is switched off."""
+
+
 class Effector:
     """What guards one variable that moves the robot: see ``EffectorDevice``.
 
     Attributes:
         origin: of the last write that was let through.
         device: what it moves, by the name that the bus worker knows.
+        met: what a limit of the worker has left of the last write, and the name of the limit: so it is with what is
+            written until the worker tells something else, or a stop.  None while no limit acts.
     """
 
     def __init__(self, motion: Motion, device: Hashable, var: UVar, face: EffectorDevice) -> None:
@@ -231,6 +237,7 @@ class Effector:
         self._var = var
         self._face = face
         self._statement: object = None
+        self._met: tuple[int, Any, str] | None = None
         var.effector = self
 
     def admit(self, wanted: Any, value: Any) -> None:
@@ -246,6 +253,15 @@ class Effector:
         self.origin = self._motion.admit(self.device, known, statement)
         self._statement = statement
         self._face.wrote(self, wanted, value)
+
+    @property
+    def met(self) -> tuple[Any, str] | None:
+        """See above."""
+        return None if self._met is None or self._met[0] != self._motion.stops else self._met[1:]
+
+    def meet(self, value: Any, limit: str) -> None:
+        """The worker tells what a limit has left of what was written; "" for none."""
+        self._met = (self._motion.stops, value, limit) if limit else None
 
     @property
     def since(self) -> int:
@@ -264,11 +280,17 @@ class EffectorDevice(UObject):
     ``requested`` and ``applied`` are the last value written and what the limits left of it, in the unit of the slot
     that was written; ``limitedBy`` names the limit, "" when there was none; ``why`` tells who wrote it.  ``limited``
     is emitted with the name of the limit when a write meets one that the write before did not meet.
+
+    A write while the device is switched off is limited by ``OFF``: ``applied`` is nan, ``why`` says how to switch it
+    on, and so does one warning to each client that writes meanwhile, or, where ``off_is_error``, the error that the
+    device raises for each such write.
     """
+
+    off_is_error: ClassVar[bool] = False
 
     requested = reading(math.nan)
     applied = reading(math.nan)
-    limitedBy = reading("")  # noqa: N815 - names of slots
+    limitedBy = reading("")
     why = reading("")
     limited = event()
 
@@ -281,22 +303,57 @@ class EffectorDevice(UObject):
         """A write was let through."""
         self._last_effector = effector
         self.requested.sense(wanted)
-        self.limit_applied(value, effector.limits() if value is not wanted and value != wanted else "")
+        off = self.explain_off()
+        if off:
+            self.show_applied(math.nan, OFF)
+            if not self.off_is_error:
+                self._warn(effector.origin, off)
+            return
+        if self._warned:
+            self._warned = []
+        met = effector.met
+        if met is not None:
+            self.show_applied(*met)
+        else:
+            self.show_applied(value, effector.limits() if value is not wanted and value != wanted else "")
 
     def limit_applied(self, value: Any, limit: str) -> None:
-        """What the limits left of the last write, and which did."""
+        """The worker tells what the limits left of the last write, and which did; "" when it has left a limit."""
+        if self._last_effector is not None:
+            self._last_effector.meet(value, limit)
+        if self.limitedBy.sensed != OFF:
+            self.show_applied(value, limit)
+
+    def show_applied(self, value: Any, limit: str) -> None:
+        """What became of the last write, and which limit acted on it."""
         self.applied.sense(value)
         if limit != self.limitedBy.sensed:
             self.limitedBy.sense(limit)
             if limit:
                 self.limited.emit(limit)
 
+    def explain_off(self) -> str:
+        """Why nothing moves although it is told to, and how to switch it on, in words; "" while it is on; override."""
+        return ""
+
     _last_effector: Effector | None = None
+    _warned: Sequence[Any] = ()
+    """The clients that were told since it is off."""
+
+    def _warn(self, origin: Origin, text: str) -> None:
+        """Tell the client that wrote, once: a trajectory writes with each of its steps."""
+        output = getattr(origin.lease, "output", None)
+        if output is not None and all(lease is not origin.lease for lease in self._warned):
+            present = [lease for lease in self._warned if getattr(lease, "connected", True)]
+            self._warned = [*present, origin.lease]
+            place = f"{origin.place}: " if origin.place else ""
+            output.line(f"!!! {place}warning: {text}", "warning")
 
     def _tell_why(self) -> None:
         if self._last_effector is not None:
             origin = self._last_effector.origin
-            self.why.sense(f"{origin}, {origin.time:.3f} s")
+            off = self.explain_off() if self.limitedBy.sensed == OFF else ""
+            self.why.sense(f"{origin}, {origin.time:.3f} s" + (f"; {off}" if off else ""))
 
 
 def _client(lease: Any) -> str:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.code import make_primitive
 from urbihw.kernel.runtime.object import Obj, Plain
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.slot import meta_of
+from urbihw.kernel.runtime.values import String
 from urbihw.kernel.runtime.world import World
-from urbihw.kernel.uobject import external
 from urbihw.kernel.uobject.errors import DeviceError
 from urbihw.kernel.uobject.registry import Registry, registry_of
 from urbihw.kernel.uobject.uobject import UObjectFace
@@ -24,6 +24,8 @@ UOBJECTS = Table("uobjects")
 SYSTEM = Table("System")
 
 HOOK_CHANGED = "URBI_UVAR_HOOK_CHANGED"
+AIR: Final = 0.01
+"""Seconds after which others have a turn while a program makes variables: thousands may be made in one statement."""
 
 
 # ---------------------------------------------------------------- UVar
@@ -31,8 +33,14 @@ HOOK_CHANGED = "URBI_UVAR_HOOK_CHANGED"
 
 @UVAR.primitive("new")
 def new(world: World, this: Any, holder: Any, name: str) -> Any:
-    """Hook a variable: ``UVar.new(object, "slot")`` makes the slot, or keeps the value of the one there is."""
-    return hook(world, world.as_obj(holder), name)
+    """Hook a variable: ``UVar.new(object, "slot")`` makes the slot, or keeps the value of the one there is.
+
+    Others have a turn when a program makes very many.
+    """
+    made = hook(world, world.as_obj(holder), name)
+    if world.scheduler.running().context is not None:
+        world.scheduler.give_way(AIR)
+    return made
 
 
 @UVAR.primitive("copy")
@@ -151,11 +159,24 @@ def destroy(world: World, this: Any) -> None:
     Raises an urbiscript error for a class of the server, and for a device that the server has not for a program's sake.
     """
     if not isinstance(this, UObjectFace):
-        external.destroy(world, this)
+        _destroy_foreign(world, this)
     elif this.python is None or this.lasting:
         raise errors.primitive(f"{world.text(this.slots['__uobjectName'])} belongs to this server, which needs it")
     else:
         this.python.destroy()
+
+
+def _destroy_foreign(world: World, this: Any) -> None:
+    """``destroy`` of an object of another process, or of urbiscript."""
+    registry = registry_of(world)
+    name = this.slots.get("__uobjectName") if isinstance(this, Obj) else None
+    if not isinstance(name, String):
+        return
+    owner = registry.owners.get(this)
+    if owner is None:
+        registry.remove(name.s, this)
+        return
+    owner.destroy(next(known for known, face in owner.objects.items() if face is this))
 
 
 # ---------------------------------------------------------------- uobjects
@@ -207,8 +228,8 @@ class HookChanged:
         return value
 
 
-def install(world: World) -> None:
-    """Put UObject, UVar, ``uobjects`` and ``uobjects_handle`` into Global."""
+def install(world: World) -> Registry:
+    """Put UObject, UVar, ``uobjects`` and ``uobjects_handle`` into Global; the registry of the world."""
     slots = world.global_.slots
     for name, proto in (("UVar", world.uvar_proto), ("UObject", world.uobject_proto)):
         proto.slots["type"] = world.string(name)
@@ -226,5 +247,5 @@ def install(world: World) -> None:
     world.uvar_proto.slots["hookChanged"] = make_primitive(world, "hookChanged", hook.read, 0, 0)
     meta_of(world.uvar_proto, "hookChanged").accessor = hook
     slots["uobjects_handle"] = Plain(world, [world.object])
-    external.install(world, registry)
     world.flush()
+    return registry

@@ -13,7 +13,6 @@ from urbihw.kernel import errors
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.uobject.stats import Stats
 from urbihw.kernel.uobject.threads import Threads
-from urbihw.kernel.uobject.udp import UdpPort
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
@@ -47,8 +46,10 @@ class Registry:
         self.left: WeakValueDictionary[tuple[str, str], Obj] = WeakValueDictionary()
         """Token of a remote that is gone and name to an object of it that somebody still holds: if it comes back, they
         are what they were."""
-        self.open_port: Any = UdpPort
-        """Makes what carries RTP packets."""
+        self.replaceable: dict[str, Obj] = {}
+        """Classes of the server of which a remote may have its own, by name; they are back when it is gone."""
+        self.open_port: Any = None
+        """Makes what carries RTP packets; the remote protocol says what."""
         self.midnight = 0.0
         """Seconds from ``System.timeReference`` to the moment at which the clock showed zero."""
         self.tickets = itertools.count(1)
@@ -77,13 +78,15 @@ class Registry:
 
     def add(self, name: str, face: Obj) -> None:
         """Make an object a slot of ``uobjects``; it learns its name."""
-        face.slots["__uobjectName"] = self.world.string(name)
+        self.world.ops.put(face, "__uobjectName", self.world.string(name))
         self.world.ops.put(self.holder, name, face)
 
     def remove(self, name: str, face: Obj) -> None:
         """Take an object out of ``uobjects``; harmless if it is not there."""
         if self.holder.slots.get(name) is face:
             self.world.ops.remove_slot(self.holder, name)
+            if name in self.replaceable:
+                self.world.ops.put(self.holder, name, self.replaceable[name])
 
     def object(self, path: str) -> Any:
         """The value that a path of names means, ``object_3`` or ``robot.arm``; raises ``lookup failed``."""

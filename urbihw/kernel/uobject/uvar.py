@@ -83,9 +83,20 @@ class UVar(Hooked):
             self.world.soon(self._sensed_changed)
 
     def receive(self, value: Any, stamp: float, writer: Subscriber | None) -> None:
-        """A connection reports an urbiscript value: as ``sense``, of equal values too; it does not come back to it."""
+        """A connection reports an urbiscript value: as ``sense``, of equal values too; it does not come back to it.
+
+        The properties of a variable that is not owned act on it as on what outsiders write: if another value is kept
+        in its place, the connection is told too.
+        """
+        wanted = value
+        if self._meta.properties is not None and not self.owned:
+            value = self._limited(value)
+            blender = self.blender()
+            if blender is not None:
+                blender.assign(value)
+                return
         self.stamp = stamp
-        before, self.writer = self.writer, writer
+        before, self.writer = self.writer, writer if value is wanted else None
         try:
             self._take(value)
         finally:
@@ -168,10 +179,6 @@ class UVar(Hooked):
         self._meta.properties[name] = to_urbi(self.world, value)
         if self.mirror is not None:
             self.mirror.property_set(self, name)
-
-    def sync_value(self) -> Any:
-        """The value as it is now at the server; plugged in, that is the value."""
-        return self.value if self.mirror is None else from_urbi(self.mirror.asked(self))
 
     # ---------------------------------------------------------------- notification
 

@@ -14,7 +14,7 @@ from urbihw.buses.dynamixel.device import DeviceInfo
 from urbihw.buses.dynamixel.item import Table
 from urbihw.buses.dynamixel.tables import table_of
 from urbihw.buses.messages import Reply
-from urbihw.kernel.uobject import UObject, UVar, event, function, reading
+from urbihw.kernel.uobject import UObject, UVar, event, function, number, reading, set_range
 from urbihw.platforms.bioloid.slots import Facts, Kind, Slot, facts_of
 from urbihw.platforms.devicelog import DeviceLog
 from urbihw.platforms.wire import Wire
@@ -25,16 +25,6 @@ Refused = Callable[["Device", str, str], None]
 """Told of a write that the device did not take: device, slot, why."""
 
 
-def number(var: UVar) -> float:
-    """What urbiscript wrote, as a float; true and false are 1 and 0.  Raises ValueError for anything else."""
-    value = var.value
-    if not isinstance(value, int | float):
-        raise ValueError("this slot takes a number")
-    if math.isnan(value):
-        raise ValueError("nan is no value to write")
-    return float(value)
-
-
 class Device(UObject):
     """A servo or a sensor.  ``state`` is "ok", "suspect", "lost" or "back"; ``stale`` tells that the values are old."""
 
@@ -42,7 +32,7 @@ class Device(UObject):
 
     id = reading()
     model = reading()
-    modelName = reading()  # noqa: N815 - names of slots
+    modelName = reading()
     firmware = reading()
     state = reading("ok")
     stale = reading(True)
@@ -96,12 +86,15 @@ class Device(UObject):
     def _bind(self, row: Slot) -> None:
         var = self.bind_var(row.name, math.nan, owned=True, writable=row.kind is not Kind.READ)
         item = self.table.item(row.item)
+        unit = row.view.unit or units.unit_of(item).symbol
+        if unit:
+            var.set_property("unit", unit)
         self.on_change(row.item, self.taker(row, var))
         var.dated = lambda: self.read_at(row.item)
         if row.kind in (Kind.READ, Kind.OWN):
             return
         least, most = sorted(self._shown(row, si) for si in units.limits_si(item))
-        self.set_range(var, least, most)
+        set_range(var, least, most)
         act = {
             Kind.SETTING: self._set,
             Kind.ALWAYS: self._set_always,
@@ -118,11 +111,6 @@ class Device(UObject):
             var.sense(show(convert(raw), facts), stamp)
 
         return take
-
-    def set_range(self, var: UVar, least: float, most: float) -> None:
-        """Clamp what urbiscript writes to least..most, visibly."""
-        var.set_property("rangemin", least)
-        var.set_property("rangemax", most)
 
     def on_change(self, item: str, take: Take) -> None:
         """Call ``take(raw, stamp)`` whenever a register changed."""

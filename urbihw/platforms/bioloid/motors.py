@@ -22,15 +22,16 @@ from urbihw.buses.dynamixel.device import DeviceInfo
 from urbihw.buses.dynamixel.status import state_words
 from urbihw.buses.dynamixel.stop import HERE
 from urbihw.buses.messages import Reply
-from urbihw.kernel.uobject import EffectorDevice, Motion, Origin, UVar, function, reading
+from urbihw.kernel.uobject import EffectorDevice, Motion, Origin, UVar, function, number, reading, set_range
 from urbihw.platforms.base import LimitTable, Named
 from urbihw.platforms.bioloid import slots
-from urbihw.platforms.bioloid.devices import Device, Refused, Take, number
+from urbihw.platforms.bioloid.devices import Device, Refused, Take
 from urbihw.platforms.bioloid.servolimits import ServoLimits
 from urbihw.platforms.bioloid.slots import Slot
-from urbihw.platforms.limits import DeviceLimits
+from urbihw.platforms.limits import DeviceLimits, whole_counts
 from urbihw.platforms.wire import Wire
 
+_MANY: Final = 1000  # counts of which the speed is asked to know that of one
 Step = tuple[str, Any]
 """One write of a switch of mode: item and raw count, or ``HERE``."""
 
@@ -66,10 +67,10 @@ class Servo(Device, EffectorDevice):
         self.notify_change(self.load, self._load_written)
         for var in (self.cw_limit, self.ccw_limit):
             self.notify_change(var, self._limit_written)
-            self.set_range(var, *units.limits_si(self.table.item(self.goal_item_of_limits())))
+            set_range(var, *units.limits_si(self.table.item(self.goal_item_of_limits())))
         for item in (*self.mode_items(), *self.limits):
             self.on_change(item, lambda raw, stamp: self._limits_read(stamp))
-        self.set_range(self.load, 0.0, 1.0)
+        set_range(self.load, 0.0, 1.0)
 
     def goal_item_of_limits(self) -> str:
         """The register whose range bounds the limits."""
@@ -125,6 +126,16 @@ class Servo(Device, EffectorDevice):
             self.wire.aim(self.number, self.goal, raw, origin)
             self._want_torque(origin)
 
+    def explain_off(self) -> str:
+        """See ``EffectorDevice``: while it is being switched on, what is written waits for that."""
+        if self._off:
+            return f"motor {self.number} is off: switch it on with load = 1"
+        return "" if self._switching else self.explain_alarm()
+
+    def explain_alarm(self) -> str:
+        """Why an alarm leaves it without torque, and what ends that; "" while none does; override."""
+        return ""
+
     def _want_torque(self, origin: Origin) -> None:
         """An AX servo switches its torque on by itself when given a goal, others do not: say it to both."""
         if self.raw.get("torque_enable") != 1:
@@ -148,14 +159,14 @@ class Servo(Device, EffectorDevice):
             self.settings[item] = raw
             self.wire.aim(self.number, item, raw)
             if value > self._fastest[0]:
-                self.limit_applied(*self._fastest)
+                self.show_applied(*self._fastest)
 
     # ---------------------------------------------------------------- limits of the settings
 
     def limits_in_counts(self, limits: DeviceLimits, named: Named) -> tuple[LimitTable, Sequence[m.Threshold]]:
         """See ``platforms.base.Limited``: those of the present mode."""
         row = self.row("torqueLimit")
-        strongest = units.from_si(self.table.item(row.item), self._torque_share(row, limits.torque))
+        strongest = self._strongest(row, limits.torque)
         if math.isfinite(limits.torque):
             # 0 is what an alarm has left: no torque limit of anybody's.
             self._set(row, min(strongest, self.settings.get(row.item) or self.raw.get(row.item) or strongest))
@@ -171,8 +182,11 @@ class Servo(Device, EffectorDevice):
         """The worker has switched it off: it stays off until ``load`` is written."""
         self._off = True
 
-    def _torque_share(self, row: Slot, torque: float) -> float:
-        return min(row.view.take(torque, self.facts), units.limits_si(self.table.item(row.item))[1])
+    def _strongest(self, row: Slot, torque: float) -> int:
+        """The largest count of the torque limit that is no more than a torque in N m."""
+        item = self.table.item(row.item)
+        share = min(row.view.take(torque, self.facts), units.limits_si(item)[1])
+        return int(whole_counts(0.0, share / units.to_si(item, 1))[1])
 
     def was_limited(self, message: m.Limited) -> None:
         """See ``platforms.base.Limited``."""
@@ -190,8 +204,8 @@ class Servo(Device, EffectorDevice):
 
     def wheel_scale(self) -> tuple[str, float]:
         """The register of a wheel's speed, and its counts for 1 rad/s."""
-        item, count = self.speed_target(1.0, True)
-        return item, float(count)
+        item, _ = self.speed_target(0.0, True)
+        return item, _MANY / self.speed_of(_MANY)
 
     def speed_of(self, raw: int) -> float:
         """The speed of a wheel, rad/s, that a count of its register asks for."""
@@ -249,7 +263,7 @@ class Servo(Device, EffectorDevice):
         self._limits_wanted[var.name] = number(var)
         least, most = self._wanted()
         # A speed written behind the limits means the mode that they make.
-        self.set_range(self.speed, *self.speed_range(least == most == 0))
+        set_range(self.speed, *self.speed_range(least == most == 0))
         # ``cwLimit = ccwLimit = 0`` is two writes that are one wish.
         self.wire.settle_later(self)
 
@@ -288,8 +302,8 @@ class Servo(Device, EffectorDevice):
         self.ccw_limit.sense(most, stamp)
         if wheel:
             least, most = units.limits_si(self.table.item(self.goal_item_of_limits()))
-        self.set_range(self.val, least, most)
-        self.set_range(self.speed, *self.speed_range(wheel))
+        set_range(self.val, least, most)
+        set_range(self.speed, *self.speed_range(wheel))
         self.mode_changed()
 
     mode_changed: Callable[[], None] = staticmethod(lambda: None)
@@ -315,6 +329,12 @@ class AX12(Servo):
         """After an alarm the torque limit is 0: the motor gives no torque, whatever torque enable says."""
         on = self.raw.get("torque_enable") == 1 and self.raw.get("torque_limit") != 0
         self.load.sense(float(on), stamp)
+
+    def explain_alarm(self) -> str:
+        """After an alarm the torque limit is 0."""
+        if self.raw.get("torque_limit") != 0:
+            return ""
+        return f"motor {self.number} gives no torque since an alarm: switch it on with load = 1"
 
     def lasting(self) -> dict[str, int]:
         """The speed that was set for a joint would drive a wheel."""
@@ -408,7 +428,7 @@ class XServo(Servo):
         """A register says what is wrong with it; the torque limit has no sign."""
         super().prepare()
         self.on_change("hardware_error", self._take_hardware_error)
-        self.set_range(self.variables["torqueLimit"], 0.0, self.facts.stall_torque)
+        set_range(self.variables["torqueLimit"], 0.0, self.facts.stall_torque)
 
     def mode_items(self) -> tuple[str, ...]:
         """The operating mode is a register of its own."""
@@ -453,6 +473,12 @@ class XServo(Servo):
         if "access" in error and self.raw.get("torque_enable"):
             return f"{error}; switch the motor off first: motor{self.number}.load = 0"
         return error
+
+    def explain_alarm(self) -> str:
+        """After an alarm only a restart brings the torque back."""
+        if not self.raw.get("hardware_error"):
+            return ""
+        return f"motor {self.number} gives no torque since an alarm ({self.alarm.sensed}): motor{self.number}.reboot"
 
     @function
     def reboot(self) -> None:

@@ -11,9 +11,9 @@ import math
 from urbihw.buses.dynamixel import units
 from urbihw.buses.dynamixel.status import state_words
 from urbihw.buses.messages import Reply
-from urbihw.kernel.uobject import event, function, owned, variable
+from urbihw.kernel.uobject import event, function, number, owned, set_range, variable
 from urbihw.platforms.bioloid import slots
-from urbihw.platforms.bioloid.devices import Device, number
+from urbihw.platforms.bioloid.devices import Device
 
 _MELODY = 255
 """As ringing time: play the melody whose number is in the note register."""
@@ -26,17 +26,17 @@ class AXS1(Device):
     rows = slots.AXS1
     hidden = (("remocon_arrived", slots.MEDIUM),)
 
-    buzzerIndex = owned(math.nan)  # noqa: N815 - names of slots
-    buzzerTime = variable(0.5)  # noqa: N815
+    buzzerIndex = owned(math.nan)
+    buzzerTime = variable(0.5)
     remocon = owned(math.nan)
-    remoconReceived = event()  # noqa: N815
+    remoconReceived = event()
 
     def prepare(self) -> None:
         """Bind the buzzer and the remote control."""
         self._asking = False
         note, word = self.table.item("buzzer_index"), self.table.item("remocon_tx")
-        self.set_range(self.buzzerIndex, note.low, note.high)
-        self.set_range(self.remocon, word.low, word.high)
+        set_range(self.buzzerIndex, note.low, note.high)
+        set_range(self.remocon, word.low, word.high)
         self.notify_change(self.buzzerIndex, self._play)
         self.notify_change(self.buzzerTime, self._time_written)
         self.notify_change(self.remocon, self._send_word)
@@ -45,7 +45,7 @@ class AXS1(Device):
     # ---------------------------------------------------------------- buzzer
 
     @function
-    def playMelody(self, melody: int) -> None:  # noqa: N802
+    def playMelody(self, melody: int) -> None:
         """Play one of the 27 melodies of the module, 0..26."""
         if not 0 <= melody <= 26:
             raise ValueError(f"there are melodies 0..26, no {melody}")

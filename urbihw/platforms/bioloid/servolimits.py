@@ -10,7 +10,7 @@ from urbihw.buses import messages as m
 from urbihw.buses.dynamixel import units
 from urbihw.buses.dynamixel.item import Item
 from urbihw.platforms.base import Named
-from urbihw.platforms.limits import DeviceLimits
+from urbihw.platforms.limits import DeviceLimits, whole_counts
 
 COOLER: Final = 5
 """Degrees C below a limit at which it is left again."""
@@ -31,18 +31,17 @@ class ServoLimits:
 
     def joint(self, goal: Item) -> Table:
         """Where the goal may lie, and how fast it may go there."""
-        unit = units.unit_of(goal)
-        slope = abs(unit.to_raw(0.5) - unit.to_raw(0.0)) / 0.5
-        low, high = (value if math.isinf(value) else units.from_si(goal, value) for value in self.limits.position)
+        zero, step = units.to_si(goal, 0), units.to_si(goal, 1) - units.to_si(goal, 0)
+        low, high = whole_counts(*((value - zero) / step for value in self.limits.position))
         name = self.named("position" if math.isinf(self.limits.speed) else "speed")
         if not math.isinf(low) or not math.isinf(high):
             name = self.named("position")
-        return {(self.number, goal.name): m.Limit(low, high, self.limits.speed * slope, name)}
+        return {(self.number, goal.name): m.Limit(low, high, self.limits.speed / step, name)}
 
     def wheel(self, item: str, slope: float) -> Table:
         """How fast a wheel may turn, and change that; ``slope`` is counts for 1 rad/s."""
-        most, rate = self.limits.speed * slope, self.limits.acceleration * slope
-        return {(self.number, item): m.Limit(-most, most, rate, self.named("speed"))}
+        low, high = whole_counts(-self.limits.speed * slope, self.limits.speed * slope)
+        return {(self.number, item): m.Limit(low, high, self.limits.acceleration * slope, self.named("speed"))}
 
     def torque(self, item: str, strongest: int) -> Table:
         """How large the torque limit may be."""

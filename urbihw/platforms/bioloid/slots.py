@@ -63,10 +63,14 @@ def facts_of(model: str) -> Facts:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """How a register's SI value looks in urbiscript: ``show(si, facts)``, and back by ``take(value, facts)``."""
+    """How a register's SI value looks in urbiscript: ``show(si, facts)``, and back by ``take(value, facts)``.
+
+    ``unit`` is what that is measured in, "" for the unit of the register.
+    """
 
     show: Callable[[float, Facts], Any]
     take: Callable[[float, Facts], float]
+    unit: str = ""
 
 
 def _same(value: float, facts: Facts) -> float:
@@ -80,10 +84,11 @@ def bit(number: int) -> View:
 
 PLAIN: Final = View(_same, _same)
 FLAG: Final = View(lambda si, facts: bool(si), _same)
-TORQUE: Final = View(lambda si, facts: si * facts.stall_torque, lambda value, facts: value / facts.stall_torque)
+TORQUE: Final = View(lambda si, facts: si * facts.stall_torque, lambda value, facts: value / facts.stall_torque, "N m")
 CURRENT_TORQUE: Final = View(
     lambda si, facts: si / facts.stall_current * facts.stall_torque,
     lambda value, facts: value / facts.stall_torque * facts.stall_current,
+    "N m",
 )
 _SILENCE = 127.5
 # The microphone swings around 127.5: its volume is the size of the swing, 0..1.

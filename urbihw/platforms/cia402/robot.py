@@ -33,6 +33,7 @@ class Cia402(WiredRobot):
         """Called by ``new``; nothing happens before ``open``."""
         super().init()
         self.members: dict[int, ServoDrive] = {}
+        self._is_built = False
 
     def status(self) -> str:
         """See ``Robot``."""
@@ -82,6 +83,7 @@ class Cia402(WiredRobot):
         if problem:
             self.answer(BadConfig(problem))
         else:
+            self._is_built = True
             self.wait_for_readings()
 
     def on_samples(self, message: m.Samples) -> None:
@@ -93,7 +95,7 @@ class Cia402(WiredRobot):
 
     def whole(self) -> bool:
         """See ``WiredRobot``."""
-        return bool(self.members) and not any(drive.stale.sensed for drive in self.members.values())
+        return self._is_built and bool(self.members) and not any(drive.stale.sensed for drive in self.members.values())
 
     def on_happened(self, message: m.Happened) -> None:
         """See ``WiredRobot``."""

@@ -13,10 +13,22 @@ from urbihw.buses import messages as m
 from urbihw.buses.can import cia402 as c
 from urbihw.buses.can.drive import DriveInfo
 from urbihw.buses.messages import Reply
-from urbihw.kernel.uobject import Effector, EffectorDevice, Motion, UVar, event, function, owned, reading, variable
+from urbihw.kernel.uobject import (
+    Effector,
+    EffectorDevice,
+    Motion,
+    UVar,
+    event,
+    function,
+    number,
+    owned,
+    reading,
+    set_range,
+    variable,
+)
 from urbihw.platforms.base import LimitTable, Named
 from urbihw.platforms.devicelog import DeviceLog
-from urbihw.platforms.limits import DeviceLimits
+from urbihw.platforms.limits import DeviceLimits, whole_counts
 from urbihw.platforms.wire import Wire
 
 Refused = Callable[["ServoDrive", str, str], None]
@@ -26,6 +38,7 @@ Refused = Callable[["ServoDrive", str, str], None]
 class ServoDrive(EffectorDevice):
     """A drive.  ``load`` is its power: 0 when off.  It is switched on by hand only, and stands when it is."""
 
+    off_is_error = True
     log: DeviceLog
     """Set by the robot."""
 
@@ -33,15 +46,15 @@ class ServoDrive(EffectorDevice):
     speed = owned(math.nan)
     load = owned(0.0)
     torque = reading(math.nan)
-    positionCoeff = variable(1.0)  # noqa: N815 - names of slots
-    velocityCoeff = variable(1.0)  # noqa: N815
+    positionCoeff = variable(1.0)
+    velocityCoeff = variable(1.0)
 
     node = reading()
-    modelName = reading("")  # noqa: N815
+    modelName = reading("")
     increments = reading(math.nan)
     watched = reading(False)
     state = reading("ok")
-    driveState = reading("")  # noqa: N815
+    driveState = reading("")
     mode = reading("")
     stale = reading(True)
     fault = reading("")
@@ -93,14 +106,20 @@ class ServoDrive(EffectorDevice):
     # ---------------------------------------------------------------- written
 
     def _aim(self, guard: Effector, var: UVar, item: str, coefficient: UVar) -> None:
-        value = _number(var)
-        if self.state.sensed == "ok" and self.driveState.sensed != c.ENABLED:
-            raise ValueError(f"drive {self.number} is off ({self.driveState.sensed}): switch it on with load = 1")
+        value = number(var)
+        if off := self.explain_off():
+            raise ValueError(off)
         most = (1 << 31) - 1
         self._wire.aim(self.number, item, max(-most, min(most, round(value / coefficient.value))), guard.origin)
 
+    def explain_off(self) -> str:
+        """See ``EffectorDevice``."""
+        if self.state.sensed != "ok" or self.driveState.sensed == c.ENABLED:
+            return ""
+        return f"drive {self.number} is off ({self.driveState.sensed}): switch it on with load = 1"
+
     def _switch(self) -> None:
-        on = bool(_number(self.load))
+        on = bool(number(self.load))
         if on:
             self._motion.check_device(self.number)
         self._ask("enable" if on else "disable", "load")
@@ -113,8 +132,7 @@ class ServoDrive(EffectorDevice):
         self._wire.ask(verb, self.number, done, self._motion.origin())
 
     def _check(self, coefficient: UVar) -> None:
-        value = _number(coefficient)
-        if value == 0 or not math.isfinite(value):
+        if number(coefficient) == 0:
             raise ValueError("a coefficient is a number other than 0: SI units per unit of the drive")
         self._set_ranges()
         self._show(None)
@@ -124,8 +142,7 @@ class ServoDrive(EffectorDevice):
         ends = sorted((self._info.low * self.positionCoeff.value, self._info.high * self.positionCoeff.value))
         fastest = self._info.most_speed * abs(self.velocityCoeff.value)
         for var, (least, most) in ((self.val, ends), (self.speed, (-fastest, fastest))):
-            var.set_property("rangemin", least)
-            var.set_property("rangemax", most)
+            set_range(var, least, most)
 
     # ---------------------------------------------------------------- limits of the settings
 
@@ -135,11 +152,11 @@ class ServoDrive(EffectorDevice):
         Coefficients are for programs to change; what is limited does not change with them.
         """
         place = speed = 1 / self._own_coefficient
-        low, high = sorted(value * place for value in limits.position)
-        most = limits.speed * speed
+        places = whole_counts(*(value * place for value in limits.position))
+        speeds = whole_counts(-limits.speed * speed, limits.speed * speed)
         table = {
-            (self.number, "position"): m.Limit(low, high, limits.speed * abs(place), named("position")),
-            (self.number, "velocity"): m.Limit(-most, most, limits.acceleration * speed, named("speed")),
+            (self.number, "position"): m.Limit(*places, limits.speed * place, named("position")),
+            (self.number, "velocity"): m.Limit(*speeds, limits.acceleration * speed, named("speed")),
         }
         return table, ()
 
@@ -194,11 +211,3 @@ class ServoDrive(EffectorDevice):
             self.lost.emit(reason)
         elif state == "back":
             self.back.emit()
-
-
-def _number(var: UVar) -> float:
-    """What urbiscript wrote, as a float; true and false are 1 and 0.  Raises ValueError for anything else."""
-    value = var.value
-    if not isinstance(value, int | float) or math.isnan(value):
-        raise ValueError("this slot takes a number")
-    return float(value)

@@ -12,9 +12,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from urbihw.buses import messages as m
-from urbihw.kernel.uobject import Effector, EffectorDevice, UVar, function, owned, reading, variable
+from urbihw.kernel.uobject import Effector, EffectorDevice, function, number, owned, reading, set_range, variable
 from urbihw.platforms.base import LimitTable, Named
-from urbihw.platforms.limits import DeviceLimits
+from urbihw.platforms.limits import DeviceLimits, whole_counts
 from urbihw.platforms.nxt import protocol as p
 from urbihw.platforms.nxt.ports import PortDevice
 
@@ -38,17 +38,16 @@ class Servo(PortDevice, EffectorDevice):
 
     def init(self, port: str) -> None:
         """``Servo.new("A")``"""
-        self.speed.set_property("rangemin", -FULL)
-        self.speed.set_property("rangemax", FULL)
+        set_range(self.speed, -FULL, FULL)
         self.settle_on(port)
         motion = self.brick.motion
         guards = {var.name: self.guard(motion, port, var) for var in (self.speed, self.val, self.turn, self.angle)}
         self._guards = guards.values()
         self.notify_change(self.speed, lambda: self._speed_written(guards["speed"]))
-        self.notify_change(self.val, lambda: self._go(_number(self.val), guards["val"]))
-        self.notify_change(self.turn, lambda: self._go(_number(self.turn) * 360, guards["turn"]))
+        self.notify_change(self.val, lambda: self._go(number(self.val), guards["val"]))
+        self.notify_change(self.turn, lambda: self._go(number(self.turn) * 360, guards["turn"]))
         self.notify_change(
-            self.angle, lambda: self._go(self._nearest(math.degrees(_number(self.angle))), guards["angle"])
+            self.angle, lambda: self._go(self._nearest(math.degrees(number(self.angle))), guards["angle"])
         )
 
     @function
@@ -92,9 +91,9 @@ class Servo(PortDevice, EffectorDevice):
 
     def limits_in_counts(self, limits: DeviceLimits, named: Named) -> tuple[LimitTable, Sequence[m.Threshold]]:
         """See ``platforms.base.Limited``: position in degrees, speed as a share of 100."""
-        most, rate = min(limits.speed, FULL), limits.acceleration
+        low, high = whole_counts(-min(limits.speed, FULL), min(limits.speed, FULL))
         table = {
-            (self.place, "power"): m.Limit(-most, most, rate, named("speed")),
+            (self.place, "power"): m.Limit(low, high, limits.acceleration, named("speed")),
             (self.place, "goal"): m.Limit(*limits.position, name=named("position")),
         }
         return table, ()
@@ -105,7 +104,7 @@ class Servo(PortDevice, EffectorDevice):
             self.limit_applied(float(message.applied), message.limit)
 
     def _speed_written(self, guard: Effector) -> None:
-        self.aim("power", round(_number(self.speed)), guard.origin)
+        self.aim("power", round(number(self.speed)), guard.origin)
 
     def _go(self, degrees: float, guard: Effector) -> None:
         if math.isinf(degrees):
@@ -119,11 +118,3 @@ class Servo(PortDevice, EffectorDevice):
         if math.isnan(now) or math.isinf(degrees):
             raise ValueError("the position of the motor is not known yet")
         return now + (degrees - now + 180) % 360 - 180
-
-
-def _number(var: UVar) -> float:
-    """What urbiscript wrote.  Raises ValueError for what is no number."""
-    value = var.value
-    if not isinstance(value, int | float) or math.isnan(value):
-        raise ValueError("this slot takes a number")
-    return float(value)

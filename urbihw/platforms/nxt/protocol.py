@@ -4,7 +4,7 @@
     reply     02   opcode status ...          status 00 is fine; at most 64 bytes in both directions
 
 Little-endian.  Source: the brick's published firmware (dlech/nxt-firmware, c_comm.c and c_cmd.c) and nxt-python's
-nxt/telegram.py, which agree; vectors in ``fakes/captures/nxt.hex``.
+nxt/telegram.py, which agree; vectors in ``fakes/urbihw_fakes/captures/nxt.hex``.
 """
 
 from __future__ import annotations

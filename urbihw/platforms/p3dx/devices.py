@@ -1,4 +1,4 @@
-"""What a Pioneer consists of, as urbiscript sees it: body, wheels, odometry, sonars, speeds, camera, battery.
+"""What a Pioneer consists of, as urbiscript sees it: body, wheels, sonars, speeds, camera, battery.
 
 SI units outside, raw counts inside.  Each part is told by ``robot`` what was measured; what is written to it goes to
 the robot, which alone decides what is ordered.
@@ -9,11 +9,9 @@ from __future__ import annotations
 import math
 from typing import Any, Final, Protocol
 
-from urbihw.kernel.uobject import EffectorDevice, Motion, UObject, UVar, event, function, owned, reading
+from urbihw.kernel.uobject import EffectorDevice, Motion, UObject, event, function, number, owned, reading, set_range
+from urbihw.navigation.drive import Safety
 from urbihw.platforms.p3dx import camera
-from urbihw.platforms.p3dx.drive import Safety
-from urbihw.platforms.p3dx.frames import ORIGIN, Pose, compose, frame_of, wrapped
-from urbihw.platforms.p3dx.values import number, numbers, set_range
 
 ROBOT: Final = "robot"
 
@@ -23,6 +21,10 @@ class Commands(Protocol):
 
     motion: Motion
     """Who may move it."""
+
+    def explain_off(self) -> str:
+        """Why the robot does not drive although it is told to, while the motors are off; else ""."""
+        ...
 
     def switch_motors(self, on: bool) -> None:
         """Motors on or off."""
@@ -50,25 +52,21 @@ class Switch(UObject):
         """Numbers from 0 to 1."""
         set_range(self.load, 0.0, 1.0)
 
-    def lend(self, var: UVar, target: Any, name: str) -> None:
-        """Let a variable of this part stand in a slot of another object, too."""
-        var.put(target, name)
-
 
 class Body(Switch):
     """The body: motors, bumpers, and the room to keep."""
 
     uname = "P3dxBody"
 
-    safetyDistanceMin = owned(0.0)  # noqa: N815 - names of slots
-    safetyDistanceMax = owned(0.0)  # noqa: N815
+    safetyDistanceMin = owned(0.0)
+    safetyDistanceMax = owned(0.0)
     stalled = reading(False)
-    stopButton = reading(False)  # noqa: N815
-    frontBumpers = reading([])  # noqa: N815
-    rearBumpers = reading([])  # noqa: N815
+    stopButton = reading(False)
+    frontBumpers = reading([])
+    rearBumpers = reading([])
     bumped = event()
-    digitalIn = reading(0.0)  # noqa: N815
-    digitalOut = owned(0.0)  # noqa: N815
+    digitalIn = reading(0.0)
+    digitalOut = owned(0.0)
 
     def init(self, robot: Commands, safety: Safety) -> None:  # type: ignore[override]
         """``safety`` is what the drive keeps to."""
@@ -115,56 +113,6 @@ class Wheel(UObject):
     speed = reading(0.0)
 
 
-class Odometry(UObject):
-    """Where the wheels say that the robot is, and where it is in the absolute frame."""
-
-    uname = "P3dxOdometry"
-
-    x = reading(0.0)
-    y = reading(0.0)
-    z = reading(0.0)
-    yaw = reading(0.0)
-    coveredDistance = reading(0.0)  # noqa: N815
-    coveredAngle = reading(0.0)  # noqa: N815
-    position = owned([0.0, 0.0, 0.0, 0.0])
-
-    def init(self) -> None:
-        """Both frames are the same until ``position`` is written."""
-        self.odometric: Pose = ORIGIN
-        self.frame: Pose = ORIGIN
-        self.notify_change(self.position, self._written)
-
-    @property
-    def absolute(self) -> Pose:
-        """The pose in the absolute frame."""
-        return compose(self.frame, self.odometric)
-
-    def show(self, x: float, y: float, heading: float, way: float, angle: float, stamp: float) -> None:
-        """The odometry moved on: to a pose, by a way and an angle."""
-        self.odometric = (x, y, wrapped(heading))
-        for var, value in ((self.x, x), (self.y, y), (self.yaw, self.odometric[2])):
-            var.sense(value, stamp)
-        if way:
-            self.coveredDistance.sense(self.coveredDistance.sensed + abs(way), stamp)
-        if angle:
-            self.coveredAngle.sense(self.coveredAngle.sensed + abs(angle), stamp)
-        if way or angle:
-            self._show_position(stamp)
-
-    def correct(self, pose: Pose) -> None:
-        """The robot is at a pose of the absolute frame."""
-        self.frame = frame_of(pose, self.odometric)
-        self._show_position(self.host.now())
-
-    def _written(self) -> None:
-        x, y, _, yaw = numbers(self.position.value, 4, 4, "[x, y, z, yaw]")
-        self.correct((x, y, yaw))
-
-    def _show_position(self, stamp: float) -> None:
-        x, y, yaw = self.absolute
-        self.position.sense([x, y, 0.0, yaw], stamp)
-
-
 class Sonar(UObject):
     """One sonar: m to what it hears, 5 (about) when it hears nothing, nan while it is off."""
 
@@ -186,7 +134,7 @@ class Sonars(Switch):
     @function("lendTo")
     def lend_to(self, ring: Any) -> None:
         """Let the Localizer of the sonars have the slot ``load``."""
-        self.lend(self.load, ring, "load")
+        self.load.put(ring, "load")
 
 
 class XSpeed(EffectorDevice):
@@ -194,13 +142,19 @@ class XSpeed(EffectorDevice):
 
     uname = "P3dxX"
 
+    off_is_error = True
     speed = owned(0.0)
 
     def init(self, robot: Commands, fastest: float) -> None:
         """``fastest`` in m/s."""
+        self._robot = robot
         self.guard(robot.motion, ROBOT, self.speed)
         self.notify_change(self.speed, lambda: robot.set_speed(v=number(self.speed)))
         set_range(self.speed, -fastest, fastest)
+
+    def explain_off(self) -> str:
+        """See ``EffectorDevice``."""
+        return self._robot.explain_off()
 
 
 class YawSpeed(EffectorDevice):
@@ -208,13 +162,19 @@ class YawSpeed(EffectorDevice):
 
     uname = "P3dxYaw"
 
+    off_is_error = True
     speed = owned(0.0)
 
     def init(self, robot: Commands, fastest: float) -> None:
         """``fastest`` in rad/s."""
+        self._robot = robot
         self.guard(robot.motion, ROBOT, self.speed)
         self.notify_change(self.speed, lambda: robot.set_speed(w=number(self.speed)))
         set_range(self.speed, -fastest, fastest)
+
+    def explain_off(self) -> str:
+        """See ``EffectorDevice``."""
+        return self._robot.explain_off()
 
 
 class Battery(UObject):

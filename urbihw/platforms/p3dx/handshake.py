@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from urbihw.buses.errors import BadFrame, Unavailable
-from urbihw.buses.link import Link
+from urbihw.buses.link import Link, has_line_speed, set_line_speed
 from urbihw.platforms.p3dx import packets, sip
 from urbihw.platforms.p3dx.commands import encode
 from urbihw.platforms.p3dx.options import HOST_BAUDS
@@ -32,7 +32,6 @@ BAUD_PAUSE, BAUD_PATIENCE = 0.01, 0.9
 
 LOST_COUNT: Final = 255
 _SIPS: Final = (sip.STOPPED, sip.MOVING)
-_SPEED_SCHEMES: Final = ("serial",)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,14 +42,6 @@ class RobotInfo:
     kind: str
     subclass: str
     config: Mapping[str, int | str]
-
-
-def set_speed(link: Link, baud: int) -> None:
-    """Let a serial line go on at another speed; other links (TCP, tests) have none.  Raises Unavailable."""
-    if link.url.scheme in _SPEED_SCHEMES and link.baud != baud:
-        link.close()
-        link.baud = baud
-        link.open()
 
 
 class Greeting:
@@ -64,16 +55,16 @@ class Greeting:
     def greet(self, host_baud: int = 0) -> RobotInfo:
         """Connect.  Raises Unavailable when nobody answers as a Pioneer does, LinkGone."""
         link = self._link
-        several = link.url.scheme in _SPEED_SCHEMES and "baud" not in link.url.options
+        several = has_line_speed(link) and "baud" not in link.url.options
         bauds = BAUDS if several else (link.baud,)
         self._wait = QUICK_ANSWER if several else ANSWER
         for baud in bauds:
-            set_speed(link, baud)
+            set_line_speed(link, baud)
             names = self._try_at_speed()
             if names is not None:
                 return self._open(names, host_baud)
         speeds = ", ".join(map(str, bauds))
-        at = f" at {speeds} baud" if link.url.scheme in _SPEED_SCHEMES else ""
+        at = f" at {speeds} baud" if has_line_speed(link) else ""
         raise Unavailable(
             errno.ETIMEDOUT,
             f"no Pioneer answers on {link.url.text}{at}: is it switched on, is the cable plugged in, is this its port?",
@@ -138,12 +129,12 @@ class Greeting:
     def _faster(self, baud: int) -> None:
         """Both sides go over to another speed; back to the old one if nothing is heard at it."""
         link, old = self._link, self._link.baud
-        if link.url.scheme not in _SPEED_SCHEMES or baud == old:
+        if not has_line_speed(link) or baud == old:
             return
         link.write(encode("HOSTBAUD", HOST_BAUDS[baud]))
         for speed in (baud, old):
             link.clock.sleep_until(link.clock.now() + BAUD_PAUSE)
-            set_speed(link, speed)
+            set_line_speed(link, speed)
             self._framer.reset()
             link.clock.sleep_until(link.clock.now() + BAUD_PAUSE)
             self._send("PULSE")

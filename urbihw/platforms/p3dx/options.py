@@ -9,35 +9,29 @@ from typing import Final
 from urbihw import buses
 from urbihw.buses.errors import BadUrl, Unavailable
 from urbihw.buses.link import Context
+from urbihw.navigation.options import NavigationOptions
 from urbihw.platforms.p3dx.factors import FACTORS
-from urbihw.settings import TEXT, Mistake, Table, choice, number, setting
+from urbihw.settings import TEXT, Mistake, choice, setting
 
 HOST_BAUDS: Final = {9600: 0, 19200: 1, 38400: 2, 57600: 3, 115200: 4}
 """Speed of the line -> argument of HOSTBAUD."""
-ODOMETRY, SCAN = "odometry", "scan"
 SIMULATED: Final = "sim"
 """In place of a url: the laser of MobileSim, whose scans come with the robot's packets."""
 
 
 @dataclass(frozen=True)
-class Options(Table):
-    """The options.
+class Options(NavigationOptions):
+    """The options, beside those of navigation.
 
     Attributes:
         subclass: whose conversion factors to use (see ``factors``), "" for what the robot says.
         laser: url of the laser's line, "sim" for the one of MobileSim, "" for what the robot's url says (``?laser=``).
         host_baud: ask the controller for this speed after connecting (0: stay); only with a firmware that allows it.
-        localization: "odometry", or "scan" to correct it by matching laser scans with the map.
-        cell: size of the planner's grid cells, m.
-        clearance: m that planned paths keep from walls, beside the robot's own radius.
     """
 
     subclass: str = setting("", choice("", *FACTORS))
     laser: str = setting("", TEXT, in_url=True)
     host_baud: int = setting(0, choice(0, *HOST_BAUDS))
-    localization: str = setting(ODOMETRY, choice(ODOMETRY, SCAN))
-    cell: float = setting(0.1, number(0.02, 1.0, " m"))
-    clearance: float = setting(0.05, number(0.0, 2.0, " m"))
 
     def clashes(self) -> Iterator[Mistake]:
         """See ``Table``."""

@@ -13,19 +13,18 @@ from typing import Any
 from urbihw.buses import messages as m
 from urbihw.buses.errors import BadUrl
 from urbihw.buses.link import take_off
-from urbihw.kernel.uobject import BadConfig, NotReady, Opened, RobotSettings, function, reading
+from urbihw.kernel.uobject import BadConfig, NotReady, Opened, RobotSettings, finite_number, function, reading
+from urbihw.navigation.drive import Drive, Motion, State
+from urbihw.navigation.frames import Point
 from urbihw.platforms.base import Limited, LimitTable, Named
-from urbihw.platforms.limits import DeviceLimits
+from urbihw.platforms.limits import DeviceLimits, whole_counts
 from urbihw.platforms.p3dx import sip
 from urbihw.platforms.p3dx.arcos import ArcosRobot
-from urbihw.platforms.p3dx.devices import Battery, Body, Camera, Odometry, Sonar, Sonars, Wheel, XSpeed, YawSpeed
-from urbihw.platforms.p3dx.drive import Drive, Motion, State
+from urbihw.platforms.p3dx.devices import Battery, Body, Camera, Sonar, Sonars, Wheel, XSpeed, YawSpeed
 from urbihw.platforms.p3dx.factors import ANGLE, FACTORS, NO_ECHO, SONARS, Factors, factors_of
 from urbihw.platforms.p3dx.handshake import RobotInfo
-from urbihw.platforms.p3dx.laserdevice import Laser, laser_url
-from urbihw.platforms.p3dx.navigator import Navigator
+from urbihw.platforms.p3dx.navigation import P3dxLaser, P3dxOdometry, P3dxPlanner, laser_url
 from urbihw.platforms.p3dx.options import Options
-from urbihw.platforms.p3dx.values import checked
 from urbihw.settings import BadSetting
 
 ROBOT, SONAR = "robot", "sonar"
@@ -38,9 +37,11 @@ class P3dx(ArcosRobot):
     """A Pioneer 3-DX, or another robot that speaks ARCOS."""
 
     uname = "P3dxRobot"
-    classes = (Body, Wheel, Odometry, Sonar, Sonars, Laser, Camera, XSpeed, YawSpeed, Battery, Navigator)
+    classes = (
+        Body, Wheel, P3dxOdometry, Sonar, Sonars, P3dxLaser, Camera, XSpeed, YawSpeed, Battery, P3dxPlanner,
+    )  # fmt: skip
 
-    robotType = reading("")  # noqa: N815 - names of slots
+    robotType = reading("")
     name_ = reading("", "name")
     model = reading("")
     serial = reading("")
@@ -59,6 +60,23 @@ class P3dx(ArcosRobot):
         self._aimed = (0, 0)
         self._origin = self.motion.own()
         self._by_hand = False
+
+    # ---------------------------------------------------------------- what the navigator asks, beside the motions
+
+    @property
+    def scanner(self) -> P3dxLaser:
+        """See ``navigation.base.Base``."""
+        return self.laser
+
+    @property
+    def navigation(self) -> Options:
+        """See ``navigation.base.Base``."""
+        return self.options
+
+    @property
+    def radius(self) -> float:
+        """See ``navigation.base.Base``."""
+        return self.factors.radius
 
     # ---------------------------------------------------------------- opening and closing
 
@@ -131,10 +149,12 @@ class P3dx(ArcosRobot):
         laser = laser_url(self.options.laser, simulator=simulator)
         self.body = create(Body, None, self, self.drive.safety)
         self.wheels = create(Wheel), create(Wheel)
-        self.odometry = create(Odometry)
+        self.odometry = create(P3dxOdometry)
         self.sonar_ring = create(Sonars, None, self)
         self.sonars = [create(Sonar) for _ in SONARS]
-        self.laser = create(Laser, None, laser, self.factors.laser_x, self.start_worker, self._watch_laser, self.offset)
+        self.laser = create(
+            P3dxLaser, None, laser, self.factors.laser_x, self.start_worker, self._watch_laser, self.offset
+        )
         self.laser.log = self.log
         self.camera = create(Camera, None, self)
         self.x = create(XSpeed, None, self, limits.fastest)
@@ -142,7 +162,7 @@ class P3dx(ArcosRobot):
         self.battery = create(
             Battery, None, int(config["low_battery"]) / 10, int(config["shutdown_volts"]) / 10
         )
-        self.planner = create(Navigator, None, self)
+        self.planner = create(P3dxPlanner, None, self)
         parts = {"bodyPart": self.body, "odometryPart": self.odometry, "sonarSwitch": self.sonar_ring}
         parts |= {"laserPart": self.laser, "cameraPart": self.camera, "xPart": self.x, "yawPart": self.yaw}
         parts |= {"leftWheel": self.wheels[0], "rightWheel": self.wheels[1], "batteryPart": self.battery}
@@ -191,12 +211,12 @@ class P3dx(ArcosRobot):
             elif device == SONAR:
                 self._take_sonars(values, stamp)
             elif device == "laser":
-                self.laser.take_simulated(values["ranges"], stamp)
+                self.laser.show_simulated_scan(values["ranges"], stamp)
             else:
                 self.take_extra(device, values)
         if ROBOT in message.values:
             self._order()
-            self.planner.moved()
+            self.planner.pose_changed()
 
     def _take_robot(self, values: Mapping[str, Any], stamp: float) -> None:
         factors = self.factors
@@ -210,7 +230,7 @@ class P3dx(ArcosRobot):
         v = (left + right) / 2
         stalled = bool(values["stall"] & 0x0101)
         self.state = State(stamp, v, w, self._room(FRONT), self._room(REAR), stalled)
-        self.odometry.show(x, y, heading, way, heading - old[2], stamp)
+        self.odometry.show_pose(x, y, heading, way, heading - old[2], stamp)
         for wheel, speed in zip(self.wheels, (left, right), strict=True):
             wheel.speed.sense(speed, stamp)
         self.x.speed.sense(v, stamp)
@@ -251,8 +271,8 @@ class P3dx(ArcosRobot):
         room = min((value for index in sonars if (value := self.sonars[index].val.sensed) == value), default=math.inf)
         return min(room, self.laser.nearest()) if sonars is FRONT else room
 
-    def sonar_echoes(self) -> list[tuple[float, float]]:
-        """What the front sonars hear now, in m ahead of and to the left of the robot's middle."""
+    def obstacles(self) -> list[Point]:
+        """See ``navigation.base.Base``: what the front sonars hear now."""
         echoes = []
         for index in FRONT:
             value, place = self.sonars[index].val.sensed, SONARS[index]
@@ -285,10 +305,12 @@ class P3dx(ArcosRobot):
     def limits_in_counts(self, limits: DeviceLimits, named: Named) -> tuple[LimitTable, Sequence[m.Threshold]]:
         """See ``platforms.base.Limited``: m/s, rad/s and m/s2."""
         speed = 1 / self.factors.speed
-        most, around = limits.speed * speed, math.degrees(limits.turn)
+        speeds, turns = (
+            whole_counts(-most, most) for most in (limits.speed * speed, math.degrees(limits.turn))
+        )
         table = {
-            (ROBOT, "vel"): m.Limit(-most, most, limits.acceleration * speed, named("speed")),
-            (ROBOT, "rvel"): m.Limit(-around, around, name=named("turn")),
+            (ROBOT, "vel"): m.Limit(*speeds, limits.acceleration * speed, named("speed")),
+            (ROBOT, "rvel"): m.Limit(*turns, name=named("turn")),
         }
         low, high = (volts * 10 for volts in limits.voltage)
         rows = (
@@ -340,12 +362,17 @@ class P3dx(ArcosRobot):
         self._order()
 
     def check_motors(self) -> None:
-        """Raises ValueError while the motors are off."""
-        if not self._motors and not self._motors_wanted:
-            raise ValueError("the motors are off; switch them on first: P3dx.body.load = 1")
+        """See ``navigation.base.Base``."""
+        if off := self.explain_off():
+            raise ValueError(off)
 
-    def begin(self, motion: Motion) -> None:
-        """Begin a motion of the goal that ``take_motion`` was called for."""
+    def explain_off(self) -> str:
+        """See ``devices.Commands``."""
+        on = self._motors or self._motors_wanted
+        return "" if on else "the motors are off; switch them on first: P3dx.body.load = 1"
+
+    def begin_motion(self, motion: Motion) -> None:
+        """See ``navigation.base.Base``."""
         self.drive.start(motion)
         self._order()
 
@@ -371,8 +398,8 @@ class P3dx(ArcosRobot):
                 self.wire.aim(ROBOT, item, new, self._origin)
         self._aimed = wanted
 
-    def take_motion(self) -> None:
-        """The running job wants the robot to go to a goal, which may take a while to begin.  Raises as ``admit``."""
+    def claim_motion(self) -> None:
+        """See ``navigation.base.Base``."""
         self._origin = self.motion.admit(ROBOT)
 
     def on_halt(self, reason: str, devices: tuple[Hashable, ...] | None = None) -> None:
@@ -392,7 +419,7 @@ class P3dx(ArcosRobot):
         """Go at these speeds for a movement that is steered by urbiscript; not once a speed was written by hand."""
         if self._by_hand:
             raise ValueError("a speed was written meanwhile")
-        self._go_at(checked(v), checked(w))
+        self._go_at(finite_number(v), finite_number(w))
 
     @function("takeOver")
     def take_over(self) -> None:

@@ -17,7 +17,7 @@ from typing import Final
 
 FIRST, LAST_OLD, LAST = 0x400, 0x404, 0x407
 """First frame of a cycle, the last of the oldest firmware (inferred from CARMEN), the last of all others."""
-SHUTDOWN, COMMAND, STATUS, BOX = 0x412, 0x413, 0x680, 0x688
+SHUTDOWN, COMMAND, STATUS = 0x412, 0x413, 0x680
 
 MOST_VELOCITY, MOST_TURN = 1176, 1024
 """Counts of a full command; the base must not get more."""

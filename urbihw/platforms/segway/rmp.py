@@ -16,9 +16,21 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final, Protocol
 
 from urbihw.buses import messages as m
-from urbihw.kernel.uobject import EffectorDevice, Motion, Origin, UVar, event, function, owned, reading, variable
+from urbihw.kernel.uobject import (
+    EffectorDevice,
+    Motion,
+    Origin,
+    UVar,
+    event,
+    function,
+    number,
+    owned,
+    reading,
+    set_range,
+    variable,
+)
 from urbihw.platforms.base import LimitTable, Named
-from urbihw.platforms.limits import DeviceLimits
+from urbihw.platforms.limits import DeviceLimits, whole_counts
 from urbihw.platforms.segway import protocol as p
 from urbihw.platforms.segway.monitor import missing_words, status_missing
 
@@ -55,6 +67,8 @@ _SHARES: Final = {
     "currentLimit": ("current_limit", FULL_CURRENT),
 }
 """Slot of 0..1 -> (configuration, what 1 is)."""
+_OFF: Final = (p.MODES[0], p.MODES[3])
+"""The modes in which it does not obey speeds."""
 _NAMED: Final = {"mode": p.MODES, "gain": p.GAINS}
 
 
@@ -79,48 +93,48 @@ class Base(Protocol):
 class RMP(EffectorDevice):
     """One face of the base."""
 
-    forwardSpeed = owned(0.0)  # noqa: N815 - names of slots, here and below
-    yawSpeed = owned(0.0)  # noqa: N815
-    leftSpeed = reading(0.0)  # noqa: N815
-    rightSpeed = reading(0.0)  # noqa: N815
+    forwardSpeed = owned(0.0)
+    yawSpeed = owned(0.0)
+    leftSpeed = reading(0.0)
+    rightSpeed = reading(0.0)
     forward = reading(0.0)
     yaw = reading(0.0)
     left = reading(0.0)
     right = reading(0.0)
 
-    forwardSpeedCoeff = variable(1.0)  # noqa: N815
-    yawSpeedCoeff = variable(1.0)  # noqa: N815
-    leftSpeedCoeff = variable(1.0)  # noqa: N815
-    rightSpeedCoeff = variable(1.0)  # noqa: N815
-    forwardCoeff = variable(1.0)  # noqa: N815
-    yawCoeff = variable(1.0)  # noqa: N815
-    leftCoeff = variable(1.0)  # noqa: N815
-    rightCoeff = variable(1.0)  # noqa: N815
-    velocityCoeff = variable(1.0)  # noqa: N815
-    turnCoeff = variable(1.0)  # noqa: N815
-    torqueCoeff = variable(1.0)  # noqa: N815
+    forwardSpeedCoeff = variable(1.0)
+    yawSpeedCoeff = variable(1.0)
+    leftSpeedCoeff = variable(1.0)
+    rightSpeedCoeff = variable(1.0)
+    forwardCoeff = variable(1.0)
+    yawCoeff = variable(1.0)
+    leftCoeff = variable(1.0)
+    rightCoeff = variable(1.0)
+    velocityCoeff = variable(1.0)
+    turnCoeff = variable(1.0)
+    torqueCoeff = variable(1.0)
 
     period = reading(0.05)
     state = reading("ok")
     stale = reading(True)
     pitch = reading(math.nan)
-    pitchRate = reading(math.nan)  # noqa: N815
+    pitchRate = reading(math.nan)
     roll = reading(math.nan)
-    rollRate = reading(math.nan)  # noqa: N815
-    leftTorque = reading(math.nan)  # noqa: N815
-    rightTorque = reading(math.nan)  # noqa: N815
+    rollRate = reading(math.nan)
+    leftTorque = reading(math.nan)
+    rightTorque = reading(math.nan)
     voltage = reading(math.nan)
-    boxVoltage = reading(math.nan)  # noqa: N815
+    boxVoltage = reading(math.nan)
     remain = reading(math.nan)
     motors = reading(False)
     fault = reading("")
     missing = reading("")
     mode = owned("")
     gain = owned("")
-    speedScale = owned(1.0)  # noqa: N815
-    accelerationScale = owned(1.0)  # noqa: N815
-    turnScale = owned(1.0)  # noqa: N815
-    currentLimit = owned(1.0)  # noqa: N815
+    speedScale = owned(1.0)
+    accelerationScale = owned(1.0)
+    turnScale = owned(1.0)
+    currentLimit = owned(1.0)
     lockout = owned(False)
     faulted = event()
 
@@ -142,12 +156,11 @@ class RMP(EffectorDevice):
                 self.notify_change(coefficient, self._check)
         for name, (item, full) in _SHARES.items():
             var = self.variables[name]
-            var.set_property("rangemin", 0.0)
-            var.set_property("rangemax", 1.0)
+            set_range(var, 0.0, 1.0)
             self.notify_change(var, self._share(var, item, full))
         for name, words in _NAMED.items():
             self.notify_change(self.variables[name], self._name(self.variables[name], words))
-        self.notify_change(self.lockout, lambda: base.order("lockout", "lockout", int(bool(_number(self.lockout)))))
+        self.notify_change(self.lockout, lambda: base.order("lockout", "lockout", int(bool(number(self.lockout)))))
         self.configured()
 
     # ---------------------------------------------------------------- what urbiscript calls
@@ -175,19 +188,24 @@ class RMP(EffectorDevice):
         def write() -> None:
             per_count = coefficient.value * self._scale(item)
             # At scale 0 nothing moves, whatever is asked for.
-            self._base.aim(item, round(_number(var) / per_count) if per_count else 0, guard.origin)
+            self._base.aim(item, round(number(var) / per_count) if per_count else 0, guard.origin)
 
         return write
 
+    def explain_off(self) -> str:
+        """See ``EffectorDevice``."""
+        if self.mode.sensed not in _OFF:
+            return ""
+        return f'the base does not drive (mode {self.mode.sensed}): switch it on with mode = "tractor" or "balance"'
+
     def _check(self, coefficient: UVar) -> None:
-        value = _number(coefficient)
-        if value == 0 or not math.isfinite(value):
+        if number(coefficient) == 0:
             raise ValueError("a coefficient is a number other than 0: SI units per count")
         self.configured()
         self._show()
 
     def _share(self, var: UVar, item: str, full: int) -> Any:
-        return lambda: self._base.order(var.name, item, round(_number(var) * full))
+        return lambda: self._base.order(var.name, item, round(number(var) * full))
 
     def _name(self, var: UVar, words: tuple[str, ...]) -> Any:
         def write() -> None:
@@ -212,8 +230,7 @@ class RMP(EffectorDevice):
             (self.yawSpeed, "turn", self.turnCoeff, p.MOST_TURN),
         ):
             limit = abs(coefficient.value) * self._scale(item) * most
-            var.set_property("rangemin", -limit)
-            var.set_property("rangemax", limit)
+            set_range(var, -limit, limit)
 
     # ---------------------------------------------------------------- limits of the settings
 
@@ -223,10 +240,12 @@ class RMP(EffectorDevice):
         Coefficients and scales are for programs to change; what is limited does not change with them.
         """
         forward, turn = p.MOST_VELOCITY / _FULL_SPEED, PER_RADIAN
-        most, around = limits.speed * forward, limits.turn * turn
+        speeds, turns = (
+            whole_counts(-most, most) for most in (limits.speed * forward, limits.turn * turn)
+        )
         table = {
-            (BASE, "velocity"): m.Limit(-most, most, limits.acceleration * forward, named("speed")),
-            (BASE, "turn"): m.Limit(-around, around, name=named("turn")),
+            (BASE, "velocity"): m.Limit(*speeds, limits.acceleration * forward, named("speed")),
+            (BASE, "turn"): m.Limit(*turns, name=named("turn")),
         }
         low, high = (volts * _QUARTERS for volts in limits.voltage)
         voltage = named("voltage")
@@ -290,8 +309,8 @@ class RMP(EffectorDevice):
         self.remain.sense(share if math.isnan(share) else min(max(share, 0.0), 1.0), stamp)
         self.boxVoltage.sense(1.4 + 0.0125 * raw.get("box_battery", math.nan), stamp)
         for name, words in _NAMED.items():
-            number = raw.get(name, -1)
-            known = words[number] if 0 <= number < len(words) else f"unknown {number}"
+            code = raw.get(name, -1)
+            known = words[code] if 0 <= code < len(words) else f"unknown {code}"
             self.variables[name].sense(known if name in raw else "", stamp)
         missing = raw["missing"]
         self.missing.sense(missing_words(missing))
@@ -322,11 +341,3 @@ class RMP(EffectorDevice):
         self._place[0] += way * math.cos(middle)
         self._place[1] += way * math.sin(middle)
         self._place[2] += turned
-
-
-def _number(var: UVar) -> float:
-    """What urbiscript wrote, as a float; true and false are 1 and 0.  Raises ValueError for anything else."""
-    value = var.value
-    if not isinstance(value, int | float) or math.isnan(value):
-        raise ValueError("this slot takes a number")
-    return float(value)

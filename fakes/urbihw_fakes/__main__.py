@@ -1,0 +1,95 @@
+"""Run a robot in software: `python -m urbihw_fakes bioloid --pty [PATH]` or `--tcp PORT`.
+
+The first line printed is the url to give the gateway. Then it serves until SIGTERM, SIGINT or, with --until-eof, the
+end of its input, and carries out what is typed (say `help`).
+
+A robot is a package here with a module `start`: a line of help, its options, and how it is started from them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Protocol, cast
+
+from urbihw_fakes.console import Command, Console
+from urbihw_fakes.errors import FakeError
+from urbihw_fakes.serving import Endpoint
+
+EXIT_CONFIG = 78
+
+
+class Start(Protocol):
+    """How a robot is started, as a module."""
+
+    HELP: str
+
+    def options(self, parser: argparse.ArgumentParser) -> None:
+        """Add the robot's own options."""
+
+    def start(self, options: argparse.Namespace) -> tuple[Endpoint, Mapping[str, Command]]:
+        """The robot on its transport, and its own words for the console."""
+
+
+def robots() -> dict[str, Start]:
+    """The robots there are, by the names of their packages."""
+    names = sorted(path.parent.name for path in Path(__file__).parent.glob("*/start.py"))
+    return {name: cast(Start, import_module(f"urbihw_fakes.{name}.start")) for name in names}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; return the exit code."""
+    known = robots()
+    options = _parser(known).parse_args(arguments)
+    try:
+        endpoint, words = known[options.robot].start(options)
+    except (FakeError, OSError) as error:
+        print(f"fakes: {error}", file=sys.stderr)
+        return EXIT_CONFIG
+    with endpoint:
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda *_: endpoint.stop())
+        _listen(endpoint, Console(endpoint, words), options.until_eof)
+        print(endpoint.url, flush=True)
+        endpoint.serve()
+    return 0
+
+
+def _parser(known: Mapping[str, Start]) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser("python -m urbihw_fakes", description="A robot in software, on a real transport.")
+    parsers = parser.add_subparsers(dest="robot", required=True, metavar="ROBOT")
+    for name, robot in known.items():
+        own = parsers.add_parser(name, help=robot.HELP)
+        robot.options(own)
+        own.add_argument("--until-eof", action="store_true", help="end when standard input ends")
+    return parser
+
+
+def _listen(endpoint: Endpoint, console: Console, until_eof: bool) -> None:
+    """Carry out the lines of standard input between requests."""
+    source = sys.stdin.fileno()
+    rest = b""
+
+    def ready() -> None:
+        nonlocal rest
+        data = os.read(source, 4096)
+        if not data:
+            endpoint.unwatch(source)
+            if until_eof:
+                endpoint.stop()
+        *lines, rest = (rest + data).split(b"\n")
+        for line in lines:
+            answer = console.line(line.decode(errors="replace"))
+            if answer:
+                print(answer, flush=True)
+
+    endpoint.watch(source, ready)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,49 @@
+"""How `python -m urbihw_fakes bioloid` is started; see `urbihw_fakes.__main__`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+
+from urbihw_fakes.bioloid.console import commands
+from urbihw_fakes.bioloid.kit import Bioloid
+from urbihw_fakes.console import Command
+from urbihw_fakes.endpoint import PtyEndpoint, TcpEndpoint
+from urbihw_fakes.serving import Endpoint
+
+HELP = "18 AX-12 (1..18) and an AX-S1 (100), or X-series servos"
+DEFAULT_BAUD = 1_000_000
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """Its options."""
+    where = parser.add_mutually_exclusive_group(required=True)
+    where.add_argument("--pty", nargs="?", const="", metavar="PATH", help="a pseudo terminal, linked at PATH")
+    where.add_argument("--tcp", type=int, metavar="PORT", help="a TCP port of this machine; 0 takes a free one")
+    parser.add_argument("--pace", action="store_true", help="bytes take the time they take on the wire")
+    parser.add_argument("--spin", action="store_true", help="with --pace: never sleep in traffic, for benches")
+    parser.add_argument("--baud", type=int, help=f"speed of units and wire ({DEFAULT_BAUD})")
+    parser.add_argument("--follow-baud", action="store_true", help="on a pty: hear only the speed the peer has set")
+    parser.add_argument("--x-series", type=int, nargs="?", const=18, metavar="COUNT", help="X-series servos instead")
+    parser.add_argument("--model", default="XL430-W250", help="of the X-series servos (%(default)s)")
+
+
+def start(options: argparse.Namespace) -> tuple[Endpoint, Mapping[str, Command]]:
+    """The kit on its transport, and its words for the console."""
+    kit = _kit(options)
+    endpoint = _endpoint(options, kit)
+    return endpoint, commands(kit, endpoint.clock)
+
+
+def _kit(options: argparse.Namespace) -> Bioloid:
+    baud = options.baud or DEFAULT_BAUD
+    if options.x_series is not None:
+        return Bioloid.x_series(options.x_series, model=options.model, baud=baud)
+    return Bioloid(baud=baud)
+
+
+def _endpoint(options: argparse.Namespace, kit: Bioloid) -> Endpoint:
+    pace = (options.baud or DEFAULT_BAUD) if options.pace else None
+    if options.tcp is not None:
+        return TcpEndpoint(kit, options.tcp, pace=pace, spin=options.spin)
+    return PtyEndpoint(kit, options.pty or None, pace=pace, spin=options.spin, follow_baud=options.follow_baud)

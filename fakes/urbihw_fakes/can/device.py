@@ -1,0 +1,66 @@
+"""A CAN bus behind a wire of bytes: the adapter that stands between them is a codec.
+
+    device = CanDevice(SegwayRmp(), Slcan())
+    with PtyEndpoint(device) as end: ...
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from urbihw_fakes.can.node import CanFrame, CanNode, Timed
+from urbihw_fakes.device import Answer, Device
+
+THE_NODE = 1
+"""By this number `urbihw_fakes.faults` knows the one node on the bus."""
+
+
+class Codec(Protocol):
+    """An adapter: how frames look in bytes, and what it says itself."""
+
+    def take(self, data: bytes) -> tuple[list[CanFrame], bytes]:
+        """Take bytes of the host: the frames in them, and what the adapter answers."""
+
+    def give(self, frame: CanFrame) -> bytes:
+        """A frame of the bus as bytes for the host; none when the adapter keeps it."""
+
+
+class CanDevice(Device):
+    """One node, its bus and an adapter."""
+
+    def __init__(self, node: CanNode, codec: Codec, *, log_size: int = 1000) -> None:
+        super().__init__(log_size=log_size)
+        self.node = node
+        self.codec = codec
+
+    def receive(self, data: bytes, now: float) -> list[Answer]:
+        """Pass the frames in `data` on to the node."""
+        frames, reply = self.codec.take(data)
+        answers = [Answer(now, reply)] if reply else []
+        for frame in frames:
+            answers += self._answers(self.node.hear(frame, now))
+        return answers
+
+    def tick(self, now: float) -> list[Answer]:
+        """What the node sent unasked."""
+        return self._answers(self.node.tick(now))
+
+    def due(self) -> float | None:
+        """When the node next sends something."""
+        return self.node.due()
+
+    def power_off(self, now: float, who: int | None = None) -> None:
+        """Switch the node off."""
+        self.node.power_off(now)
+
+    def power_on(self, now: float, who: int | None = None) -> None:
+        """Switch it on."""
+        self.node.power_on(now)
+
+    def _answers(self, sent: list[Timed]) -> list[Answer]:
+        answers = []
+        for at, frame in sent:
+            delay, data = self.faults.disturb(THE_NODE, self.codec.give(frame))
+            if data:
+                answers.append(Answer(at + delay, data))
+        return answers

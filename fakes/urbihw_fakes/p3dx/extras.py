@@ -1,0 +1,98 @@
+"""What the controller tells on request: encoders, inputs and outputs, gyro, joystick, batteries, bytes of AUX1."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from urbihw_fakes.p3dx import sips
+from urbihw_fakes.p3dx.body import Body
+from urbihw_fakes.p3dx.camera import Camera
+from urbihw_fakes.p3dx.codec import Order
+
+ENCODER, IO, GYRO, JOYSTICK, BATTERIES = 19, 40, 58, 17, 62
+TTY2, GETAUX, DIGOUT = 42, 43, 30
+GYRO_SCALE = 5 / 1023 * 300 / 2.5 * 1.626
+
+
+class Extras:
+    """The packets that are sent behind the SIPs: 0 none, 1 once, more always.
+
+    Attributes:
+        digital_in, digital_out: one byte each. analog: nine values from 0 to 1023. stick: x and y from 0 to 1023.
+    """
+
+    ORDERS = frozenset({ENCODER, IO, GYRO, JOYSTICK, BATTERIES, TTY2, GETAUX, DIGOUT})
+
+    def __init__(self, body: Body, ticks_mm: int) -> None:
+        self._body = body
+        self._ticks_mm = ticks_mm
+        self.camera = Camera()
+        self.digital_in, self.digital_out = 0xFF, 0xFF
+        self.analog = [0] * 9
+        self.stick = (512, 512)
+        self._wanted: dict[int, int] = {}
+        self._aux_wanted = 0
+        self._makers: dict[int, Callable[[], bytes]] = {
+            ENCODER: self._encoders,
+            IO: self._io,
+            GYRO: self._gyro,
+            JOYSTICK: lambda: sips.joystick(False, False, *self.stick, 0),
+            BATTERIES: lambda: sips.batteries([self._charge()]),
+        }
+
+    def obey(self, order: Order) -> None:
+        """One of ORDERS."""
+        if order.number == TTY2:
+            self.camera.hear(order.text)
+        elif order.number == GETAUX:
+            self._aux_wanted = order.value
+            if not order.value:
+                self.camera.said = b""
+        elif order.number == DIGOUT:
+            mask, values = order.value >> 8 & 0xFF, order.value & 0xFF
+            self.digital_out = self.digital_out & ~mask | values & mask
+        else:
+            self._wanted[order.number] = order.value
+
+    def bodies(self) -> list[bytes]:
+        """What goes out behind this SIP."""
+        found = []
+        for number, make in self._makers.items():
+            wanted = self._wanted.get(number, 0)
+            if wanted:
+                found.append(make())
+                # The gyro only knows on and off.
+                if wanted == 1 and number != GYRO:
+                    self._wanted[number] = 0
+        if self._aux_wanted and len(self.camera.said) >= self._aux_wanted:
+            data, self.camera.said = self.camera.said[: self._aux_wanted], self.camera.said[self._aux_wanted :]
+            self._aux_wanted = 0
+            found.append(b"\xb0" + data)
+        return found
+
+    def forget(self) -> None:
+        """The connection is closed: nothing is wanted any more."""
+        self._wanted.clear()
+        self._aux_wanted = 0
+
+    def _charge(self) -> int:
+        return max(0, min(100, round((self._body.volts - 11.0) / 1.5 * 100)))
+
+    def _encoders(self) -> bytes:
+        ways = (self._body.left_way, self._body.right_way)
+        return sips.encoders(*(_signed32(round(way * 1000 * self._ticks_mm)) for way in ways))
+
+    def _io(self) -> bytes:
+        front = 0xFF & ~sum(1 << number + 1 for number in self._body.front)
+        rear = 0xFF & ~sum(1 << number + 1 for number in self._body.rear)
+        analog = [*self.analog[:8], min(1023, round(self._body.volts / 20 * 1023))]
+        return sips.inputs([self.digital_in, front, rear, 0xFF], [self.digital_out], analog)
+
+    def _gyro(self) -> bytes:
+        rate = round(512 - math.degrees(self._body.turning.speed) / GYRO_SCALE)
+        return sips.gyro([max(0, min(1023, rate))] * 4, 30)
+
+
+def _signed32(value: int) -> int:
+    return (value + 2**31) % 2**32 - 2**31

@@ -1,0 +1,32 @@
+"""All of a Pioneer in software: one body in one world, a controller on one line and a laser on another.
+
+    kit = P3dx()
+    kit.robot.feed(bytes.fromhex("FA FB 03 00 00 00"), 0.0)      # SYNC0
+
+The two lines may be served by two threads: a lock guards the body they share.
+"""
+
+from __future__ import annotations
+
+import threading
+
+from urbihw_fakes.p3dx.arcos import Arcos
+from urbihw_fakes.p3dx.body import Body
+from urbihw_fakes.p3dx.laser import SickLaser
+from urbihw_fakes.p3dx.sips import Settings
+from urbihw_fakes.p3dx.world import World
+
+
+class P3dx:
+    """A robot in a world (the room of ``World.room`` if none is given).
+
+    Attributes:
+        world, body: where it is and how it moves; robot, laser: the devices to serve.
+    """
+
+    def __init__(self, world: World | None = None, *, slip: float = 0.01, settings: Settings | None = None) -> None:
+        self.world = world if world is not None else World.room()
+        self.body = Body(self.world, slip)
+        self.lock = threading.RLock()
+        self.robot = Arcos(self.body, settings, self.lock)
+        self.laser = SickLaser(self.body, self.lock)

@@ -1,0 +1,132 @@
+"""A SICK LMS200 on a line of its own: 180 degrees, 181 readings, in mm.
+
+Before each answer comes one bare byte, 0x06 (understood) or 0x15 (not).  Scans take as long as the line needs for them:
+about 2.5 a second at 9600, 10 at 38400, 75 at 500000.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import threading
+
+from urbihw_fakes.device import Answer, Device
+from urbihw_fakes.p3dx.body import Body
+from urbihw_fakes.p3dx.codec import SickReader, sick_telegram
+from urbihw_fakes.p3dx.simlaser import scan
+
+ADDRESS = 0x80
+UNDERSTOOD, NOT_UNDERSTOOD = b"\x06", b"\x15"
+STATUS = 0x10
+BAUDS = {0x42: 9600, 0x41: 19200, 0x40: 38400, 0x48: 500000}
+RATES = {9600: 2.5, 19200: 5.0, 38400: 10.0, 500000: 75.0}
+TYPE_TEXT = b"LMS200;30106;V02.10"
+FARTHEST = 8.182
+NO_ECHO = 0x1FFF
+RESOLUTIONS = (25, 50, 100)
+
+
+class SickLaser(Device):
+    """The laser of ``body``; ``lock`` is held while the body is touched.
+
+    Attributes:
+        host_baud: the speed it listens to; scanning: it sends scans unasked; dirty: its window is polluted.
+    """
+
+    def __init__(self, body: Body, lock: threading.RLock | None = None) -> None:
+        super().__init__()
+        self.body = body
+        self.lock = lock if lock is not None else threading.RLock()
+        self.host_baud = 9600
+        self.powered = True
+        self.scanning = False
+        self.dirty = False
+        self.angle, self.resolution = 180, 100
+        self._reader = SickReader()
+        self._next = 0.0
+
+    def receive(self, data: bytes, now: float) -> list[Answer]:
+        """Take bytes; those at another speed are noise."""
+        if not self.powered or (self.baud is not None and self.baud != self.host_baud):
+            return []
+        answers: list[Answer] = []
+        for payload, good in self._reader.feed(data):
+            if not good:
+                answers += self._say(NOT_UNDERSTOOD, now)
+                continue
+            baud = self.host_baud
+            for part in self._obey(payload, now):
+                answers += self._say(UNDERSTOOD + sick_telegram(part + bytes([self._status()]), ADDRESS), now)
+            if baud != self.host_baud:
+                # The answer still leaves at the old speed.
+                self._reader = SickReader()
+        return answers
+
+    def due(self) -> float | None:
+        """When the next scan goes out."""
+        return self._next if self.scanning and self.powered else None
+
+    def tick(self, now: float) -> list[Answer]:
+        """A scan, if it is time for one."""
+        if not self.scanning or not self.powered or now < self._next:
+            return []
+        period = 1 / RATES[self.host_baud]
+        self._next = max(self._next + period, now + period / 2)
+        return self._say(sick_telegram(self._scan(now), ADDRESS), now)
+
+    def power_off(self, now: float, who: int | None = None) -> None:
+        """Dark; it forgets its speed."""
+        self.powered = self.scanning = False
+        self.host_baud = 9600
+
+    def power_on(self, now: float, who: int | None = None) -> None:
+        """On again, at 9600."""
+        self.powered = True
+
+    def _obey(self, payload: bytes, now: float) -> list[bytes]:
+        command = payload[:1]
+        if payload == b"\x20\x24":
+            self.scanning, self._next = True, now + 1 / RATES[self.host_baud]
+        elif payload == b"\x20\x25":
+            self.scanning = False
+        elif command == b"\x20" and len(payload) == 2 and payload[1] in BAUDS:
+            self.host_baud = BAUDS[payload[1]]
+        elif payload.startswith(b"\x20\x00"):
+            return [b"\xa0" + (b"\0" if payload[2:] == b"SICK_LMS" else b"\1")]
+        elif command == b"\x3b" and len(payload) == 5:
+            return [self._variant(*struct.unpack("<HH", payload[1:]))]
+        elif command == b"\x3a":
+            return [b"\xba" + TYPE_TEXT]
+        elif command == b"\x31":
+            return [b"\xb1" + bytes(152)]
+        elif payload == b"\x30\x01":
+            return [self._scan(now)[:-1]]
+        elif command == b"\x10":
+            self.power_off(now)
+            self.power_on(now)
+            return [b"\x90" + TYPE_TEXT]
+        else:
+            return [b"\x92"]
+        return [b"\xa0\0"]
+
+    def _variant(self, angle: int, resolution: int) -> bytes:
+        good = angle in (100, 180) and resolution in RESOLUTIONS and not (angle == 180 and resolution == 25)
+        if good:
+            self.angle, self.resolution = angle, resolution
+        return b"\xbb" + struct.pack("<BHH", good, self.angle, self.resolution)
+
+    def _scan(self, now: float) -> bytes:
+        half = math.radians(self.angle / 2)
+        with self.lock:
+            self.body.advance(now)
+            ranges = scan(self.body, -half, half, math.radians(self.resolution / 100), FARTHEST)
+        raw = [NO_ECHO if metres >= FARTHEST else round(metres * 1000) for metres in ranges]
+        data = b"\xb0" + struct.pack("<H", len(raw) | 0x4000) + struct.pack(f"<{len(raw)}H", *raw)
+        return data + bytes([self._status()])
+
+    def _status(self) -> int:
+        return STATUS | (0x80 if self.dirty else 0)
+
+    def _say(self, data: bytes, now: float) -> list[Answer]:
+        delay, data = self.faults.disturb(0, data)
+        return [Answer(now + delay + len(data) * self.byte_time, data)] if data else []

@@ -1,0 +1,54 @@
+"""The laser of MobileSim: switched on by commands 230 to 233, its scans come between the SIPs."""
+
+from __future__ import annotations
+
+import math
+
+from urbihw_fakes.p3dx import sips
+from urbihw_fakes.p3dx.body import Body
+from urbihw_fakes.p3dx.codec import Order
+
+LASER_X = 0.021
+FARTHEST = 32.0
+CYCLE = 0.1
+
+
+def scan(body: Body, first: float, last: float, step: float, farthest: float) -> list[float]:
+    """Distances in m from the laser's place, from ``first`` to ``last`` counterclockwise."""
+    x, y, heading = body.pose
+    lx, ly = x + LASER_X * math.cos(heading), y + LASER_X * math.sin(heading)
+    count = round((last - first) / step) + 1
+    ray = body.world.ray
+    return [ray(lx, ly, heading + first + index * step, farthest) for index in range(count)]
+
+
+class SimLaser:
+    """What MobileSim knows of its laser."""
+
+    ORDERS = frozenset({230, 231, 232, 233})
+
+    def __init__(self, body: Body) -> None:
+        self._body = body
+        self.mode = 0
+        self._first, self._last, self._step = -90, 90, 1
+
+    def obey(self, order: Order) -> None:
+        """One of ORDERS."""
+        if order.number == 230:
+            self.mode = order.value
+        elif order.number == 231:
+            self._first = order.value
+        elif order.number == 232:
+            self._last = order.value
+        elif order.value > 0:
+            self._step = order.value
+
+    def bodies(self) -> list[bytes]:
+        """The packets of one scan; none while it is off."""
+        if not self.mode:
+            return []
+        first, last, step = (math.radians(value) for value in (self._first, self._last, self._step))
+        ranges = [round(metres * 1000) for metres in scan(self._body, first, last, step, FARTHEST)]
+        x, y, heading = self._body.pose
+        pose = (round(x * 1000), round(y * 1000), round(math.degrees(heading)))
+        return sips.sim_scan(pose, ranges, long=self.mode == 2)

@@ -1,0 +1,86 @@
+"""How a Pioneer in software is reached: the arguments of `python -m urbihw_fakes p3dx`.
+
+    --pty [PATH]     the controller on a pseudo terminal, the laser on another one (PATH-laser)
+    --tcp PORT       the controller behind a TCP port, as MobileSim serves it on 8101; the laser behind the next one
+
+The url that is printed names both lines: `serial:///tmp/p3dx?laser=/tmp/p3dx-laser`.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+
+from urbihw_fakes.console import Command
+from urbihw_fakes.endpoint import PtyEndpoint, TcpEndpoint
+from urbihw_fakes.p3dx.arcos import DISTANCE_CONV, Arcos
+from urbihw_fakes.p3dx.body import BUMPERS
+from urbihw_fakes.p3dx.console import commands
+from urbihw_fakes.p3dx.kit import P3dx
+from urbihw_fakes.p3dx.laser import SickLaser
+from urbihw_fakes.p3dx.sips import Settings
+from urbihw_fakes.p3dx.world import World
+from urbihw_fakes.serving import Endpoint
+
+HELP = "a Pioneer 3-DX with a SICK laser in a small world of walls"
+
+
+class WithLaser(Endpoint):
+    """The controller's line, which knows of the laser's."""
+
+    laser_line: Endpoint
+
+    @property
+    def url(self) -> str:
+        """Both lines in one url."""
+        return f"{super().url}?laser={self.laser_line.url.removeprefix('serial://')}"  # type: ignore[safe-super]
+
+    def close(self) -> None:
+        """Let go of both."""
+        self.laser_line.close()
+        super().close()
+
+
+class TwoPtys(WithLaser, PtyEndpoint):
+    """Both lines on pseudo terminals; they follow the speed that the peer sets."""
+
+    def __init__(self, robot: Arcos, laser: SickLaser, path: str | None = None, *, follow_baud: bool = True) -> None:
+        super().__init__(robot, path, follow_baud=follow_baud)
+        self.laser_line = PtyEndpoint(laser, f"{self.path}-laser", follow_baud=follow_baud)
+        self.laser_line.start()
+
+
+class TwoPorts(WithLaser, TcpEndpoint):
+    """Both lines behind TCP ports; the laser's is the next one, or any free one if the first was to be free."""
+
+    def __init__(self, robot: Arcos, laser: SickLaser, port: int = 0) -> None:
+        super().__init__(robot, port)
+        self.laser_line = TcpEndpoint(laser, port + 1 if port else 0)
+        self.laser_line.start()
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """The arguments of this robot."""
+    where = parser.add_mutually_exclusive_group(required=True)
+    where.add_argument("--pty", nargs="?", const="", metavar="PATH", help="pseudo terminals: PATH, PATH-laser")
+    where.add_argument("--tcp", type=int, metavar="PORT", help="TCP ports of this machine; 0 takes free ones")
+    parser.add_argument("--world", metavar="MAP", help="walls from a map in ARIA's format (default: a room)")
+    parser.add_argument("--slip", type=float, default=0.01, help="share of the wheels' turning lost (%(default)s)")
+    parser.add_argument("--subclass", default="p3dx-sh", choices=sorted(DISTANCE_CONV), help="(%(default)s)")
+    parser.add_argument("--cycle", type=int, default=100, help="ms between SIPs (%(default)s)")
+    parser.add_argument("--any-baud", action="store_true", help="on pseudo terminals: hear every speed")
+
+
+def start(options: argparse.Namespace) -> tuple[Endpoint, Mapping[str, Command]]:
+    """The robot on its lines, and its words for the console."""
+    world = World.read(options.world) if options.world else World.room()
+    settings = Settings(
+        subclass=options.subclass, sip_cycle=options.cycle, front_bumps=BUMPERS, rear_bumps=BUMPERS
+    )
+    kit = P3dx(world, slip=options.slip, settings=settings)
+    line: TwoPtys | TwoPorts
+    if options.tcp is not None:
+        line = TwoPorts(kit.robot, kit.laser, options.tcp)
+    else:
+        line = TwoPtys(kit.robot, kit.laser, options.pty or None, follow_baud=not options.any_baud)
+    return line, commands(kit, line.clock, line.laser_line)

@@ -1,0 +1,105 @@
+"""`urbihw new-platform`: a skeleton that holds all contracts as it is, and refusals in one line."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from urbihw.cli.main import main
+
+ROOT = Path(__file__).resolve().parents[2]
+PARTS = ("urbihw/platforms", "fakes/urbihw_fakes", "tests/platforms")
+CONTRACTS = (
+    "contract", "declared_settings", "manifest", "motion_contract", "owed", "pages", "random_faults", "toy",
+)  # fmt: skip
+NAMES = ("toy", "ab", "zyxwvutsrqponmlk")
+
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    """A tree with the folders of a clone, and nothing in them but what makes them packages."""
+    for part in PARTS:
+        (tmp_path / part).mkdir(parents=True)
+    for package in ("urbihw", "urbihw/platforms", "fakes/urbihw_fakes"):
+        (tmp_path / package / "__init__.py").touch()
+    return tmp_path
+
+
+def files(tree: Path) -> list[Path]:
+    return [path for path in tree.rglob("*") if path.is_file()]
+
+
+def refused(tree: Path, name: str, capsys: Capture) -> str:
+    """What is said of a name that cannot be had; nothing is written."""
+    before = {path: path.read_bytes() for path in files(tree)}
+    assert main(("new-platform", name, "--folder", str(tree))) == 78
+    assert {path: path.read_bytes() for path in files(tree)} == before
+    (line,) = capsys.readouterr().err.splitlines()
+    return line.removeprefix("urbihw new-platform: ")
+
+
+@pytest.mark.parametrize("name", ["Toy", "2x", "my-toy", "../x", "a", "", "x" * 17, "gerät"])
+def test_what_is_no_name(tree: Path, name: str, capsys: Capture) -> None:
+    assert "cannot be a name" in refused(tree, name, capsys)
+
+
+@pytest.mark.parametrize("name", ["class", "at", "every", "list", "echo", "robot", "wheel", "clone"])
+def test_names_that_mean_something_else(tree: Path, name: str, capsys: Capture) -> None:
+    assert refused(tree, name, capsys).endswith("already: take another name")
+
+
+@pytest.mark.parametrize("taken", ["urbihw/platforms/toy/x", "fakes/urbihw_fakes/toy.py", "tests/platforms/toy_lab.py"])
+def test_nothing_is_overwritten(tree: Path, taken: str, capsys: Capture) -> None:
+    (tree / taken).parent.mkdir(exist_ok=True)
+    (tree / taken).write_text("mine")
+    assert "is there already" in refused(tree, "toy", capsys)
+
+
+def test_a_folder_that_is_no_clone(tmp_path: Path, capsys: Capture) -> None:
+    assert "has no folder urbihw/platforms" in refused(tmp_path, "toy", capsys)
+
+
+def test_a_tree_that_cannot_be_written(tree: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(path: Path, *_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "write_text", fail)
+    assert "cannot be written: Permission denied" in refused(tree, "toy", capsys)
+
+
+@pytest.fixture(scope="module")
+def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The sources, with platforms whose names are sorted and broken differently among the imports."""
+    folder = tmp_path_factory.mktemp("clone")
+    for part in ("urbihw", "fakes", "tests", "docs"):
+        shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
+    for file in ("pyproject.toml", "README.md"):
+        shutil.copy(ROOT / file, folder)
+    for name in NAMES:
+        assert main(("new-platform", name, "--folder", str(folder))) == 0
+    return folder
+
+
+def test_what_is_written_is_linted(clone: Path) -> None:
+    done = subprocess.run(
+        (sys.executable, "-m", "ruff", "check", "--no-cache", "."), cwd=clone, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stdout
+
+
+def test_the_skeleton_holds_every_contract_as_it_is(clone: Path) -> None:
+    paths = os.pathsep.join((str(clone), str(clone / "fakes")))
+    tests = [f"tests/platforms/test_{contract}.py" for contract in CONTRACTS]
+    done = subprocess.run(
+        (sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-k", "toy", *tests),
+        cwd=clone, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": paths, "URBIHW_SECONDS": "30"},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout[-4000:]
+    assert " passed" in done.stdout

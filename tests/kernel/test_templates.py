@@ -1,0 +1,128 @@
+"""Statements that differ in their literals only: the same answers as without templates, at a fraction of the price."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from urbihw.kernel import Kernel
+from urbihw.kernel.compiler import Unit, compile_node
+from urbihw.kernel.lobby import templates
+from urbihw.kernel.lobby.templates import TemplateUse, skeleton
+from urbihw.kernel.sched.clock import SimClock
+
+
+class Console:
+    """A kernel and one connection; ``with_templates`` is whether statements may share code."""
+
+    def __init__(self, with_templates: bool = True) -> None:
+        self.kernel = Kernel(SimClock())
+        self.lobby = self.kernel.open_lobby()
+        if not with_templates:
+            self.kernel.programs.read.use = lambda text: None  # type: ignore[method-assign]
+
+    def say(self, text: str) -> str:
+        """What is answered."""
+        self.lobby.feed(text.encode("latin-1"))
+        self.kernel.scheduler.run_simulated(self.kernel.clock.now() + 0.01)
+        return self.lobby.output.take().decode("latin-1")
+
+
+@pytest.mark.parametrize(("text", "bones", "literals"), [
+    ('o.f("a", 1.5e-3)|;', "o.f(\0, \0)|;\1sn", ['"a"', "1.5e-3"]),
+    ("a1.b2 = 3;", "a1.b2 = \0;\1n", ["3"]),
+    ("f(-5);", "f(-\0);\1n", ["5"]),
+    ("f(5.clone, 2s, 0x10, 7);", "f(5.clone, 2s, 0x10, \0);\1n", ["7"]),
+])
+def test_the_skeleton_of_a_statement(text: str, bones: str, literals: list[str]) -> None:
+    assert skeleton(text) == (bones, literals)
+
+
+@pytest.mark.parametrize("text", [
+    "f();", "{ 1 };", 'f("a\\n");', 'f("a)(1;', "f(1); // one", "f(1 /* one */);", "f('1');", "f(1" + " " * 300 + ");",
+])
+def test_what_is_too_intricate_has_none(text: str) -> None:
+    assert skeleton(text) is None
+
+
+SESSIONS = [
+    ["echo(1);", "echo(2);", "echo(2.5);", "echo(1e3);"],
+    ['"a" + 1;', '"b" + 2;', '"c" + 3;'],
+    ["var x1 = 1;", "var x2 = 2;", "var y = 3;", "var y = 4;", "var y = 5;", "y;"],
+    ["f(1);", "f(2, 3);", "f(4);", "f(5);", "1.foo(2);", "1.foo(3);", "1.foo(4444);"],
+    ['[1, "a", ["k" => 2]];', '[3, "bb", ["kk" => 4]];', '["", 5, [6]];', '[5, "", ["k" => 6]];'],
+    ["1 + 1;", "2 + 2;", "3 + 4 * 2;", "-5;", "-6;", "- 7;", "1 - -1;", "2 - -2;", "3 - -3;"],
+    ["5 == 5;", "5 == 6;", "7 == 7;", "true && 1;", "true && 2;", "true && 3;", "false || 4;"],
+    ["if (1) 2 else 3;", "if (0) 5 else 6;", "if (4) 5 else 6;", "if (0) 8 else 9;"],
+    ["for (3) echo(1);", "for (2) echo(4);", "for (0) echo(5);", "for (var i : 3) echo(i);",
+     "for (var i : 2) echo(i);"],
+    ["function lazy { call.args };", "lazy(1);", "lazy(2);", "lazy(3);", "lazy(44 + 5);", "lazy(6 + 7);",
+     "lazy(8 + 9);"],
+    ["var l = [1, 2, 3]|; l[0] = 5|; l[1] = 6|; l[2] = 7|; l;", "l[0];", "l[1];", "l[2];", "l[9];"],
+    ["2 / 0;", "3 / 0;", "4 / 0;", "[1][2];", "[1][33];", "[1][444];"],
+    ['throw "a";', 'throw "bb";', 'throw "ccc";', "eval(\"1\");", 'eval("2 + nothing");', 'eval("3 + nothing");'],
+    ["echo(1), echo(2), echo(3), echo(4),", "sleep(0.1), echo(5), sleep(0.2),"],
+    ["1s;", "2s;", "3s;", "1e400;", "2e400;", "3e400;", "1e38;", "1e39;", "1e40;"],
+    ['"a" "b";', '"c" "d";', '"e" "f";', "1 2;", "3 4;", "5 6;", "f(1;", "f(2;", ");", "f(3;",
+     ");"],
+    ["var o = Object.new|; var o.a = 1; o.a = 2; o.a = 3; o.a = 4; o.b = 1; o.b = 2; o.b = 3;"],
+    ["every (1s) echo(1),", "every (1s) echo(2),", "every (1s) echo(3),", "at (1 == 2) echo(3);",
+     "at (4 == 4) echo(5);"],
+    ["switch (1) { case 1: 2; };", "1.print(2);", "1.print(3);", 'x.getSlot("a");', 'x.getSlot("bcd");',
+     'x.getSlot("e");'],
+    ['o.p->rangemin = 1;', 'o.p->rangemin = 2;', "o.p->rangemin = 3;",
+     "1;2;3;4;\n5;\n6; 7; nope(8); nope(99);nope(100);"],
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("session", SESSIONS, ids=[session[0] for session in SESSIONS])
+def test_every_answer_is_what_it_was(session: list[str]) -> None:
+    """Also the positions in errors, of statements of one line and of those behind them."""
+    with_templates, without = Console(), Console(with_templates=False)
+    for text in [*session, " ".join(session)]:
+        assert with_templates.say(text) == without.say(text), text
+
+
+def test_the_third_statement_of_a_kind_is_neither_read_nor_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    console, compiled = Console(), []
+
+    def counting(*args: Any, **named: Any) -> Unit:
+        compiled.append(args)
+        return compile_node(*args, **named)
+
+    monkeypatch.setattr(templates, "compile_node", counting)
+    console.say('var o = Object.new|; function o.f(a, b) { echo(a + b) }|; o.f("x", 1); o.f("y", 2); o.f("z", 3);')
+    number = len(compiled)
+    assert console.say('o.f("it is ", 4.5);').endswith("*** it is 4.5\n")
+    assert len(compiled) == number
+    known = console.kernel.programs.read.get('o.f("k", 5);')
+    assert isinstance(known.node, TemplateUse)
+
+
+def test_a_function_that_becomes_lazy_is_called_so() -> None:
+    console = Console()
+    console.say("function f(x) { echo(x) }|; f(1); f(2); f(3);")
+    console.say('removeSlot("f")|; function f { echo(call.args[0].asString) }|;')
+    assert console.say("f(41);").endswith("*** 41\n")
+    assert console.say("f(42);").endswith("*** 42\n")
+
+
+def test_floods_of_data_leave_nothing_behind() -> None:
+    console = Console()
+    programs = console.kernel.programs
+    console.say("var x = 0|;")
+    before = len(programs.read)
+    for number in range(3000):
+        console.lobby.feed(f"x = {number}|;".encode())
+        console.kernel.scheduler.run_simulated(console.kernel.clock.now() + 0.001)
+    assert console.say("x;").endswith(" 2999\n")
+    assert len(programs.read) <= before + 3
+
+
+def test_what_is_remembered_is_bounded() -> None:
+    console = Console()
+    programs = console.kernel.programs
+    for number in range(templates.SIZE + 50):
+        console.say(f"var v{number} = [{number}]|; v{number}x.g(1)|; v{number}x.g(2)|;")
+    assert len(programs.read) <= templates.SIZE and len(programs.read._templates) <= templates.SIZE

@@ -1,0 +1,101 @@
+"""Write the skeleton of a new platform into a tree of the sources.
+
+A platform is a folder of ``urbihw/platforms``, a simulated robot in ``fakes``, and what the contract tests want of it.
+The skeleton is a robot with one wheel that passes them all; ``skeleton`` beside this module mirrors the tree.
+"""
+
+from __future__ import annotations
+
+import argparse
+import keyword
+import re
+import sys
+from itertools import groupby
+from pathlib import Path
+from string import Template
+from typing import Final
+
+from urbihw.cli.options import EX_CONFIG, Refused
+from urbihw.kernel import Kernel
+
+SKELETON: Final = Path(__file__).with_name("skeleton")
+SUFFIX: Final = ".tmpl"
+PLACEHOLDER: Final = "NAME"
+"""Stands in the paths of the skeleton for the name of the platform; in its files that is ``$name``, or ``$Name``."""
+RESERVED: Final = ("body", "robot", "wheel")
+"""Names of parts of the robot that the skeleton makes."""
+_NAME: Final = re.compile(r"[a-z][a-z0-9]{1,15}")
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """The options of ``urbihw new-platform``."""
+    parser.add_argument("name", metavar="NAME", help="of the platform, such as toy")
+    parser.add_argument("--folder", type=Path, metavar="DIR", help="the tree to write into (the one that runs)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the files, and say how to go on; 78 if that cannot be, and then nothing is written."""
+    try:
+        root = _tree(options.folder or Path(__file__).resolve().parents[2])
+        _check_name(options.name)
+        written = write_skeleton(options.name, root)
+    except Refused as refusal:
+        print(f"urbihw new-platform: {refusal}", file=sys.stderr)
+        return refusal.code
+    for path in written:
+        print(path.relative_to(root))
+    print(f"\nserve it: urbihw serve --platform {options.name} --fake")
+    print(f"test it:  python -m pytest tests/platforms -k {options.name}")
+    return 0
+
+
+def write_skeleton(name: str, root: Path) -> list[Path]:
+    """Write the files of a platform into a tree, and return their paths.  Raises Refused when one is there already."""
+    targets = {root / _target(path, name): path for path in sorted(SKELETON.rglob(f"*{SUFFIX}"))}
+    folders = {root / folder / name for folder in ("urbihw/platforms", "fakes/urbihw_fakes")}
+    for path in sorted(folders | {folder.with_suffix(".py") for folder in folders} | targets.keys()):
+        if path.exists():
+            raise Refused(f"{path} is there already: take another name, or remove it", EX_CONFIG)
+    try:
+        for target, source in targets.items():
+            text = Template(source.read_text("utf-8")).substitute(name=name, Name=name.capitalize())
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_text(_with_sorted_imports(text), "utf-8")
+    except OSError as error:
+        raise Refused(f"{error.filename} cannot be written: {error.strerror}", EX_CONFIG) from error
+    return list(targets)
+
+
+def _target(path: Path, name: str) -> str:
+    return path.relative_to(SKELETON).as_posix().removesuffix(SUFFIX).replace(PLACEHOLDER, name)
+
+
+def _with_sorted_imports(text: str) -> str:
+    """The text with each run of imports in order: where a module with the name of the platform stands depends on it."""
+    runs = groupby(text.splitlines(keepends=True), lambda line: line.startswith("from "))
+    return "".join(line for imports, lines in runs for line in (sorted(lines) if imports else lines))
+
+
+def _tree(folder: Path) -> Path:
+    """The root of a tree of the sources.  Raises Refused."""
+    for part in ("urbihw/platforms", "fakes/urbihw_fakes", "tests/platforms"):
+        if not (folder / part).is_dir():
+            raise Refused(f"{folder} has no folder {part}: name a clone of the sources with --folder", EX_CONFIG)
+    return folder.resolve()
+
+
+def _check_name(name: str) -> None:
+    """Raise Refused unless Python, urbiscript and its library leave this name free."""
+    if not _NAME.fullmatch(name):
+        raise Refused(f"{name!r} cannot be a name: take 2 to 16 letters a to z and digits, a letter first", EX_CONFIG)
+    if keyword.iskeyword(name) or name in RESERVED:
+        raise Refused(f"{name!r} means something else already: take another name", EX_CONFIG)
+    kernel = Kernel()
+    lobby = kernel.open_lobby()
+    names = ", ".join(f'Global.hasSlot("{each}")' for each in (name, name.capitalize()))
+    lobby.output.take()
+    kernel.feed(lobby, f"{{ var {name} = 0 | [{names}] }};".encode())
+    kernel.run()
+    kernel.close()
+    if b"[false, false]" not in lobby.output.take():
+        raise Refused(f"{name!r} is a word or a slot of urbiscript already: take another name", EX_CONFIG)

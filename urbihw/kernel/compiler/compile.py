@@ -1,0 +1,103 @@
+"""One top-level statement from its node to its unit."""
+
+from __future__ import annotations
+
+import ast as pyast
+import copy
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from functools import partial
+
+from urbihw.kernel import errors
+from urbihw.kernel.compiler.bind import bind
+from urbihw.kernel.compiler.codegen import write_unit
+from urbihw.kernel.compiler.pieces import code_of, cut
+from urbihw.kernel.compiler.unit import Unit
+from urbihw.kernel.syntax import ast
+from urbihw.kernel.syntax.binding import UNBOUND
+from urbihw.kernel.syntax.pace import Pace
+
+DEEPER = 7000
+"""Python calls that the compiler may nest on top of the usual limit."""
+
+
+def compile_node(
+    node: ast.Node,
+    lazy_names: Iterable[str] = (),
+    *,
+    late: Iterable[str] = (),
+    generic: bool = False,
+    keep_tree: bool = False,
+    pace: Pace | None = None,
+) -> Unit:
+    """Compile one top-level statement; with a ``pace`` what takes long goes by it, and long functions are cut.
+
+    ``lazy_names`` are the names known to belong to lazy functions; ``late`` are local variables reached through
+    ``FrameLocals`` (see ``late``); ``generic`` sends arithmetic as messages, because somebody redefined an operator of
+    Float.  Raises ``TooDeep``: beyond a thousand levels of expressions, or some hundreds of functions or loops;
+    ``TooLong``: what cannot be cut into pieces short enough, or captures too many variables.
+    """
+
+    compiled = partial(_compile, lazy_names=lazy_names, late=late, generic=generic, keep_tree=keep_tree, pace=pace)
+    try:
+        if late or node.bound is not UNBOUND:
+            # Another job may be compiling the statement that the node is a part of, and be waiting.
+            with _deep():
+                node = copy.deepcopy(node)
+        try:
+            return compiled(node, apart=False)
+        except (SyntaxError, errors.TooDeep):  # too many loops and the like inside each other
+            return compiled(node, apart=True)
+    except SyntaxError:
+        raise errors.TooDeep from None
+    except RecursionError:
+        if _depth() > sys.getrecursionlimit() // 2:  # it is the program that has gone deep, by ``eval``
+            raise
+        raise errors.TooDeep from None
+
+
+def _compile(
+    node: ast.Node,
+    *,
+    lazy_names: Iterable[str],
+    late: Iterable[str],
+    generic: bool,
+    keep_tree: bool,
+    pace: Pace | None,
+    apart: bool,
+) -> Unit:
+    """``compile_node``; with ``apart`` loops, tags and ``try`` deep inside others are functions of their own.
+
+    Raises SyntaxError for what Python cannot nest so deep.
+    """
+    steps = Pace() if pace is None else pace
+    with _deep():
+        binding = bind(node, lazy_names, late, apart, steps)
+        try:
+            function, writer = write_unit(node, binding, generic, steps)
+            binding.release(steps)
+        finally:
+            binding.release()
+    pieces = [] if pace is None else cut(function, pace)
+    tree = pyast.Module([function], []) if keep_tree else None
+    return Unit(code_of(function), writer.entries, writer.constants, writer.syntax, pieces, tree)
+
+
+@contextmanager
+def _deep() -> Iterator[None]:
+    """Let our own walks over the statement go deeper than programs may: they take no C stack."""
+    usual = sys.getrecursionlimit()
+    sys.setrecursionlimit(usual + DEEPER)
+    try:
+        yield
+    finally:
+        sys.setrecursionlimit(usual)
+
+
+def _depth() -> int:
+    """How many calls Python is in."""
+    depth, frame = 0, sys._getframe()
+    while frame.f_back is not None:
+        depth, frame = depth + 1, frame.f_back
+    return depth

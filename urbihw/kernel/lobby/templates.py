@@ -1,0 +1,244 @@
+"""Statements that differ only in their literals are read and compiled once: clients send data as text.
+
+``motor.getSlot("val").update_timed(5, 1000000)|;`` comes with other numbers a thousand times a second.  Its *skeleton*
+is the text without the numbers and strings.  When a skeleton is seen for the second time, a statement with stand-ins in
+the place of the literals is compiled, and it is remembered which constants of the generated code they became; from then
+on such a statement is the same code with other constants.
+
+The stand-ins must be found once each among the constants of the statement itself, so nothing is remembered of
+statements with functions, lazy arguments or whatever else keeps literals in another way; and the code made for the
+statement at hand must be the code that the compiler makes of it.  Positions in errors, and the syntax of a call that
+turns out to be lazy, are those of the statement as it was sent: it is compiled anew when somebody looks.
+"""
+
+from __future__ import annotations
+
+import dis
+import math
+import re
+from collections.abc import Callable, Iterator
+from functools import partial
+from types import CodeType
+from typing import TYPE_CHECKING, Any, Final, overload
+
+from urbihw.kernel.compiler import Unit, compile_node
+from urbihw.kernel.compiler.linemap import Entry
+from urbihw.kernel.compiler.unit import Syntax
+from urbihw.kernel.syntax.ast import Node
+from urbihw.kernel.syntax.reader import Statement, StatementCache, parse_program
+
+if TYPE_CHECKING:
+    from urbihw.kernel.runtime.world import World
+
+Literal = float | str
+Compile = Callable[[Node], Unit]
+"""Compiles a statement as the kernel's present state wants it."""
+
+SIZE: Final = 512
+"""How many statements are remembered, and how many skeletons: as many long ones hold 40 MB."""
+LONGEST: Final = 300
+"""Characters of the longest statement with a template: to make one takes two compilations in one go, 5 ms at most."""
+
+_LITERAL = re.compile(r'"[^"\\\n]*"|(?<![\w.])\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.])')
+_OTHER = re.compile(r"[{}\\\n\"'`]|//|/\*")
+"""What makes a text too intricate: functions, escapes, comments."""
+
+
+def skeleton(text: str) -> tuple[str, list[str]] | None:
+    """A text without its literals, and these as they stand there; None if it has none, or is too long or intricate."""
+    literals = _LITERAL.findall(text) if len(text) <= LONGEST else None
+    if not literals:
+        return None
+    parts = _LITERAL.split(text)
+    bones = "\0".join(parts)
+    if _OTHER.search(bones) or len(parts) != len(literals) + 1:
+        return None
+    return bones + "\1" + "".join(["s" if literal[0] == '"' else "n" for literal in literals]), literals
+
+
+def values_of(literals: list[str]) -> list[Literal] | None:
+    """What the literals mean; None if one of the numbers is too large to be one."""
+    values: list[Literal] = [each[1:-1] if each[0] == '"' else float(each) for each in literals]
+    return None if math.inf in values else values
+
+
+class Template:
+    """All statements of one skeleton.  ``usable`` is whether the code of one can be made from that of another."""
+
+    def __init__(self, bones: str, known: Any, size: int) -> None:
+        """``known`` is what the reader remembers of one of them, ``size`` its length."""
+        self.usable = True
+        self._bones, _, self._kinds = bones.partition("\1")
+        self._known = known._replace(node=None)
+        self._size = size
+        self._state: tuple[int, bool] | None = None
+        self._unit: Unit | None = None
+        self._places: list[int] = []
+
+    def known(self, use: TemplateUse, text: str) -> Any:
+        """What the reader is to know of another statement of the skeleton."""
+        return self._known._replace(node=use, end_column=self._known.end_column + len(text) - self._size)
+
+    def unit(self, world: World, text: str, values: list[Literal]) -> Unit:
+        """The compiled statement for these values; ``text`` is the statement as it was sent."""
+        state = (len(world.lazy_names), world.generic_floats)
+        if state != self._state:
+            self._state = state
+            self._compile: Compile = partial(
+                compile_node, lazy_names=frozenset(world.lazy_names), generic=world.generic_floats
+            )
+            self._unit = self._template(text, values)
+            self.usable = self._unit is not None
+        return self._compile(_node(text)) if self._unit is None else self._made(self._unit, text, values)
+
+    def _made(self, unit: Unit, text: str, values: list[Literal]) -> Unit:
+        constants = list(unit.code.co_consts)
+        for place, value in zip(self._places, values, strict=True):
+            constants[place] = value
+        real = _Real(text, self._compile)
+        return Unit(unit.code.replace(co_consts=tuple(constants)), _Entries(real), [], _Syntax(real), [])
+
+    def _template(self, text: str, values: list[Literal]) -> Unit | None:
+        """The statement with stand-ins, compiled; None if its code cannot be made that of the statement at hand."""
+        stand_ins: list[Literal] = [
+            f"stand-in {index}" if kind == "s" else 8.1e12 + index + 0.5 for index, kind in enumerate(self._kinds)
+        ]
+        literals = [f'"{each}"' if isinstance(each, str) else repr(each) for each in stand_ins] + [""]
+        parts = self._bones.split("\0")
+        unit = self._compile(_node("".join(part + literal for part, literal in zip(parts, literals, strict=True))))
+        known = unit.code.co_consts
+        apart = all(known.count(each) == 1 for each in stand_ins)
+        if unit.constants or unit.pieces or not apart or any(isinstance(each, CodeType) for each in known):
+            return None
+        self._places = [known.index(each) for each in stand_ins]
+        made, meant = self._made(unit, text, values).code, self._compile(_node(text)).code
+        return unit if _instructions(made) == _instructions(meant) else None
+
+
+def _node(text: str) -> Node:
+    """The syntax of a statement that was read before."""
+    (statement,) = parse_program(text)
+    assert isinstance(statement, Statement)
+    return statement.node
+
+
+def _instructions(code: CodeType) -> list[tuple[str, Any, int | None]]:
+    """What code does, whatever the order of its constants; the last is the line, an index of entries."""
+    return [(each.opname, each.argval, each.positions and each.positions.lineno) for each in dis.get_instructions(code)]
+
+
+class _Real:
+    """The statement as it was sent, compiled when somebody looks."""
+
+    __slots__ = ("_compile", "_text", "_unit")
+
+    def __init__(self, text: str, compile_: Compile) -> None:
+        self._text = text
+        self._compile = compile_
+        self._unit: Unit | None = None
+
+    def get(self) -> Unit:
+        """Its unit."""
+        if self._unit is None:
+            self._unit = self._compile(_node(self._text))
+        return self._unit
+
+
+class _Entries(list[Entry]):
+    """The places in the source."""
+
+    __slots__ = ("_real",)
+
+    def __init__(self, real: _Real) -> None:
+        super().__init__()
+        self._real = real
+
+    def __len__(self) -> int:
+        return len(self._real.get().entries)
+
+    def __iter__(self) -> Iterator[Entry]:
+        return iter(self._real.get().entries)
+
+    @overload  # type: ignore[override]
+    def __getitem__(self, index: int) -> Entry: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[Entry]: ...
+
+    def __getitem__(self, index: int | slice) -> Entry | list[Entry]:
+        return self._real.get().entries[index]
+
+
+class _Syntax(Syntax):
+    """The syntax of calls that turn out to be lazy."""
+
+    __slots__ = ("_real",)
+
+    def __init__(self, real: _Real) -> None:
+        super().__init__()
+        self._real = real
+
+    def __getitem__(self, index: int) -> Any:
+        return self._real.get().syntax[index]
+
+    @property
+    def late(self) -> Any:
+        """The ``LateSites`` of the unit."""
+        return self._real.get().syntax.late
+
+
+class TemplateUse(Node):
+    """Stands for the syntax of a statement that was not read because its template is known."""
+
+    __slots__ = ("template", "values")
+
+    def __init__(self, template: Template, values: list[Literal]) -> None:
+        super().__init__()
+        self.template = template
+        self.values = values
+
+
+class TemplateCache(StatementCache):
+    """The statements read lately, and the templates of those that come with other literals each time."""
+
+    def __init__(self, size: int = SIZE) -> None:
+        super().__init__(size)
+        self._templates: dict[str, Template | None] = {}
+
+    def get(self, text: str) -> Any:
+        """What is known of a text."""
+        known = super().get(text)
+        if known is None:
+            use = self.use(text)
+            return None if use is None else use.template.known(use, text)
+        return known
+
+    def put(self, text: str, known: Any) -> None:
+        """Remember a statement; at the second of its skeleton, the template instead."""
+        found = skeleton(text) if known.lines == 0 else None
+        if found is not None:
+            bones = found[0]
+            if bones not in self._templates:
+                if len(self._templates) >= self.size:
+                    del self._templates[next(iter(self._templates))]
+                self._templates[bones] = None
+            else:
+                template = self._templates[bones]
+                if template is None:
+                    template = self._templates[bones] = Template(bones, known, len(text))
+                if template.usable:
+                    return
+        super().put(text, known)
+
+    def use(self, text: str) -> TemplateUse | None:
+        """The template of a text with its values, None if there is none."""
+        found = skeleton(text)
+        if found is None:
+            return None
+        bones, literals = found
+        template = self._templates.get(bones)
+        values = None if template is None or not template.usable else values_of(literals)
+        if template is None or values is None:
+            return None
+        self._templates[bones] = self._templates.pop(bones)
+        return TemplateUse(template, values)

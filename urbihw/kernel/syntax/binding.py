@@ -1,0 +1,141 @@
+"""What the compiler finds out about a node and keeps on it while it compiles: variables, functions, jobs.
+
+The slot ``bound`` of every node has ``UNBOUND`` outside of a compilation.  ``compiler.bind`` puts a ``Bound`` of its
+own on each node that it has something to say about; when the statement is written, all of them are taken off again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from urbihw.kernel import errors
+
+MOST_FRAMES = 250
+"""How deep functions may nest; the time that Python takes to compile them grows with the square of it."""
+
+
+class Local:
+    """One local variable."""
+
+    __slots__ = ("assigned", "captured", "const", "fresh", "frame", "late", "maybe_void", "name", "python")
+
+    def __init__(self, name: str, python: str, frame: Frame, fresh: bool) -> None:
+        self.name = name
+        self.python = python
+        self.frame = frame
+        self.fresh = fresh
+        self.captured = False
+        self.assigned = False
+        self.maybe_void = False
+        self.late = False
+        self.const = False
+
+    @property
+    def boxed(self) -> bool:
+        """Whether it lives in a Box."""
+        return self.captured and self.assigned
+
+
+class Frame:
+    """One Python function to be; ``literal`` if it is a function of the program, not a part that runs apart.
+
+    ``this`` is its own ``this``, None if it has that of the frame around it; ``call`` is the call message of a literal;
+    ``params`` are the variables that it receives; ``scope_tag`` is the tag of its outermost scope, if that is used.
+    """
+
+    __slots__ = (
+        "call", "counter", "depth", "free", "literal", "loops", "params", "parent", "returns_through", "scope_tag",
+        "this", "uses_call",
+    )  # fmt: skip
+
+    def __init__(self, parent: Frame | None, literal: bool = False) -> None:
+        """Raises TooDeep."""
+        self.parent = parent
+        self.depth: int = 0 if parent is None else parent.depth + 1
+        if self.depth > MOST_FRAMES:
+            raise errors.TooDeep
+        self.literal = literal
+        self.free: dict[Local, None] = {}
+        self.loops = 0
+        self.counter: dict[str, int] = {} if parent is None else parent.counter
+        self.uses_call = False
+        self.returns_through = False
+        self.this: Local | None = None
+        self.call: Local | None = None
+        self.params: list[Local] = []
+        self.scope_tag: Local | None = None
+
+    def unique(self, name: str) -> str:
+        """A Python name for an urbiscript one, unique in the whole statement."""
+        clean = name if name.isidentifier() and name.isascii() else _identifier(name)
+        count = self.counter.get(clean, 0)
+        self.counter[clean] = count + 1
+        return f"{clean}_{count}" if count else f"{clean}_"
+
+
+def _identifier(name: str) -> str:
+    return "".join(c if c.isalnum() and c.isascii() else "_" for c in name)
+
+
+Names = dict[str, tuple[str, bool]]
+"""Urbiscript names of locals, their Python names, and whether they live in a Box."""
+
+
+class Known(NamedTuple):
+    """The locals that some arguments name: themselves, and the calls among them."""
+
+    own: Names
+    inner: tuple[Known, ...]
+
+    def all(self) -> Names:
+        """All of them."""
+        found: Names = {}
+        todo = [self]
+        while todo:
+            each = todo.pop()
+            found.update(each.own)
+            todo.extend(each.inner)
+        return found
+
+
+class Bound:
+    """What is known of one node in the statement being compiled."""
+
+    __slots__ = (
+        "apart", "detaches", "frame", "function", "known", "local", "names", "piece", "scope_tag", "this",
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        self.local: Local | None = None
+        """The variable that the node names or declares; None for a slot."""
+        self.this: Local | None = None
+        """``this`` as the node sees it, if it needs it."""
+        self.frame: Frame | None = None
+        """The Python function whose body the node is."""
+        self.function: Frame | None = None
+        """Of a function literal: the Python function that it becomes."""
+        self.names: list[Local | None] = []
+        """Of a pattern: what it declares, in the order of the text; None for a slot of this."""
+        self.scope_tag: Local | None = None
+        """Of a scope: its tag, if that is used."""
+        self.apart = False
+        """Whether the node is a function of its own because it is too deep inside others."""
+        self.detaches = False
+        """Of the body of a loop: whether it makes jobs which go on by themselves, under the tags of their maker."""
+        self.piece: str | None = None
+        """Of an operation of a very long sum: the variable that holds it, empty if it is in that of another."""
+        self.known: Known | None = None
+        """Of a call: the locals that its arguments name."""
+
+    def __reduce__(self) -> tuple[Callable[[], Bound], tuple[()]]:
+        """Copies of nodes, and nodes on the disk, are not bound."""
+        return _unbound, ()
+
+
+def _unbound() -> Bound:
+    return UNBOUND
+
+
+UNBOUND = Bound()
+"""What an unbound node has; it is never written to."""

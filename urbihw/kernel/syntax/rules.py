@@ -1,0 +1,44 @@
+"""How the functions that make nodes are found: by the names that the grammar gives to its rules."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from urbihw.kernel.syntax.location import Span
+
+Action = Callable[..., Any]
+F = TypeVar("F", bound=Action)
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Something to say about a stretch of the statement; a warning does not keep it from running."""
+
+    message: str
+    span: Span
+    warning: bool = False
+
+
+Problems = list[Problem]
+
+
+class RuleSet:
+    """The functions of one module by the names of their rules."""
+
+    def __init__(self) -> None:
+        self.makers: dict[str, Action] = {}
+        """Functions of the span of the rule and the values of its symbols."""
+        self.reporters: dict[str, Action] = {}
+        """The same with a list of problems in front, to which they add what is wrong."""
+
+    def rule(self, make: F) -> F:
+        """The decorator of a function that makes the value of the rule of its name."""
+        self.makers[make.__name__] = make
+        return make
+
+    def reporting_rule(self, make: F) -> F:
+        """The decorator of one that may find something wrong."""
+        self.reporters[make.__name__] = make
+        return make

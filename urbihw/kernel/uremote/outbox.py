@@ -1,0 +1,130 @@
+"""What a remote says, in order: text or frames, gathered per round; values of variables may wait for a slow link."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from urbihw.kernel.uremote.frames import SIZES, Emit, Frame, Program, Result, TooLong, Update, encode
+from urbihw.kernel.uremote.remote import literal, quoted
+
+log = logging.getLogger("urbihw.remote")
+
+Part = bytes | memoryview
+
+
+class Outbox:
+    """The way out; nothing is kept while it is closed, because a new connection begins with telling everything.
+
+    While ``congested()``, only the latest value of each variable is kept, and sent when ``drained``.
+    """
+
+    def __init__(self, write: Callable[[list[Part]], None]) -> None:
+        self._write = write
+        self._parts: list[Part] = []
+        self._frames = False
+        self._open = False
+        self._late: dict[str, tuple[Callable[[], Any], int]] = {}
+        self.congested: Callable[[], bool] = lambda: False
+
+    def reset(self) -> None:
+        """A new connection: it begins in text mode."""
+        self._open, self._frames = True, False
+        self._parts.clear()
+        self._late.clear()
+
+    def close(self) -> None:
+        """The connection is gone."""
+        self._open = False
+        self._parts.clear()
+        self._late.clear()
+
+    def binary(self, on: bool) -> None:
+        """The server expects frames from now on."""
+        if on:
+            self.flush()
+            self._frames = True
+            self._parts.append(SIZES)
+
+    def flush(self) -> None:
+        """Send what was gathered."""
+        if self._late and not self.congested():
+            late, self._late = self._late, {}
+            for name, (value, stamp) in late.items():
+                self.update(name, value, stamp)
+        if self._parts:
+            parts, self._parts = self._parts, []
+            self._write(parts)
+
+    # ---------------------------------------------------------------- saying
+
+    def say(self, statement: str) -> None:
+        """One statement, silently."""
+        self._text(f"{statement}|;\n")
+
+    def background(self, statement: str) -> None:
+        """One statement that does not keep others waiting."""
+        self._text(f"{statement},\n")
+
+    def chain(self, statements: Iterable[str]) -> None:
+        """Statements that are run as one."""
+        text = "|".join(statements)
+        if text:
+            self.say(text)
+
+    def answer(self, ticket: str, value: Any) -> None:
+        """The result of a call."""
+        if self._frames:
+            self._frame(Result(ticket, value))
+        elif value is None:
+            self.say(f"Global.UObject.funCall({quoted(ticket)})")
+        else:
+            self._put(b"Global.UObject.funCall(" + quoted(ticket).encode() + b", " + literal(value) + b"),\n")
+
+    def emit(self, name: str, payload: list[Any]) -> None:
+        """An emission."""
+        if self._frames:
+            self._frame(Emit(name, payload))
+        else:
+            values = b", ".join(literal(value) for value in payload)
+            self._put(name.encode() + b"!(" + values + b")|;\n")
+
+    def update(
+        self, name: str, value: Callable[[], Any], stamp: int, other: Callable[[Update], bool] | None = None
+    ) -> None:
+        """The value of a variable, by an ``other`` way if that takes it; void is not told."""
+        if other is not None and self._open and other(Update(name, value(), stamp)):
+            return
+        if self.congested():
+            self._late[name] = (value, stamp)
+            return
+        made = value()
+        if made is None:
+            return
+        try:
+            if self._frames:
+                self._frame(Update(name, made, stamp))
+            else:
+                path, _, slot = name.rpartition(".")
+                head = f'{path}.getSlot("{slot}").update_timed('.encode()
+                self._put(head + literal(made) + f", {stamp})|;\n".encode())
+        except (TooLong, TypeError) as error:
+            log.error("value of %s not sent: %s", name, error)
+
+    def _text(self, text: str) -> None:
+        if not self._frames:
+            self._put(text.encode("latin-1", "replace"))
+            return
+        try:
+            self._frame(Program(text))
+        except TooLong as error:
+            log.error("statement not sent: %s: %.60s", error, text)
+
+    def _frame(self, frame: Frame) -> None:
+        if self._open:
+            self._parts += encode(frame)
+
+    def _put(self, part: bytes) -> None:
+        if self._open:
+            self._parts.append(part)

@@ -1,0 +1,181 @@
+"""Values of variables by RTP: packets that may be lost, and never keep anybody waiting.
+
+A packet is an RTP header (RFC 3550, section 5.1: version 2, a sequence number, a time stamp of 90 kHz, the number of
+the source), the secret of the link, and a piece of a message: the number of its stream, the number of the message, the
+place of the piece, the size of the whole.  A message is one ``Update`` frame (see ``frames``).  Each variable with
+binary values has a stream of its own, all others share one (manual, section 3.15.2).  A message of which a piece is
+missing when a later one of its stream begins is dropped; what comes late or twice is dropped too.
+
+The secret and the numbers of both sources are agreed on the connection; packets with others are counted and dropped.
+All messages that are being put together have at most ``LIMIT`` bytes, of what has come and not of what was announced.
+
+The payload is ours: the original's RTP module is not spoken.
+"""
+
+from __future__ import annotations
+
+import secrets
+import struct
+import zlib
+from collections.abc import Iterator
+
+from urbihw.kernel.uobject.binary import UBinary
+from urbihw.kernel.uremote.frames import LIMIT, SIZES, BadFrame, Decoder, TooLong, Update, encode, members_of
+
+HEADER = struct.Struct(">BBHII")
+PIECE = struct.Struct(">8sIIII")
+HEAD_SIZE = HEADER.size + PIECE.size
+VERSION, PAYLOAD_TYPE = 0x80, 96
+SECRET_SIZE = 8
+SHARED = 1
+"""The stream of all that is not binary."""
+MOST_STREAMS = 256
+MOST_VALUES = 4096
+"""The most values in the lists of a message: it is read in one go, a few milliseconds; what has more does not go by
+RTP."""
+SMALL, LARGE = 1200, 32000
+"""Bytes of a message in a packet: what passes every network whole, and what the machine's own loopback takes."""
+
+
+class Sender:
+    """Messages to packets.  ``secret`` and ``source`` are known to both sides, ``size`` is that of a piece."""
+
+    def __init__(self, secret: bytes, source: int, size: int = SMALL) -> None:
+        self._secret = secret
+        self._source = source
+        self._size = size
+        self._packets = 0
+        self._messages = 0
+
+    def packets(self, update: Update, now: float) -> list[bytes]:
+        """The packets of a value; raises TooLong and TypeError as ``encode`` does."""
+        if members_of(update.value) > MOST_VALUES:
+            raise TooLong(f"a value with more than {MOST_VALUES} members")
+        data = b"".join(encode(update))
+        if len(data) > LIMIT:
+            raise TooLong(f"a value of {len(data)} bytes")
+        stream = stream_of(update)
+        self._messages = (self._messages + 1) & 0xFFFFFFFF
+        time = int(now * 90000) & 0xFFFFFFFF
+        made = []
+        for at in range(0, len(data), self._size):
+            last = at + self._size >= len(data)
+            self._packets = (self._packets + 1) & 0xFFFF
+            head = HEADER.pack(VERSION, PAYLOAD_TYPE | (0x80 if last else 0), self._packets, time, self._source)
+            piece = PIECE.pack(self._secret, stream, self._messages, at, len(data))
+            made.append(head + piece + data[at : at + self._size])
+        return made
+
+
+def stream_of(update: Update) -> int:
+    """The number of the stream of a value."""
+    if not isinstance(update.value, UBinary):
+        return SHARED
+    return zlib.crc32(update.name.encode("utf-8")) | 2
+
+
+class _Stream:
+    """The message that is being put together."""
+
+    __slots__ = ("message", "missing", "pieces", "size")
+
+    def __init__(self) -> None:
+        self.message = -1
+        self.size = 0
+        self.missing = 0
+        self.pieces: dict[int, bytes] = {}
+
+    def begin(self, message: int, size: int) -> int:
+        """A new message; how many bytes of the former one are dropped."""
+        dropped = self.size - self.missing if self.pieces else 0
+        self.message, self.size, self.missing = message, size, size
+        self.pieces = {}
+        return dropped
+
+    def whole(self) -> bytes:
+        """The message, of which all bytes are there; empty if its pieces do not fit together."""
+        at, parts = 0, []
+        for place, piece in sorted(self.pieces.items()):
+            if place != at:
+                return b""
+            parts.append(piece)
+            at += len(piece)
+        return b"".join(parts)
+
+
+class Receiver:
+    """Packets to values.
+
+    Attributes:
+        lost: how many messages there were of which something did not arrive.
+        refused: how many packets there were that are none of the link.
+    """
+
+    def __init__(self, secret: bytes, source: int) -> None:
+        self._secret = secret
+        self._source = source
+        self._streams: dict[int, _Stream] = {}
+        self._held = 0
+        self.lost = 0
+        self.refused = 0
+
+    def feed(self, packet: bytes) -> Iterator[Update]:
+        """The values that a packet completes; what is no packet of this link is counted and left out."""
+        if len(packet) <= HEAD_SIZE or packet[0] != VERSION or packet[1] & 0x7F != PAYLOAD_TYPE:
+            self.refused += 1
+            return
+        source = HEADER.unpack_from(packet)[4]
+        secret, number, message, at, size = PIECE.unpack_from(packet, HEADER.size)
+        piece = packet[HEAD_SIZE:]
+        end = at + len(piece)
+        # But for the last, pieces are never small, or a message might have millions of them.
+        fits = end == size or (end < size and len(piece) >= SMALL)
+        known = secrets.compare_digest(secret, self._secret) and source == self._source
+        if not known or size > LIMIT or not fits:
+            self.refused += 1
+            return
+        stream = self._streams.get(number)
+        if stream is None:
+            if len(self._streams) >= MOST_STREAMS:
+                self.refused += 1
+                return
+            stream = self._streams[number] = _Stream()
+        if message != stream.message:
+            if not _later(message, stream.message):
+                return
+            self.lost += stream.missing > 0
+            self._held -= stream.begin(message, size)
+        if size != stream.size or at in stream.pieces or len(piece) > stream.missing:
+            return
+        stream.pieces[at] = piece
+        stream.missing -= len(piece)
+        self._held += len(piece)
+        if stream.missing == 0:
+            content = stream.whole()
+            self._held -= stream.size
+            stream.pieces = {}
+            yield from _decoded(content)
+        elif self._held > LIMIT:
+            self._drop_others(stream)
+
+    def _drop_others(self, kept: _Stream) -> None:
+        """Too much waits for what is missing: all streams but one begin anew with their next messages."""
+        for stream in self._streams.values():
+            if stream.pieces and stream is not kept:
+                self.lost += 1
+                stream.pieces, stream.missing = {}, 0
+        self._held = kept.size - kept.missing
+
+
+def _later(message: int, than: int) -> bool:
+    """Whether a message number comes after another, going round at 32 bits."""
+    return than < 0 or 0 < (message - than) & 0xFFFFFFFF < 0x80000000
+
+
+def _decoded(content: bytes) -> Iterator[Update]:
+    try:
+        for frame in Decoder(most=MOST_VALUES).feed(SIZES + content):
+            if isinstance(frame, Update):
+                yield frame
+    except BadFrame:
+        return

@@ -1,0 +1,217 @@
+"""Maps from files: ARIA's ``.map`` and the PGM or PNG pictures with a YAML file of ROS's map_server.
+
+ARIA's format (``ArMap.cpp``): lines of words; mm and degrees; walls behind ``LINES``, points behind ``DATA``, places as
+``Cairn: RobotHome x y heading ...``.  map_server's: ``image``, ``resolution``, ``origin: [x, y, yaw]``, ``negate``,
+``occupied_thresh``, ``free_thresh``; dark is occupied.  Beyond map_server's keys, ``home: [x, y, heading]`` is
+understood.  A YAML file of map_server is a flat list of keys; only that much of YAML is read.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, Protocol
+
+from urbihw.navigation.frames import ORIGIN, Pose
+
+LARGEST_FILE: Final = 64 * 1024 * 1024
+MOST_LINES: Final = 2_000_000
+
+Segment = tuple[float, float, float, float]
+Bounds = tuple[float, float, float, float]
+
+
+class BadMap(Exception):
+    """A map that cannot be used; the message names the file and what is wrong."""
+
+
+class Walls(Protocol):
+    """Takes in what is in the way."""
+
+    def block_line(self, x1: float, y1: float, x2: float, y2: float) -> None:
+        """A wall from one point to another, m."""
+        ...
+
+    def block_box(self, left: float, bottom: float, right: float, top: float) -> None:
+        """All within a box, m."""
+        ...
+
+
+@dataclass(frozen=True)
+class Map:
+    """A map: what is in the way, in m.
+
+    Attributes:
+        bounds: left, bottom, right, top.
+        home: where the robot starts, None if the map does not say.
+        goals: named places.
+        lines, boxes: walls and blocks that are occupied or forbidden.
+        fine: m below which a grid shows nothing more (the size of a pixel), 0 if there is no such.
+    """
+
+    bounds: Bounds
+    home: Pose | None = None
+    goals: dict[str, Pose] = field(default_factory=dict)
+    lines: tuple[Segment, ...] = ()
+    boxes: tuple[Bounds, ...] = ()
+    fine: float = 0.0
+
+    def draw(self, walls: Walls) -> None:
+        """Tell everything that is in the way."""
+        for line in self.lines:
+            walls.block_line(*line)
+        for box in self.boxes:
+            walls.block_box(*box)
+
+
+def read(path: str) -> Map:
+    """The map in a file.  Raises BadMap."""
+    file = Path(path)
+    reader = _READERS.get(file.suffix.lower())
+    if reader is None:
+        raise BadMap(f"{path}: maps end in {', '.join(sorted(_READERS))}")
+    try:
+        if file.stat().st_size > LARGEST_FILE:
+            raise BadMap(f"{path}: larger than {LARGEST_FILE >> 20} MB, which is no map")
+        text = file.read_text("latin-1")
+    except OSError as error:
+        raise BadMap(f"{path}: cannot be read: {error.strerror}") from error
+    try:
+        return reader(text, file)
+    except (ValueError, IndexError, OverflowError) as error:
+        raise BadMap(f"{path}: {error}") from error
+
+
+# --- ARIA ------------------------------------------------------------------------------------------------------------
+
+
+class _AriaReader:
+    """Goes through the lines of a map."""
+
+    def __init__(self) -> None:
+        self.home: Pose | None = None
+        self.goals: dict[str, Pose] = {}
+        self.lines: list[Segment] = []
+        self.boxes: list[Bounds] = []
+        self.points: list[tuple[float, float]] = []
+
+    def cairn(self, line: str) -> None:
+        kind, *numbers = line.split()[1:5]
+        pose = (float(numbers[0]) / 1000, float(numbers[1]) / 1000, math.radians(float(numbers[2])))
+        quoted = line.split('"')
+        name = quoted[3] if len(quoted) > 3 else ""
+        corners = [float(word) / 1000 for word in quoted[4].split()] if len(quoted) > 4 else []
+        if kind in ("RobotHome", "Dock") and self.home is None:
+            self.home = pose
+        elif kind in ("Goal", "GoalWithHeading"):
+            self.goals[name] = pose
+        elif kind.startswith("Forbidden") and len(corners) == 4:
+            self.forbid(kind, pose[2], corners)
+
+    def forbid(self, kind: str, turned: float, corners: list[float]) -> None:
+        """A line or an area; the corners of an area are those of a box in a frame that is turned."""
+        x1, y1, x2, y2 = corners
+        c, s = math.cos(turned), math.sin(turned)
+
+        def at(x: float, y: float) -> tuple[float, float]:
+            return c * x - s * y, s * x + c * y
+
+        if kind == "ForbiddenLine":
+            self.lines.append((x1, y1, x2, y2))
+            return
+        ring = [at(x1, y1), at(x2, y1), at(x2, y2), at(x1, y2)]
+        self.lines += [(*a, *b) for a, b in zip(ring, [*ring[1:], ring[0]], strict=True)]
+
+    def done(self) -> Map:
+        self.boxes += [(x, y, x, y) for x, y in self.points]
+        xs = [x for line in self.lines for x in line[::2]] + [x for x, _ in self.points]
+        ys = [y for line in self.lines for y in line[1::2]] + [y for _, y in self.points]
+        if not xs:
+            raise ValueError("it has neither lines nor points")
+        if not all(map(math.isfinite, xs + ys)):
+            raise ValueError("a coordinate is no finite number")
+        bounds = (min(xs), min(ys), max(xs), max(ys))
+        return Map(bounds, self.home, self.goals, tuple(self.lines), tuple(self.boxes))
+
+
+def _aria(text: str, file: Path) -> Map:
+    rows = text.splitlines()
+    if not rows or not rows[0].startswith("2D-Map"):
+        raise ValueError("a map of ARIA begins with 2D-Map")
+    if len(rows) > MOST_LINES:
+        raise ValueError(f"more than {MOST_LINES} lines")
+    reader = _AriaReader()
+    section = ""
+    for number, row in enumerate(rows[1:], 2):
+        words = row.split()
+        try:
+            if row.startswith("Cairn:"):
+                reader.cairn(row)
+            elif words[:1] in (["LINES"], ["DATA"]):
+                section = words[0]
+            elif not words or words[0].endswith(":"):
+                continue
+            elif section == "LINES":
+                x1, y1, x2, y2 = (float(word) / 1000 for word in words)
+                reader.lines.append((x1, y1, x2, y2))
+            elif section == "DATA":
+                x, y = (float(word) / 1000 for word in words)
+                reader.points.append((x, y))
+        except (ValueError, IndexError):
+            raise ValueError(f"line {number} cannot be understood: {row[:60]!r}") from None
+    return reader.done()
+
+
+# --- map_server ------------------------------------------------------------------------------------------------------
+
+_KEYS: Final = {"resolution": 0.05, "negate": 0.0, "occupied_thresh": 0.65, "free_thresh": 0.196}
+
+
+def _numbers(text: str, key: str) -> Pose:
+    parts = text.strip().removeprefix("[").removesuffix("]").split(",")
+    try:
+        x, y, heading = (float(part) for part in parts)
+    except ValueError:
+        raise ValueError(f"{key} must be [x, y, heading], not {text!r}") from None
+    return x, y, heading
+
+
+def _ros(text: str, file: Path) -> Map:
+    table = {}
+    for row in text.splitlines():
+        key, colon, value = row.partition("#")[0].partition(":")
+        if colon:
+            table[key.strip()] = value.strip().strip("'\"")
+    if "image" not in table:
+        raise ValueError("a map of map_server names its image")
+    values = {}
+    for key, default in _KEYS.items():
+        try:
+            values[key] = float(table.get(key, default))
+        except ValueError:
+            raise ValueError(f"{key} must be a number, not {table[key]!r}") from None
+    if not 0.001 <= values["resolution"] <= 10:
+        raise ValueError(f"resolution {values['resolution']:g} is not from 0.001 to 10 m")
+    origin = _numbers(table["origin"], "origin") if "origin" in table else ORIGIN
+    if origin[2]:
+        raise ValueError("an origin that is turned is not understood; turn the picture")
+    home = _numbers(table["home"], "home") if "home" in table else None
+    try:
+        pictures = importlib.import_module("urbihw.navigation.pictures")
+    except ImportError as error:
+        raise ValueError("reading pictures needs Pillow: pip install 'urbihw[images]'") from error
+    free_above = 255 * (1 - values["free_thresh"])
+    width, height, runs = pictures.dark_runs(file.parent / table["image"], free_above, negate=bool(values["negate"]))
+    size, (left, bottom, _) = values["resolution"], origin
+    boxes = tuple(
+        (left + first * size, bottom + (height - 1 - row) * size, left + end * size, bottom + (height - row) * size)
+        for row, first, end in runs
+    )
+    return Map((left, bottom, left + width * size, bottom + height * size), home, {}, (), boxes, size)
+
+
+_READERS: Final[dict[str, Callable[[str, Path], Map]]] = {".map": _aria, ".yaml": _ros, ".yml": _ros}
+"""How a file name ends -> what reads it."""

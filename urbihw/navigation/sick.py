@@ -1,0 +1,140 @@
+"""Telegrams of a SICK LMS200 (and its kin LMS2xx); bytes only.
+
+    +----+---------+-----------+------------------------------+-----------+
+    | 02 | address | length LE | command, data (reply: status) | CRC LE    |
+    +----+---------+-----------+------------------------------+-----------+
+
+The host speaks to address 0, the laser answers from 0x80 + its own.  Before a telegram the laser sends one bare byte,
+0x06 (understood) or 0x15 (not), which a reader may skip.  Sources: ARIA (``ArLMS2xxPacket*.cpp``), Player
+(``sicklms200.cc``), the maker's telegram listing 8007954/Q501.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import Final
+
+from urbihw.buses.errors import BadFrame
+
+STX: Final = 2
+ANSWER: Final = 0x80
+
+START: Final = b"\x20\x24"
+STOP: Final = b"\x20\x25"
+BAUD_CODES: Final = {9600: 0x42, 19200: 0x41, 38400: 0x40, 500000: 0x48}
+
+MODE_REPLY, VARIANT_REPLY, SCAN, REFUSED = 0xA0, 0xBB, 0xB0, 0x92
+NO_DISTANCE: Final = 0x1FF7
+"""This value and those above it are no distances: no echo, dazzled, overflow, error."""
+
+_LONGEST: Final = 812
+"""The longest telegram of the listing; longer lengths are damage."""
+_CRC_BYTE: Final = 0x8005
+_UNITS: Final = {0: 0.01, 1: 0.001, 2: 0.1}
+
+
+def crc16(data: bytes) -> int:
+    """The laser's check sum; each byte is mixed in together with the one before it."""
+    register = last = 0
+    for byte in data:
+        top = register & 0x8000
+        register = register << 1 & 0xFFFF
+        if top:
+            register ^= _CRC_BYTE
+        register ^= byte | last << 8
+        last = byte
+    return register
+
+
+def telegram(payload: bytes, address: int = 0) -> bytes:
+    """Frame a payload."""
+    data = struct.pack("<BBH", STX, address, len(payload)) + payload
+    return data + crc16(data).to_bytes(2, "little")
+
+
+def baud(speed: int) -> bytes:
+    """The payload that changes the speed of the line; KeyError for one that the laser does not have."""
+    return bytes((0x20, BAUD_CODES[speed]))
+
+
+def variant(angle: int, resolution: int) -> bytes:
+    """The payload that sets the field of view (100 or 180 degrees) and the resolution (25, 50 or 100 hundredths)."""
+    return struct.pack("<BHH", 0x3B, angle, resolution)
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """A telegram of the laser: ``kind`` is its command byte, ``status`` its last byte."""
+
+    kind: int
+    data: bytes
+    status: int
+
+
+class Framer:
+    """Cuts a stream into telegrams.
+
+    Attributes:
+        damaged: telegrams with a wrong length or check sum.
+    """
+
+    def __init__(self) -> None:
+        self.damaged = 0
+        self._buffer = bytearray()
+
+    def feed(self, data: bytes) -> list[Reply]:
+        """Take bytes as they come; the telegrams of a laser that are complete now."""
+        buffer = self._buffer
+        buffer += data
+        replies: list[Reply] = []
+        while (start := buffer.find(STX)) >= 0:
+            del buffer[:start]
+            if len(buffer) < 4:
+                return replies
+            size = buffer[2] | buffer[3] << 8
+            if not buffer[1] & ANSWER or not 2 <= size <= _LONGEST:
+                # A 2 among other bytes, most likely.
+                del buffer[:1]
+                continue
+            end = 4 + size + 2
+            if len(buffer) < end:
+                return replies
+            if crc16(bytes(buffer[: end - 2])) != buffer[end - 2] | buffer[end - 1] << 8:
+                self.damaged += 1
+                del buffer[:1]
+                continue
+            replies.append(Reply(buffer[4], bytes(buffer[5 : end - 3]), buffer[end - 3]))
+            del buffer[:end]
+        buffer.clear()
+        return replies
+
+    def reset(self) -> None:
+        """Forget what has come so far."""
+        self._buffer.clear()
+
+
+@dataclass(frozen=True, slots=True)
+class Scan:
+    """One scan: m from right to left (counterclockwise), inf where nothing was measured; ``unit`` in m per count."""
+
+    ranges: tuple[float, ...]
+    unit: float
+    dirty: bool
+
+
+def parse_scan(reply: Reply) -> Scan:
+    """The distances of a telegram of kind SCAN.  Raises BadFrame."""
+    if len(reply.data) < 2:
+        raise BadFrame("a scan without a count of readings")
+    word = reply.data[0] | reply.data[1] << 8
+    count, code = word & 0x3FF, word >> 14
+    if len(reply.data) != 2 + 2 * count:
+        raise BadFrame(f"a scan says {count} readings in {len(reply.data) - 2} bytes")
+    if code not in _UNITS:
+        raise BadFrame(f"a scan has the unit {code}, which is none")
+    unit = _UNITS[code]
+    raw = struct.unpack_from(f"<{count}H", reply.data, 2)
+    # Table look-ups and comprehensions: this is done for every reading of every scan.
+    ranges = tuple([(value & 0x1FFF) * unit if value & 0x1FFF < NO_DISTANCE else float("inf") for value in raw])
+    return Scan(ranges, unit, bool(reply.status & 0x80))
