@@ -63,10 +63,19 @@ class Client:
 
     def __init__(self, port: int) -> None:
         self._socket = socket.create_connection(("127.0.0.1", port), PATIENCE)
-        self.heard = ""
+        self._pieces: list[str] = []
         self.ended = False
         self._thread = threading.Thread(target=self._listen, daemon=True)
         self._thread.start()
+
+    @property
+    def heard(self) -> str:
+        """All that was read since ``forget_heard``."""
+        return "".join(self._pieces)
+
+    def forget_heard(self) -> None:
+        """Begin anew with what is read."""
+        self._pieces.clear()
 
     def say(self, text: str) -> None:
         """Send a line."""
@@ -91,7 +100,7 @@ class Client:
         with contextlib.suppress(OSError):
             self._socket.settimeout(None)
             while data := self._socket.recv(65536):
-                self.heard += data.decode("latin-1")
+                self._pieces.append(data.decode("latin-1"))
         self.ended = True
 
 
@@ -257,7 +266,7 @@ def case_of(rig: Rig) -> Iterator[Case]:
             client.say(rig.prepare)
             client.say(f'waituntil({rig.until}); echo("ready");')
             client.wait("ready")
-            client.heard = ""
+            client.forget_heard()
         yield Case(rig, end, watcher, daemon, client)
 
 

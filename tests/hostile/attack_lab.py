@@ -147,19 +147,24 @@ def _memory(pid: int, key: str) -> float:
     return 0.0
 
 
-def _answer(line: socket.socket, wanted: str) -> str:
-    """The line that answers; what others say to all is passed over.  Raises OSError when none comes."""
-    rest, end = b"", time.monotonic() + ANSWERS
+def _answer(line: socket.socket, come: bytearray, wanted: str) -> str:
+    """The line that answers; what others say to all is passed over.  Raises OSError when none comes.
+
+    ``come`` is what was received and not looked at.
+    """
+    end = time.monotonic() + ANSWERS
     while time.monotonic() < end:
-        *lines, rest = rest.split(b"\n")
-        for one in lines:
+        one, newline, rest = come.partition(b"\n")
+        if newline:
+            come[:] = rest
             answer = one.decode("latin-1").partition("] ")[2]
             if re.fullmatch(wanted, answer) or not answer.startswith("***"):
                 return answer
+            continue
         data = line.recv(1 << 16)
         if not data:
             raise ConnectionError("the connection is closed")
-        rest += data
+        come += data
     raise TimeoutError("no line of its own")
 
 
@@ -171,14 +176,15 @@ def _whole(port: int, checks: tuple[tuple[str, str], ...] = CHECKS) -> tuple[str
         return f"cannot connect: {error}", ""
     with line:
         line.settimeout(0.3)
-        told = b""
+        told, come = b"", bytearray()
         with contextlib.suppress(OSError):
             told = line.recv(1 << 16)
+            come += told[told.rfind(b"\n") + 1 :]
         line.settimeout(ANSWERS)
         for text, wanted in checks:
             try:
                 line.sendall(text.encode() + b"\n")
-                answer = _answer(line, wanted)
+                answer = _answer(line, come, wanted)
             except OSError as error:
                 return f"{text} is not answered: {error}", told.decode("latin-1")
             if not re.fullmatch(wanted, answer):

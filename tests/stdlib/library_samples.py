@@ -22,6 +22,7 @@ SAMPLES: dict[str, str] = {
     "File": 'File.create("file.txt")',
     "Finalizable": "Finalizable.new",
     "Float": "1.5",
+    "Enumeration": 'Enumeration.new("Suit", ["hearts", "spades"])',
     "Float.limits": "Float.limits",
     "FormatInfo": 'FormatInfo.new("%5.2f")',
     "Formatter": 'Formatter.new("a %s b %5.2f")',

@@ -22,13 +22,13 @@ HIDDEN = {"init", "type"}
 
 CLASSES = (
     "Barrier", "Binary", "Boolean", "CallMessage", "Channel", "Code", "Comparable", "Container", "Control", "Date",
-    "Dictionary", "Directory", "Duration", "Event", "Exception", "Executable", "File", "Finalizable", "Float",
-    "Float.limits", "FormatInfo", "Formatter", "Global", "Group", "InputStream", "IoService", "Job", "Kernel1", "Lazy",
-    "List", "Loadable", "Lobby", "Location", "Math", "Mutex", "nil", "Object", "Orderable", "OutputStream", "Pair",
-    "Path", "Pattern", "Position", "Primitive", "Process", "Profiling", "PseudoLazy", "PubSub", "PubSub.Subscriber",
-    "RangeIterable", "Regexp", "Semaphore", "Server", "Singleton", "Socket", "StackFrame", "String", "System",
-    "System.PackageInfo", "System.Platform", "Tag", "Timeout", "Traceable", "TrajectoryGenerator", "Triplet", "Tuple",
-    "UObject", "UValue", "UVar", "void", "WeakDictionary", "WeakPointer",
+    "Dictionary", "Directory", "Duration", "Enumeration", "Event", "Exception", "Executable", "File", "Finalizable",
+    "Float", "Float.limits", "FormatInfo", "Formatter", "Global", "Group", "InputStream", "IoService", "Job",
+    "Kernel1", "Lazy", "List", "Loadable", "Lobby", "Location", "Math", "Mutex", "nil", "Object", "Orderable",
+    "OutputStream", "Pair", "Path", "Pattern", "Position", "Primitive", "Process", "Profiling", "PseudoLazy", "PubSub",
+    "PubSub.Subscriber", "RangeIterable", "Regexp", "Semaphore", "Server", "Singleton", "Socket", "StackFrame",
+    "String", "System", "System.PackageInfo", "System.Platform", "Tag", "Timeout", "Traceable", "TrajectoryGenerator",
+    "Triplet", "Tuple", "UObject", "UValue", "UVar", "void", "WeakDictionary", "WeakPointer",
 )  # fmt: skip
 
 

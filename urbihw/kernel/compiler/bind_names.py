@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from urbihw.kernel.compiler.operations import LOGICAL, operator_of
 from urbihw.kernel.compiler.scopes import Scope, binding_names, is_binding, left_of, spine
 from urbihw.kernel.compiler.walk import SCOPE_TAG, Binder
 from urbihw.kernel.syntax import ast
@@ -44,7 +45,12 @@ def bind_operation(node: ast.Call | ast.And | ast.Or, b: Binder) -> None:
             bind_message(each, b)
         else:
             assert isinstance(each, ast.And | ast.Or)
-            b.walk(each.right)
+            if operator_of(each) in b.result.lazy_names:
+                b.bound(each).lazy = True
+                b.use_this(each)
+                b.framed(each.right)
+            else:
+                b.walk(each.right)
 
 
 def bind_message(node: ast.Call, b: Binder) -> None:
@@ -58,12 +64,12 @@ def bind_message(node: ast.Call, b: Binder) -> None:
     if node.target is None:
         b.bound(node).local = b.lookup(node.name)
     b.use_this(node)
-    if node.args:
-        if node.name in b.result.lazy_names:
-            for argument in node.args:
-                b.framed(argument)
-        else:
-            b.walk_all(node.args)
+    if node.name in b.result.lazy_names:
+        b.bound(node).lazy = True
+        for argument in node.args or ():
+            b.framed(argument)
+    elif node.args:
+        b.walk_all(node.args)
 
 
 def is_scope_tag(node: ast.Node) -> bool:
@@ -97,8 +103,7 @@ def bind_property(node: ast.Property, b: Binder) -> None:
 
 def bind_var(node: ast.Var, b: Binder) -> None:
     """``var name``: a local, or a slot."""
-    if isinstance(node.value, ast.Function) and node.value.formals is None:
-        b.result.lazy_names.add(node.name)
+    note_function(node.name, node.value, b)
     if node.target is not None:
         b.walk(node.target)
         b.walk(node.value)
@@ -115,14 +120,20 @@ def bind_var(node: ast.Var, b: Binder) -> None:
     b.bound(node).local = local
 
 
+def note_function(name: str, value: ast.Node | None, b: Binder) -> None:
+    """From now on a name that gets a lazy function, or an operator that gets any, is sent unevaluated arguments."""
+    if isinstance(value, ast.Function) and (value.formals is None or name in LOGICAL):
+        b.result.lazy_names.add(name)
+
+
 def bind_assign(node: ast.Assign, b: Binder) -> None:
     """``place = value``; what a pattern binds is declared here."""
-    if isinstance(node.value, ast.Function) and node.value.formals is None and isinstance(node.place, ast.Call):
-        b.result.lazy_names.add(node.place.name)
+    if isinstance(node.place, ast.Call):
+        note_function(node.place.name, node.value, b)
     b.walk(node.value)
     for _, modifier in node.modifiers:
         b.walk(modifier)
-    if isinstance(node.place, ast.Call):
+    if isinstance(node.place, ast.Call) and node.place.args is None:
         bind_place(node.place, b, bool(node.modifiers))
     elif isinstance(node.place, ast.Property):
         b.walk(node.place)

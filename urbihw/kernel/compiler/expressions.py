@@ -88,7 +88,7 @@ def make_call(node: ast.Call, w: Writer) -> py.expr:
 
 def make_send(node: ast.Call, w: Writer, target: Maker) -> py.expr:
     """A message to a target."""
-    if node.name in w.lazy_names:
+    if node.bound.lazy:
         return make_lazy_send(node, w, target)
     if not node.args:
         made = target()
@@ -108,7 +108,7 @@ def make_local_call(node: ast.Call, w: Writer, function: py.expr) -> py.expr:
     """Call what a local variable holds, with ``this`` as its target."""
     p = w.mark(node, node.name)
     this = w.this(node, p)
-    if node.name in w.lazy_names and node.args:
+    if node.bound.lazy and node.args:
         return call("lazy_value", [function, this, const(node.name, p), *make_thunks(w, node.args, p)], p)
     return make_application(node, w, call("callee", [function], p), this, p)
 

@@ -12,12 +12,20 @@ COMPARISONS: Final = {"<": py.Lt, "<=": py.LtE, ">": py.Gt, ">=": py.GtE}
 INPLACE: Final = {"+=": py.Add, "-=": py.Sub, "*=": py.Mult, "/=": py.Div}
 EQUALITY: Final = {"==": "equal", "!=": "unequal"}
 CONSTANTS: Final = {"true": "TRUE", "false": "FALSE", "nil": "NIL", "void": "VOID"}
+LOGICAL: Final = frozenset(("!", "&&", "||"))
+"""Operators of everything that is not sent a message for them, unless they are among the names of lazy functions: since
+some program has redefined them."""
 BINARY: Final = frozenset((*ARITHMETIC, *COMPARISONS, *EQUALITY, "===", "!==", "<<"))
+
+
+def operator_of(node: ast.And | ast.Or) -> str:
+    """The name of a choice as a message."""
+    return "&&" if isinstance(node, ast.And) else "||"
 
 
 def is_native(node: ast.Call) -> bool:
     """Whether a call is an operation that Python's own operators serve, unless those of Float were redefined."""
-    if node.target is None:
+    if node.target is None or node.bound.lazy:
         return False
     if not node.args:
         return node.name == "!" or (node.name == "-" and node.args is None)
@@ -26,4 +34,4 @@ def is_native(node: ast.Call) -> bool:
 
 def is_equality(node: ast.Call) -> bool:
     """Whether a call is ``==`` or ``!=`` as an operator."""
-    return node.name in EQUALITY and node.args is not None and len(node.args) == 1
+    return node.name in EQUALITY and node.args is not None and len(node.args) == 1 and not node.bound.lazy

@@ -5,8 +5,16 @@ from __future__ import annotations
 import ast as py
 
 from urbihw.kernel.compiler.emit import attr, call, choose, const, if_, is_, is_pure, name, set_, walrus
-from urbihw.kernel.compiler.operations import ARITHMETIC, COMPARISONS, EQUALITY, is_equality
-from urbihw.kernel.compiler.visit import Make, make_expr, make_in_order, make_operand, make_value, split_sum
+from urbihw.kernel.compiler.operations import ARITHMETIC, COMPARISONS, EQUALITY, is_equality, operator_of
+from urbihw.kernel.compiler.visit import (
+    Make,
+    make_expr,
+    make_in_order,
+    make_operand,
+    make_thunks,
+    make_value,
+    split_sum,
+)
 from urbihw.kernel.compiler.writer import Writer
 from urbihw.kernel.syntax import ast
 
@@ -17,14 +25,14 @@ def make_condition(node: ast.Node, w: Writer) -> py.expr:
     """A Python expression whose truth is that of the node."""
     if node.bound.piece:
         return make_expr(node, w)
-    if isinstance(node, ast.Call) and node.target is not None and not w.generic:
+    if isinstance(node, ast.Call) and node.target is not None and not w.generic and not node.bound.lazy:
         if node.name in COMPARISONS and node.args is not None and len(node.args) == 1:
             return make_comparison(node, w, node.target, node.args[0])
         if node.name == "!" and not node.args:
             return py.UnaryOp(py.Not(), make_condition(node.target, w), **w.mark(node))
     if isinstance(node, ast.Call) and node.target is not None and is_equality(node):
         return make_equality(node, w)
-    if isinstance(node, CHOICES):
+    if isinstance(node, CHOICES) and not node.bound.lazy:
         return split_sum(node, w, CHOICES, make_condition) or make_short_circuit(node, w, make_condition)
     return make_operand(node, w)
 
@@ -84,13 +92,25 @@ def make_boolean(w: Writer, made: py.expr, node: ast.Node) -> py.expr:
     return choose(is_bool, choose(name("_v", p), name("TRUE", p), name("FALSE", p), p), name("_v", p), p)
 
 
+def make_sent_choice(node: ast.And | ast.Or, w: Writer) -> py.expr:
+    """``&&`` or ``||`` as a message, since it was redefined."""
+    target = make_expr(node.left, w)
+    operator = operator_of(node)
+    p = w.mark(node, operator)
+    return call("lazy_send", [target, w.this(node, p), const(operator, p), *make_thunks(w, (node.right,), p)], p)
+
+
 def make_and(node: ast.And, w: Writer) -> py.expr:
     """``left && right``: the right side only if the left is true."""
+    if node.bound.lazy:
+        return make_sent_choice(node, w)
     return make_short_circuit(node, w, make_expr)
 
 
 def make_or(node: ast.Or, w: Writer) -> py.expr:
     """``||``; of two events it makes a third, and their truth has no say."""
+    if node.bound.lazy:
+        return make_sent_choice(node, w)
     left = make_expr(node.left, w)
     right, before = w.block_of(lambda: make_expr(node.right, w))
     p = w.mark(node, "||")

@@ -46,7 +46,7 @@ def write_assign(node: ast.Assign, w: Writer, dest: str | None) -> None:
         write_trajectory(node, w, dest)
     elif isinstance(node.place, ast.Property):
         write_assign_property(node.place, w, node, dest)
-    elif isinstance(node.place, ast.Call):
+    elif isinstance(node.place, ast.Call) and node.place.args is None:
         write_assign_place(node.place, w, node, dest)
     else:
         write_assign_pattern(node, w, dest)
@@ -118,21 +118,23 @@ def write_op_assign(node: ast.OpAssign, w: Writer, dest: str | None) -> None:
             w.write(local, joined, p)
             w.finish(dest, w.read(local, p), p)
             return
-        value = make_value(node.value, w)
+        before = w.read(local, p)
+        old, value = make_in_order(w, lambda: before, lambda: make_value(node.value, w))
         p = w.mark(node, node.op)
-        if node.op in INPLACE and not w.generic and not local.late:
+        if old is before and node.op in INPLACE and not w.generic and not local.late:
             where: py.Name | py.Attribute = py.Name(local.python, STORE, **p)
             if local.boxed:
                 where = py.Attribute(name(local.python, p), "v", STORE, **p)
             w.emit(py.AugAssign(where, INPLACE[node.op](), value, **p))
         else:
-            w.write(local, call("in_place", [w.read(local, p), const(node.op, p), value], p), p)
+            w.write(local, call("in_place", [old, const(node.op, p), value], p), p)
         if dest is not None:
             w.finish(dest, w.read(local, p), p)
         return
 
     def change(old: py.expr, p: Pos) -> py.expr:
-        return call("in_place", [old, const(node.op, p), make_value(node.value, w)], p)
+        before, value = make_in_order(w, lambda: old, lambda: make_value(node.value, w))
+        return call("in_place", [before, const(node.op, p), value], p)
 
     write_change(place, w, node, change, dest)
 

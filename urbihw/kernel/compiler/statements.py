@@ -7,7 +7,7 @@ from functools import partial
 
 from urbihw.kernel import errors
 from urbihw.kernel.compiler.control import write_abandon
-from urbihw.kernel.compiler.emit import Pos, call, const, do, except_, if_, is_, name, raise_, set_, try_
+from urbihw.kernel.compiler.emit import Pos, attr, call, const, do, except_, if_, is_, name, raise_, set_, try_
 from urbihw.kernel.compiler.expressions import make_pattern
 from urbihw.kernel.compiler.operators import make_condition
 from urbihw.kernel.compiler.places import write_bindings
@@ -120,13 +120,35 @@ def write_try(node: ast.Try, w: Writer, dest: str | None) -> None:
         handled = w.block(lambda: write_catches(w, list(node.catches), caught, dest, p))
         handlers.append(except_("Exception", caught, handled or [py.Pass(**p)], p))
     otherwise = [] if node.otherwise is None else w.block(partial(write_stmt, node.otherwise, w, dest))
+    guarded: list[py.stmt] = [try_(body, handlers, otherwise, [], p)] if handlers else [*body, *otherwise]
     final = [] if node.final is None else make_final(node, w, node.final)
-    if not handlers and not final:
-        w.emit(*body, *otherwise)
-        return
-    if not handlers:
-        final = final or [py.Pass(**p)]
-    w.emit(try_(body, handlers, otherwise, final, p))
+    if final:
+        write_final(w, guarded, final, p)
+    else:
+        w.emit(*guarded)
+
+
+def write_final(w: Writer, body: list[py.stmt], final: list[py.stmt], p: Pos) -> None:
+    """Statements with a ``finally`` clause.
+
+    What ends the job, or leaves a tag, goes on behind the clause, whatever leaves that: an error or a jump in it would
+    replace it in Python.  A job that is aborted does not run it.
+    """
+    ending, thrown, later = w.fresh("_s"), w.fresh("_e"), w.fresh("_e")
+    none = const(None, p)
+    runs = is_(attr(name(ending, p), "__class__", p), name("JobAborted", p), p, negated=True)
+    unless_ending = if_(is_(name(ending, p), none, p), [raise_(None, p)], [], p)
+    outlasting = call("outlasting", [name(ending, p), name(later, p)], p)
+    go_on = try_([raise_(name(ending, p), p)], [], [], [set_(ending, none, p)], p)  # no cycle with its traceback
+    clause = try_(
+        [if_(runs, final, [], p)],
+        [except_("BaseException", later, [unless_ending, set_(ending, outlasting, p)], p)],
+        [],
+        [if_(is_(name(ending, p), none, p, negated=True), [go_on], [], p)],
+        p,
+    )
+    caught = except_("ENDINGS", thrown, [set_(ending, name(thrown, p), p)], p)
+    w.emit(set_(ending, none, p), try_(body, [caught], [], [clause], p))
 
 
 def make_final(node: ast.Try, w: Writer, clause: ast.Node) -> list[py.stmt]:

@@ -14,7 +14,7 @@ from urbihw.kernel.syntax.pace import Pace
 
 BLOCKS: Final[dict[type[ast.Node], int]] = {
     **dict.fromkeys((ast.While, ast.For, ast.ForEach, ast.Every), 5),
-    ast.Try: 3,
+    ast.Try: 4,
     **dict.fromkeys((ast.Tagged, ast.Guarded, ast.Scope), 2),
     ast.Par: 1,
 }

@@ -7,7 +7,7 @@ its ``at``s and what they detached.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from urbihw.kernel.lobby.connection_tag import ConnectionTag
 from urbihw.kernel.lobby.output import Output
@@ -17,10 +17,15 @@ from urbihw.kernel.lobby.statements import execute
 from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.holdings import Address, Holdings
 from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.sched.signals import JobAborted
 
 if TYPE_CHECKING:
     from urbihw.kernel.lobby.shell import Programs
     from urbihw.kernel.runtime.world import World
+
+
+FINALLY_S: Final = 1.0
+"""Seconds that the ``finally`` clauses of a closed connection have, if they wait for something."""
 
 
 class Lobby(Obj):
@@ -129,7 +134,7 @@ class Lobby(Obj):
     def close(self) -> None:
         """The connection is gone: what it runs ends, its ``finally`` clauses run, ``Lobby.onDisconnect`` is emitted.
 
-        Then what it holds is closed.
+        Then what it holds is closed.  ``finally`` clauses that are not over ``FINALLY_S`` seconds later are left, too.
         """
         if not self.connected:
             return
@@ -152,6 +157,7 @@ class Lobby(Obj):
             event.emit([self])
 
     def _end(self) -> None:
+        scheduler = self.world.scheduler
         try:
             self.shell.close()
         finally:
@@ -159,8 +165,17 @@ class Lobby(Obj):
                 self.tag.tag.stop(self.world.void)  # what is left by it may run code of the program
             finally:
                 self.output.let_go()
-                self.world.scheduler.yield_()  # finally clauses may say a last word to what the program is connected to
+                scheduler.yield_()  # finally clauses may say a last word to what the program is connected to
                 self.holdings.close()
+                if scheduler.jobs_of(self):
+                    scheduler.call_at(scheduler.clock.now() + FINALLY_S, self._abort_jobs)
+
+    def _abort_jobs(self) -> None:
+        """End the jobs whose ``finally`` clauses are not over."""
+        scheduler = self.world.scheduler
+        for job in list(scheduler.jobs):
+            if job.payer is self:
+                scheduler.throw(job, JobAborted())
 
     def quit(self) -> None:
         """``lobby.quit``: what was said is delivered, then the connection is closed."""

@@ -6,12 +6,11 @@ What is short is done at once, as a statement within ``|`` must be.
 
 from __future__ import annotations
 
-import gc
 from collections.abc import Callable
-from types import TracebackType
 from typing import TypeVar
 
 from urbihw.kernel import errors
+from urbihw.kernel.sched.collector import COLLECTOR
 from urbihw.kernel.sched.coro import Steps
 from urbihw.kernel.sched.scheduler import Scheduler
 from urbihw.kernel.syntax.pace import Pace
@@ -31,28 +30,14 @@ SHORT = 500
 
 
 class LongWork:
-    """The long work of one kernel; to be entered by the job that does some.
-
-    Meanwhile Python's collector leaves alone what exists already: going through the hundred thousands of nodes of a
-    long statement, again and again while there are more, would take it a tenth of a second each time.
-    """
+    """The long work of one kernel, for its jobs; Python's collector leaves alone what exists meanwhile."""
 
     def __init__(self, scheduler: Scheduler) -> None:
         self._scheduler = scheduler
-        self._working = 0
-
-    def __enter__(self) -> LongWork:
-        self._working += 1
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
-        self._working -= 1
-        if not self._working:
-            gc.unfreeze()
 
     def pause(self) -> None:
         """Between two steps of long work: give way if it is time.  Raises what is thrown at the job."""
-        gc.freeze()
+        COLLECTOR.leave_alone()
         self.give_way()
 
     def give_way(self) -> None:
@@ -62,7 +47,7 @@ class LongWork:
     def run(self, work: Callable[[Pace], T]) -> T:
         """Do some work that pauses by a pace."""
         steps = Steps(lambda pause: work(Pace(pause)))
-        with self:
+        with COLLECTOR:
             try:
                 while steps.step():
                     self.pause()
@@ -74,7 +59,7 @@ class LongWork:
         """All of a program, as ``parse_program`` does it.  Raises Exception.Syntax for one that is too long."""
         reader, pace = Reader(file), Pace(self.pause)
         items: list[Item] = []
-        with self:
+        with COLLECTOR:
             for at in range(0, len(text), SLICE):
                 items += reader.feed(text[at : at + SLICE].encode("latin-1"), pace)
                 self.pause()

@@ -17,6 +17,7 @@ from urbihw.kernel.lobby.long_work import SHORT, LongWork, end_of_slice
 from urbihw.kernel.lobby.printing import show
 from urbihw.kernel.lobby.templates import SIZE, TemplateCache, TemplateUse
 from urbihw.kernel.runtime.backtrace import current_stack
+from urbihw.kernel.sched.collector import COLLECTOR
 from urbihw.kernel.sched.group import Group
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.signals import Interrupted, JobKilled, StopTag
@@ -224,7 +225,7 @@ class Shell:
         self._more.wake_one()
 
     def _run(self) -> None:
-        while True:
+        while self._open:
             try:
                 self._serve()
             except StopTag:
@@ -238,7 +239,7 @@ class Shell:
                 self._lobby.output.line("!!! received interruption, killing foreground job.", "error")
 
     def _serve(self) -> None:
-        while True:
+        while self._open:
             while not self._items:
                 if self._input:
                     self._read()
@@ -263,7 +264,7 @@ class Shell:
 
     def _read(self) -> None:
         """Read on until there is something to do."""
-        with self._lobby.programs.long_work:
+        with COLLECTOR:
             while self._input and not self._items:
                 size = end_of_slice(self._input)
                 self._items.extend(self._reader.feed(bytes(self._input[:size]), self._pace))

@@ -28,11 +28,12 @@ from urbihw.kernel.runtime.passage import (
     TimeoutPassage,
 )
 from urbihw.kernel.runtime.slot import meta_of
+from urbihw.kernel.runtime.slots import LOGICAL
 from urbihw.kernel.runtime.trajectory import Trajectory
 from urbihw.kernel.runtime.values import Dictionary, Lazy, String
 from urbihw.kernel.runtime.watch import Box
 from urbihw.kernel.sched.group import Group
-from urbihw.kernel.sched.signals import Leave, StopTag
+from urbihw.kernel.sched.signals import UNWINDING, JobAborted, Leave, StopTag, supersedes
 from urbihw.kernel.sched.tag import Tag
 
 if TYPE_CHECKING:
@@ -77,6 +78,9 @@ def make_ops(world: World) -> dict[str, Any]:
         "Exception": Exception,
         "Leave": Leave,
         "StopTag": StopTag,
+        "BaseException": BaseException,
+        "ENDINGS": UNWINDING,
+        "JobAborted": JobAborted,
         "Box": Box,
         "Event": Event,
         "token": object,
@@ -171,7 +175,7 @@ def _calls(world: World) -> dict[str, Any]:
         place = frame.f_globals[LINE_MAP]
         sites = place.syntax.late
         thunks = sites.thunks(site, frame, place, sender, world.run_late)
-        if name not in INDEXING:
+        if name not in INDEXING and name not in LOGICAL:
             world.lazy_names.add(name)
         return run(value, target, sender, name, lazies(thunks, sites.arguments(site)))
 
@@ -288,7 +292,17 @@ def _flow(world: World) -> dict[str, Any]:
             world.scheduler.running().renew()
         return world.caught(error)
 
-    return locals_of(thrown, match, match_payload, no_match, either, truth, caught)
+    def outlasting(ending: BaseException, later: BaseException) -> BaseException:
+        """What goes on when a ``finally`` clause that runs since a job ends, or leaves a tag, is left by ``later``.
+
+        Its error is reported as that of a job.
+        """
+        if isinstance(later, Exception):
+            scheduler = world.scheduler
+            scheduler.failed(scheduler.running(), later)
+        return later if supersedes(later, ending) else ending
+
+    return locals_of(thrown, match, match_payload, no_match, either, truth, caught, outlasting)
 
 
 class Pace:

@@ -6,12 +6,13 @@ freezes.
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING, Protocol
 
 from urbihw.kernel.runtime.event import Accept, Event, Subscription
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.watch import Watch
-from urbihw.kernel.sched.signals import StopTag
+from urbihw.kernel.sched.signals import StopTag, supersedes
 from urbihw.kernel.sched.tag import Tag, TagEntry
 from urbihw.kernel.sched.timequeue import Timer
 
@@ -114,7 +115,12 @@ def _announce(face: TagObject, event: Event) -> None:
     if face.for_all:  # in a job of its own: the guards of subscriptions are functions of any program
         face.world.spawn_own(lambda: event.emit([]), "tag")
     elif event.emit([]).jobs:
-        face.world.scheduler.yield_()
+        leaving = sys.exc_info()[1]
+        try:
+            face.world.scheduler.yield_()
+        except BaseException as thrown:
+            if leaving is None or supersedes(thrown, leaving):
+                raise
 
 
 class _Guard:

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.code import LazyPrimitive, Primitive, make_primitive
+from urbihw.kernel.runtime.slots import LOGICAL
 from urbihw.kernel.runtime.values import FloatObject, List, String
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ class Table:
         for row in self.rows:
             for name in row.names:
                 proto.slots[name] = build(world, name, row)
-                if row.kind == "lazy":
+                if row.kind == "lazy" and name not in LOGICAL:
                     world.lazy_names.add(name)
         world.flush()
 

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 OPERATORS = frozenset(("+", "-", "*", "/", "<", "<=", ">", ">=", "==", "!=", "++", "--", "!", "<<", "+="))
 """The operators that are not sent to numbers, strings and lists unless somebody redefines one of them there."""
+LOGICAL = frozenset(("!", "&&", "||"))
+"""The operators that nobody is sent by compiled code, unless somebody redefines one anywhere."""
 
 CACHE_MISS = (KeyError, TypeError, IndexError, AttributeError)
 """What looking into the cache of the first prototype raises when there is no answer: no entry, no cache, no prototype,
@@ -254,7 +256,7 @@ class SlotOps:
             self.world.lookups.forget(name)
         obj.slots[name] = value
         if isinstance(value, Executable):
-            if not value.strict:
+            if not value.strict or name in LOGICAL:
                 self.world.lazy_names.add(name)
             if name in OPERATORS:
                 self.world.operator_redefined(obj)

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+CarrierEnded = GreenletExit
+"""Raised in a job whose carrier is taken away, since nobody will run the scheduler any more."""
+
 POOL = 64
 """How many carriers rest at most; more are let go."""
 

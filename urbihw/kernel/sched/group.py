@@ -11,7 +11,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from urbihw.kernel.sched.signals import JobKilled, StopTag
+from urbihw.kernel.sched.signals import JobKilled, StopTag, supersedes
 
 if TYPE_CHECKING:
     from urbihw.kernel.sched.job import Job
@@ -34,14 +34,14 @@ class Group:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
-        if error is None:
-            try:
-                self.join()
-            except BaseException:
-                self.abandon()
-                raise
-        else:
-            self.abandon()
+        if error is not None:
+            self._abandon_for(error)
+            return
+        try:
+            self.join()
+        except BaseException as thrown:
+            self._abandon_for(thrown)
+            raise
 
     def start(self, body: Callable[[], Any], name: str = "") -> None:
         """A child that runs at once; the owner queues up behind all that are ready (the separator ``,``)."""
@@ -74,6 +74,19 @@ class Group:
             self._scheduler.throw(self.owner, error)
         elif not self._children and self._joining:
             self._scheduler.wake(self.owner)
+
+    def _abandon_for(self, error: BaseException) -> None:
+        """``abandon``, since the block is left by ``error``; what is thrown meanwhile must not replace that."""
+        leave = self.abandon
+        while True:
+            try:
+                leave()
+            except BaseException as thrown:
+                if supersedes(thrown, error):
+                    raise
+                leave = self.join
+            else:
+                return
 
     def abandon(self) -> None:
         """Stop the children and wait until they are over: the block is left by return, break or an error."""

@@ -5,7 +5,9 @@ All are ``BaseException``s: a device's ``except Exception`` cannot eat them.  Th
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
+
+from urbihw.kernel.sched.coro import CarrierEnded
 
 
 class Signal(BaseException):
@@ -14,6 +16,10 @@ class Signal(BaseException):
 
 class JobKilled(Signal):
     """The job is to end: its connection closed, or somebody called ``terminate``."""
+
+
+class JobAborted(JobKilled):
+    """The job is to end at once: its ``finally`` clauses have had their time, and no further one is begun."""
 
 
 class Interrupted(Signal):
@@ -48,8 +54,26 @@ class Leave(Signal):
         self.value = value
 
 
+UNWINDING: Final = (JobKilled, Interrupted, StopTag, CarrierEnded)
+"""What is on its way to the end of a job, or out of a tag, and must get there whatever is done on the way."""
+
+
+def supersedes(new: BaseException, old: BaseException) -> bool:
+    """Whether ``new``, raised by what is done while ``old`` unwinds a job, is to go on in its place.
+
+    An error or a jump supersedes another one, as in Python, but not what ends a job or leaves a tag.
+    """
+    if not isinstance(old, UNWINDING):
+        return True
+    if isinstance(new, UNWINDING):
+        return goes_further(new, old)
+    return not isinstance(new, Exception | Leave)
+
+
 def goes_further(new: BaseException, old: BaseException) -> bool:
     """Whether, of two that are to reach one job, the new one leads further out."""
+    if isinstance(old, JobAborted | CarrierEnded):
+        return False
     if isinstance(old, JobKilled | Interrupted):
         return isinstance(new, JobKilled)
     if isinstance(new, StopTag) and isinstance(old, StopTag):

@@ -12,6 +12,7 @@ from __future__ import annotations
 import asyncio
 
 from urbihw.kernel.sched.clock import SimClock
+from urbihw.kernel.sched.collector import COLLECTOR
 from urbihw.kernel.sched.scheduler import Scheduler
 from urbihw.kernel.server.bounds import NONE, Bounds
 from urbihw.kernel.server.watchdog import Watchdog
@@ -34,6 +35,7 @@ class Driver:
         self._watchdog = Watchdog(scheduler, bounds)
         self._memory = self._watchdog.memory
         scheduler.set_wake_host(self._wake)
+        COLLECTOR.guard()
 
     def _wake(self) -> None:
         if not self._closed and not self._called:
@@ -76,7 +78,9 @@ class Driver:
             self._timer = self._loop.call_later(delay, self.drive)
 
     def close(self) -> None:
-        """Drive no more."""
+        """Drive no more; twice is fine."""
+        if not self._closed:
+            COLLECTOR.release()
         self._closed = True
         if self._timer is not None:
             self._timer.cancel()

@@ -27,6 +27,7 @@ from contextlib import suppress
 from typing import Any, Final
 
 from urbihw.kernel.lobby.lobby import Lobby
+from urbihw.kernel.sched.collector import COLLECTOR
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.scheduler import Scheduler
 
@@ -186,6 +187,7 @@ class Memory:
 
     def _end(self, size: int, running: Job | None) -> Job | None:
         """End all that the culprit runs; the running job, if it is one of his."""
+        COLLECTOR.collect()
         trim()
         if self._resident() <= self._most:
             self._forget()

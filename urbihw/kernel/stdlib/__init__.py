@@ -28,6 +28,7 @@ MODULES = (
     "orderable",
     "container",
     "range_iterable",
+    "enumeration",
     "singleton",
     "boolean",
     "nil",

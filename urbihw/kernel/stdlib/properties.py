@@ -8,6 +8,7 @@ from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.slot import meta_of, peek_meta
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.stdlib.accessors import set_getter, set_setter
 from urbihw.kernel.stdlib.support import slot_holder
 
 TABLE = Table("Object")
@@ -36,7 +37,16 @@ def get_property(world: World, this: Any, slot: str, name: str) -> Any:
 
 @TABLE.primitive("setProperty")
 def set_property(world: World, this: Any, slot: str, name: str, value: Any) -> Any:
-    """Set a property of a slot; raises ``lookup failed`` for the slot."""
+    """Set a property of a slot; raises ``lookup failed`` for the slot.
+
+    ``oget`` and ``oset`` are functions that are called when the slot is read or assigned; the slot need not exist.
+    """
+    if name == "oget":
+        set_getter(world, this, slot, value)
+        return value
+    if name == "oset":
+        set_setter(world, this, slot, value)
+        return value
     holder = slot_holder(world, this, slot)
     meta = meta_of(holder, slot)
     if name == "constant":

@@ -12,7 +12,8 @@ from typing import Final
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.values import MOST_CHARACTERS, too_long
 from urbihw.kernel.runtime.world import World
-from urbihw.kernel.stdlib.slices import SLICE, TEXT, UncollectedMeanwhile, give_way
+from urbihw.kernel.sched.collector import COLLECTOR
+from urbihw.kernel.stdlib.slices import SLICE, TEXT, give_way
 
 __breakable__ = True
 
@@ -32,7 +33,7 @@ def found_separators(world: World, text: str, separators: list[str]) -> Iterator
     longest = max(map(len, separators))
     step = max(TEXT, longest)
     at = number = 0
-    with UncollectedMeanwhile() as uncollected:
+    with COLLECTOR:
         while at < len(text):
             end = at + step
             found = search(at, min(end + longest - 1, len(text)))
@@ -44,7 +45,7 @@ def found_separators(world: World, text: str, separators: list[str]) -> Iterator
             at = found[1]
             number += 1
             if not number % SLICE:
-                uncollected.leave_alone()
+                COLLECTOR.leave_alone()
                 give_way(world)
 
 

@@ -8,15 +8,14 @@ passes there.
 
 from __future__ import annotations
 
-import gc
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
-from types import TracebackType
 from typing import Any, Final, TypeVar
 
 from urbihw.kernel.runtime.values import List
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.sched.collector import COLLECTOR
 
 __breakable__ = True
 
@@ -53,24 +52,6 @@ def give_way(world: World) -> None:
         recorder.active = watch
 
 
-class UncollectedMeanwhile:
-    """Python's collector leaves alone what exists whenever ``leave_alone`` is called, until the work is over.
-
-    Going through a million new objects, again and again while there are more, would take it a tenth of a second each
-    time.  Of two that work at the same time the second has to say it again when the first is over; both do so often.
-    """
-
-    def __enter__(self) -> UncollectedMeanwhile:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
-        gc.unfreeze()
-
-    def leave_alone(self) -> None:
-        """Leave alone what exists by now."""
-        gc.freeze()
-
-
 def in_slices(world: World, members: Sequence[T]) -> Iterable[T]:
     """The members as they are now; between slices of more than ``FEW`` of them others may run."""
     now = members[:]
@@ -88,9 +69,9 @@ def calls(world: World, members: Sequence[T]) -> Iterable[T]:
 
 
 def _slices(world: World, members: Sequence[T], size: int) -> Iterator[Sequence[T]]:
-    with UncollectedMeanwhile() as uncollected:
+    with COLLECTOR:
         for at in range(0, len(members), size):
-            uncollected.leave_alone()
+            COLLECTOR.leave_alone()
             give_way(world)
             yield members[at : at + size]
 

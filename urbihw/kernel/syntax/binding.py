@@ -103,7 +103,7 @@ class Bound:
     """What is known of one node in the statement being compiled."""
 
     __slots__ = (
-        "apart", "detaches", "frame", "function", "known", "local", "names", "piece", "scope_tag", "this",
+        "apart", "detaches", "frame", "function", "known", "lazy", "local", "names", "piece", "scope_tag", "this",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -125,6 +125,8 @@ class Bound:
         """Of the body of a loop: whether it makes jobs which go on by themselves, under the tags of their maker."""
         self.piece: str | None = None
         """Of an operation of a very long sum: the variable that holds it, empty if it is in that of another."""
+        self.lazy = False
+        """Of a call or a choice: whether its arguments are functions, since its name may mean a lazy function."""
         self.known: Known | None = None
         """Of a call: the locals that its arguments name."""
 

@@ -31,7 +31,7 @@ class _Around:
 
 # A statement without any of these words has nothing to check.
 CHECKED = frozenset(
-    ["break", "call", "catch", "class", "closure", "const", "continue", "function", "return", "throw", "var"]
+    ["break", "call", "catch", "class", "closure", "const", "continue", "enum", "function", "return", "throw", "var"]
 )
 
 _Step = tuple[Node, _Around]

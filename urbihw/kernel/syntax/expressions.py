@@ -185,6 +185,12 @@ def send(span: Span, target: Node, name: Token, args: Args | None = None) -> Nod
 
 
 @RULES.rule
+def slot_of(span: Span, target: Node, name: Token) -> Node:
+    """``o.&name``: the value of a slot, not called."""
+    return ast.Call(target, "getSlot", (ast.String(name.text, span=name.span),), span=span)
+
+
+@RULES.rule
 def subscript(span: Span, target: Node, args: Args) -> Node:
     return ast.Call(target, "[]", tuple(args), span=span)
 

@@ -18,14 +18,14 @@ from collections import Counter
 from functools import lru_cache, partial
 from typing import Any, Final
 
-from urbihw.kernel.syntax import expressions, statements
+from urbihw.kernel.syntax import ast, expressions, statements
 from urbihw.kernel.syntax.check import CHECKED, check
 from urbihw.kernel.syntax.location import Span
 from urbihw.kernel.syntax.pace import Pace
 from urbihw.kernel.syntax.rules import Action, Problem, Problems
 from urbihw.kernel.syntax.statements import Command
 from urbihw.kernel.syntax.tables import load_tables
-from urbihw.kernel.syntax.tokens import Token, shown
+from urbihw.kernel.syntax.tokens import CONTEXTUAL, Token, shown
 
 _new: Final = tuple.__new__
 """Makes a named tuple of a tuple, in half the time that its own constructor takes."""
@@ -39,6 +39,8 @@ _EXPECTED = ["END", "=", "[", "(", ")", "]", ",", ";", ":", "case", "catch", "de
 _OPENERS = frozenset(["{", "(", "["])
 _CLOSERS = frozenset(["}", ")", "]"])
 
+UNEXPECTED: Final = "unexpected"
+"""How a message begins that tells of a token for which the grammar has no place."""
 # How many tokens must be accepted after an error before another one is reported: the rule of yacc.
 _QUIET = 3
 
@@ -191,9 +193,26 @@ class Parser:
         """Report a syntax error."""
         self.problems.append(Problem(message, span))
 
+    def _reread(self, kind: str) -> bool:
+        """Whether the last word, which was taken for a name, is a keyword since a name comes after it.
+
+        Nothing before it changes: a statement may begin with a name as well as with such a keyword.
+        """
+        last = self._values[-1] if kind == "NAME" and self._values else None
+        if not isinstance(last, ast.Call) or last.target is not None or last.args is not None:
+            return False
+        act = self._rows[self._states[-2]].get(last.name) if last.name in CONTEXTUAL else None
+        if act is None or act < 0:
+            return False
+        self._states[-1] = self._shifted = act
+        self._values[-1] = Token(last.name, last.name, last.span)
+        return True
+
     def _fail(self, token: Token) -> bool:
+        if self._reread(token.kind):
+            return self.push(token)
         if not self._quiet:
-            self.problem(f"unexpected {shown(token.kind)}{self._tail(token.kind)}", token.span)
+            self.problem(f"{UNEXPECTED} {shown(token.kind)}{self._tail(token.kind)}", token.span)
         self._quiet = _QUIET
         self._settle()
         while "ERROR" not in self._rows[self._states[-1]]:

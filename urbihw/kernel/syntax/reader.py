@@ -17,10 +17,11 @@ from typing import NamedTuple
 
 from urbihw.kernel.errors import TOO_DEEP
 from urbihw.kernel.syntax.ast import Node
+from urbihw.kernel.syntax.hints import hint
 from urbihw.kernel.syntax.lexer import Lexer
 from urbihw.kernel.syntax.location import Location, Position
 from urbihw.kernel.syntax.pace import Pace
-from urbihw.kernel.syntax.parser import Parser
+from urbihw.kernel.syntax.parser import UNEXPECTED, Parser
 from urbihw.kernel.syntax.tokens import Token
 
 MOST_TOKENS = 250_000
@@ -240,7 +241,10 @@ class Reader:
         broken = False
         for problem in parser.problems:
             pace.step()
-            items.append(SyntaxProblem(problem.message, Location.of(problem.span, base), problem.warning))
+            message = problem.message
+            if message.startswith(UNEXPECTED):
+                message += hint(text, problem.span, base)
+            items.append(SyntaxProblem(message, Location.of(problem.span, base), problem.warning))
             broken = broken or not problem.warning
         if node is not None and not broken:
             separator = "" if ending.kind == "END" else ending.kind

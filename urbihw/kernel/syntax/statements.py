@@ -226,6 +226,32 @@ def class_(span: Span, place: Place, protos: Args | None, body: ast.Scope) -> No
     return ast.Class(place.target, place.name, tuple(protos or ()), body, span=span)
 
 
+@RULES.rule
+def enum_(span: Span, place: Place, names: list[Token]) -> Node:
+    """``enum Name { a, b }`` is ``var Name = Enumeration.new("Name", ["a", "b"])``."""
+    values = ast.ListLit(tuple(ast.String(name.text, span=name.span) for name in names), span=span)
+    args = (ast.String(place.name, span=place.span), values)
+    made = ast.Call(ast.Call(None, "Enumeration", span=place.span), "new", args, span=span)
+    return ast.Var(place.target, place.name, made, place=place.span, span=span)
+
+
+@RULES.rule
+def getter(span: Span, place: Place, formals: list[ast.Formal] | None, body: ast.Scope) -> Node:
+    """``get name() { }`` is ``name->oget = function () { }``."""
+    return _accessor(span, place, "oget", function(span, formals, body))
+
+
+@RULES.rule
+def setter(span: Span, place: Place, formals: list[ast.Formal] | None, body: ast.Scope) -> Node:
+    """``set name(x) { }`` is ``name->oset = function (x) { }``."""
+    return _accessor(span, place, "oset", function(span, formals, body))
+
+
+def _accessor(span: Span, place: Place, name: str, value: Node) -> Node:
+    slot = ast.Call(place.target, place.name, span=place.span)
+    return ast.Assign(ast.Property(slot, name, span=place.span), value, span=span)
+
+
 @RULES.reporting_rule
 def word_object(problems: Problems, span: Span, word: Token) -> None:
     _word(problems, word, "object", span)

@@ -33,11 +33,14 @@ def _words(text: str) -> frozenset[str]:
 
 KEYWORDS = _words(
     """
-    assert at bitand bitor break call case catch class closure compl const continue default do else emit every
+    assert at bitand bitor break call case catch class closure compl const continue default do else emit enum every
     external finally for freezeif function if in loop new not onleave return stopif switch this throw timeout try var
     waituntil whenever while
     """
 )
+
+# Names that are keywords in front of another name where a statement begins; later than 2.3.
+CONTEXTUAL = frozenset(["get", "set"])
 
 # Other spellings; foreach and loopn are the deprecated names of two forms of for.
 SYNONYMS = {
@@ -57,7 +60,7 @@ IGNORED = frozenset(["private", "protected", "public"])
 # The last two are deprecated without any meaning left.
 RESERVED = _words(
     """
-    asm auto bool char const_cast delete double dynamic_cast enum explicit export extern float friend goto inline int
+    asm auto bool char const_cast delete double dynamic_cast explicit export extern float friend goto inline int
     long mutable namespace register reinterpret_cast short signed sizeof static_cast struct template typedef typeid
     typename union unsigned using virtual volatile wchar_t
     static internal
