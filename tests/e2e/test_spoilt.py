@@ -48,5 +48,5 @@ def test_a_printing_without_end_costs_the_others_one_answer(serve: Callable[...,
         assert innocent.ask("1 + 1;") == told
         innocent.wait("] 2\n")
         assert innocent.ask("1 + 2;") == "3"
-        innocent.forget_heard()
+        innocent.heard = ""
     assert daemon.log().count("library: put back what a program spoilt: Float.asToplevelPrintable") == 1
