@@ -101,3 +101,21 @@ def test_texts_of_a_url_get_the_types_of_their_rules() -> None:
 )
 def test_the_end_of_a_message_about_an_unknown_name(known: tuple[str, ...], end: str) -> None:
     assert s.guess("sped", known) == end
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"rate": 16**5000}, "rate: wants a number from 1 to 1000, not a number of too many digits"),
+        ({"a\nFORGED\x1b[2J": 1}, "a\\nFORGED\\x1b[2J: no such setting; there is: rate"),
+        ({"rate": "x" * 100_000}, 'rate: wants a number from 1 to 1000, not "' + "x" * (s.LONGEST_LINE - 42) + "..."),
+    ],
+)
+def test_a_mistake_is_a_short_line_whatever_was_written(given: dict[str, Any], said: str) -> None:
+    _, (mistake,) = s.checked({"rate": s.number(1, 1000)}, given, "setting")
+    assert str(mistake) == said
+
+
+def test_a_text_of_too_many_digits_is_no_number() -> None:
+    _, (mistake,) = s.from_texts({"baud": s.whole(1, 10**7)}, {"baud": "9" * 5000}, "parameter")
+    assert str(mistake).startswith("baud: wants a whole number from 1 to 10000000, not")

@@ -39,7 +39,17 @@ class Mistake(NamedTuple):
     text: str
 
     def __str__(self) -> str:
-        return f"{self.key}: {self.text}"
+        return one_line(f"{self.key}: {self.text}")
+
+
+LONGEST_LINE = 1000
+"""Characters of a message; a file may have a name or a value of a million."""
+
+
+def one_line(text: str) -> str:
+    """A text for a terminal or a log: what is not to be printed is escaped, and what is too long is cut."""
+    cut = text if len(text) <= LONGEST_LINE else text[:LONGEST_LINE] + "..."
+    return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in cut)
 
 
 @dataclass(frozen=True)
@@ -227,7 +237,7 @@ def from_texts(rules: Mapping[str, Rule], texts: Mapping[str, str], what: str) -
 def _meant(rule: Rule, text: str) -> Any:
     if bool in rule.kinds and text.lower() in ("true", "false"):
         return text.lower() == "true"
-    if int in rule.kinds and re.fullmatch(r"-?[0-9]+", text):
+    if int in rule.kinds and re.fullmatch(r"-?[0-9]{1,18}", text):
         return int(text)
     if float in rule.kinds:
         try:
@@ -253,4 +263,6 @@ def shown(value: object) -> str:
         return f'"{value}"'
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(shown, value))}]"
+    if isinstance(value, int) and abs(value) > _GREATEST:
+        return "a number of too many digits"  # Python refuses to write very long ones
     return "a table" if isinstance(value, dict) else str(value)

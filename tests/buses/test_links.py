@@ -219,6 +219,8 @@ def test_urls() -> None:
     plain = Url.parse("/dev/ttyUSB0?baud=57600")
     assert (plain.scheme, plain.target, dict(plain.options)) == ("serial", "/dev/ttyUSB0", {"baud": "57600"})
     assert Url.parse("serial:///dev/ttyUSB0").target == "/dev/ttyUSB0"
+    with pytest.raises(BadUrl, match="one spy:// is enough"):
+        Url.parse("spy://spy:///dev/ttyUSB0")
     spied = Url.parse("spy:///dev/ttyUSB0?baud=57600")
     assert (spied.target, dict(spied.options)) == ("/dev/ttyUSB0?baud=57600", {})
 

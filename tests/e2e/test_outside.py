@@ -184,6 +184,8 @@ def test_a_shell_command_holds_up_nobody(talk: Talk) -> None:
     assert talk.say('detach({ sleep(50ms); echo("meanwhile") })|; System.system("sleep 0.4; exit 3") >> 8;') == [
         "[] *** meanwhile", "[] 3",
     ]  # fmt: skip
+    (wrong,) = talk.say('System.system("ls \\x00");')
+    assert wrong.endswith("system: commands cannot have a null character in them")
     (wrong,) = talk.say("System.system(1);")
     assert wrong.endswith("system: unexpected 1 for argument 1, expected a String")
 

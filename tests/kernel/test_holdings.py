@@ -176,3 +176,15 @@ def test_who_can_stop_nothing_any_more_moves_nothing_by_others(kernel: Kernel) -
     assert len(gone) == 3
     assert client in gone
     assert not client.in_command
+
+
+def test_the_lobbies_that_a_connection_makes_are_bounded(kernel: Kernel) -> None:
+    lobby = kernel.open_lobby()
+    lobby.feed(b"var made = []|; for (64) made << Lobby.create|; made[0].create; made.size; made[0].quit|;"
+               b" sleep(1s); made << Lobby.create|; made.size;\n")  # fmt: skip
+    kernel.scheduler.run_simulated()
+    said = [line.partition("] ")[2] for line in lobby.output.take().decode().splitlines()]
+    assert said[0].endswith("create: too many lobbies: this connection has 64; close one")
+    assert said[1:] == ["64", "65"]
+    end(kernel, lobby)
+    assert not kernel.programs.lobbies

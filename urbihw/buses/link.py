@@ -53,6 +53,8 @@ class Url:
         if scheme == "spy":
             # The options behind the inner url belong to the inner link.
             target, query = rest, ""
+            if rest.startswith("spy://"):
+                raise BadUrl("bus url: one spy:// is enough")
         else:
             target, _, query = rest.partition("?")
         if not target:

@@ -28,7 +28,20 @@ from urbihw.buses.link import Context, take_off
 from urbihw.daemon.files import read_regular, unreadable
 from urbihw.kernel.server.bounds import HOLD_LIMIT, MAX_JOBS, MEMORY_LIMIT, MOST_JOBS
 from urbihw.kernel.uobject import BadConfig
-from urbihw.settings import SWITCH, TABLE, TEXT, TEXTS, Mistake, Table, choice, from_texts, number, setting, whole
+from urbihw.settings import (
+    SWITCH,
+    TABLE,
+    TEXT,
+    TEXTS,
+    Mistake,
+    Table,
+    choice,
+    from_texts,
+    number,
+    one_line,
+    setting,
+    whole,
+)
 
 MIB = 1024 * 1024
 LONGEST_FILE = 64 * 1024
@@ -174,7 +187,7 @@ def load(file: Path | None = None, flags: Mapping[str, Any] | None = None) -> Lo
         try:
             in_file = read_toml(file)
         except BadConfig as error:
-            mistakes.append(Complaint("", str(error)))
+            mistakes.append(Complaint("", one_line(str(error))))
     values, wrong = _read(in_file, name)
     typed, wrong_flags = _read({key: value for key, value in (flags or {}).items() if value is not None}, "")
     # A robot chosen on the command line replaces the one of the file, whichever way it was chosen there.
@@ -183,7 +196,7 @@ def load(file: Path | None = None, flags: Mapping[str, Any] | None = None) -> Lo
         values.pop("fake", None)
     config = Config(**{**values, **typed})
     of_robot = [
-        Complaint(top, f"{_place(each.key, '' if top in typed else name)}: {each.text}")
+        Complaint(top, one_line(f"{_place(each.key, '' if top in typed else name)}: {each.text}"))
         for each in _mistakes_about_robot(config)
         for top in [each.key.partition(".")[0]]
     ]
@@ -244,7 +257,7 @@ def _read(given: Mapping[str, Any], file: str) -> tuple[dict[str, Any], list[Com
     made, mistakes = Config.read(given, "setting")
     wrong = {each.key for each in mistakes}
     values = {key: getattr(made, key) for key in given if key not in wrong}
-    return values, [Complaint(each.key, f"{_place(each.key, file)}: {each.text}") for each in mistakes]
+    return values, [Complaint(each.key, one_line(f"{_place(each.key, file)}: {each.text}")) for each in mistakes]
 
 
 def _mistakes_about_robot(config: Config) -> Iterator[Mistake]:

@@ -142,6 +142,8 @@ class Lobby(Obj):
         self.programs.lobbies.pop(self, None)
         self.output.close()
         self.holdings.seal()
+        if self.maker is not None:
+            self.maker.holdings.disown(self)
         try:
             self.lose_command()
         finally:

@@ -44,6 +44,10 @@ class Collector:
         if not self._working and not self._guards:
             gc.unfreeze()
 
+    def works(self) -> bool:
+        """Whether long work is being done."""
+        return self._working > 0
+
     def leave_alone(self) -> None:
         """Between two steps of long work: freeze what exists by now."""
         gc.freeze()

@@ -65,6 +65,8 @@ def system(world: World, this: Any, command: str) -> int:
 
     Returns the status as the operating system tells it: the exit code times 256, or the signal that ended it.
     """
+    if "\0" in command:
+        raise errors.primitive("commands cannot have a null character in them")
     code = Child(world, lambda group: subprocess.Popen(command, shell=True, process_group=group)).wait()
     return code << 8 if code >= 0 else -code
 

@@ -22,6 +22,8 @@ TABLES = [TABLE, GLOBAL]
 
 MOST_WAITING: Final = 8 * 1024 * 1024
 """How many bytes may wait in a lobby to be read."""
+MOST_CREATED: Final = 64
+"""How many lobbies made by ``Lobby.create`` a connection may have."""
 
 NOTES = {
     "Lobby.connectionTag": "The tag of all that the connection runs; stopping it leaves the connection usable.",
@@ -245,10 +247,12 @@ def _all(world: World, programs: Any) -> List:
 def _created(world: World, maker: Any) -> Any:
     """A lobby of the maker's class that speaks through the maker's output."""
     speaker = real(maker)
+    speaker.holdings.check("lobbies", MOST_CREATED)
     make: Callable[..., Any] = type(maker)
     made = make(world, speaker.programs, lambda lobby: None)
     made.output = Relay(speaker.output)
     made.belong_to(speaker)
+    speaker.holdings.own(made, "lobbies", MOST_CREATED)
     return made
 
 
