@@ -159,9 +159,9 @@ def bind_place(place: ast.Call, b: Binder, moved: bool = False) -> None:
 
 
 def bind_op_assign(node: ast.OpAssign, b: Binder) -> None:
-    """``place += value``."""
-    b.walk(node.value)
+    """``place += value``; the place is read first, before what the value declares."""
     bind_target(node.place, b)
+    b.walk(node.value)
 
 
 def bind_postfix(node: ast.Postfix, b: Binder) -> None:
