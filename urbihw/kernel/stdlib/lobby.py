@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any, Final, Protocol
 
 from urbihw.kernel import errors
+from urbihw.kernel.runtime.holdings import Holdings
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import List
 from urbihw.kernel.runtime.world import World
@@ -60,6 +61,7 @@ class Lobby(Protocol):
     received: int
     programs: Any
     shell: Any
+    holdings: Holdings
 
     def feed(self, data: bytes) -> None:
         """Bytes as if from the client."""
