@@ -55,7 +55,11 @@ def main(arguments: list[str] | None = None) -> int:
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: endpoint.stop())
         _listen(endpoint, Console(endpoint, words), options.until_eof)
-        print(endpoint.url, flush=True)
+        try:
+            print(endpoint.url, flush=True)
+        except BrokenPipeError:  # who started it has ended meanwhile
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return 0
         endpoint.serve()
     return 0
 
