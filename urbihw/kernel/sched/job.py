@@ -89,6 +89,8 @@ class Job:
         try:
             assert self.body is not None
             self.result = self.body()
+        except KeyboardInterrupt:  # nobody has taken the signal over yet, so it is for the whole process
+            raise
         except BaseException as error:
             self.error = error
         self.body = None
