@@ -6,7 +6,6 @@ import argparse
 import asyncio
 import logging
 import os
-import signal
 import sys
 from pathlib import Path
 from typing import Any
@@ -58,8 +57,6 @@ def run(options: argparse.Namespace) -> int:
     try:
         settings = config(options)
         logging.basicConfig(format="urbihw: %(message)s", level=settings.log_level.upper(), stream=sys.stderr)
-        # Until the service takes it over: asyncio would only cancel a task, and a start may overlook that.
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
         with Notifier.from_environment(os.environ) as notifier:
             return asyncio.run(_serve(Service(settings, notifier, lambda: config(options))))
     except (StartError, BadConfig) as error:

@@ -90,7 +90,9 @@ class Service:
         loop = asyncio.get_running_loop()
         former = {number: signal.getsignal(number) for number in ENDING}
         for number in ENDING:
-            loop.add_signal_handler(number, self.stop)
+            # Not by the loop: a signal that comes while the kernel is made would be forgotten with the loop's handler,
+            # when that is replaced before the loop has had its turn.
+            signal.signal(number, lambda *_: loop.call_soon_threadsafe(self.stop))
         self._reloader = Reloader(self._read_again)
         loop.add_signal_handler(signal.SIGHUP, self._reloader.ask)
         try:
@@ -115,7 +117,6 @@ class Service:
         """From now on a signal ends the service even while a job never gives way, which the loop would not notice."""
         interrupter = Interrupter(self._kernel.scheduler, self.stop)
         for number in ENDING:
-            asyncio.get_running_loop().remove_signal_handler(number)
             signal.signal(number, interrupter)
         self._last_resort = LastResort(ENDING, self._abandon)
         self._last_resort.install()
