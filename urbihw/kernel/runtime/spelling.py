@@ -7,7 +7,7 @@ the case of letters.  Names of up to three characters are near to everything, so
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, Final
 
 from urbihw.kernel.runtime.record import lineage
@@ -47,8 +47,12 @@ def nearest(name: str, names: Iterable[str]) -> str:
     return min(near)[-1] if near else ""
 
 
-def slips(a: str, b: str) -> int:
-    """How many characters too many, too few or wrong, or neighbours that changed places, lie between two words."""
+def slips(a: str, b: str, pause: Callable[[], object] = lambda: None) -> int:
+    """How many characters too many, too few or wrong, or neighbours that changed places, lie between two words.
+
+    That is the Damerau-Levenshtein distance (a swap is of neighbours that nothing else touches).  ``pause()`` is called
+    after each character of the first.
+    """
     before: list[int] = []
     last = list(range(len(b) + 1))
     for i, x in enumerate(a, 1):
@@ -59,4 +63,5 @@ def slips(a: str, b: str) -> int:
                 cost = min(cost, before[j - 2] + 1)
             row.append(cost)
         before, last = last, row
+        pause()
     return last[-1]

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.plain import escaped
 from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.spelling import slips
 from urbihw.kernel.runtime.values import MOST_CHARACTERS, MOST_MEMBERS, String, too_long
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.members import count, members_of, repetitions, strings_of
@@ -327,21 +329,10 @@ def distance(world: World, this: str, other: str) -> float:
 
 
 def edits(world: World, a: str, b: str) -> int:
-    """The Damerau-Levenshtein distance (a swap is of neighbours that nothing else touches)."""
+    """The edits between two strings (``slips``), while others have their turn."""
     if len(a) > LONGEST_LIKENED or len(b) > LONGEST_LIKENED:
         raise errors.primitive(f"too long: expected strings of at most {LONGEST_LIKENED} characters")
-    before_last: list[int] = []
-    last = list(range(len(b) + 1))
-    for i, x in enumerate(a, 1):
-        row = [i]
-        for j, y in enumerate(b, 1):
-            cost = min(last[j] + 1, row[j - 1] + 1, last[j - 1] + (x != y))
-            if i > 1 and j > 1 and x == b[j - 2] and a[i - 2] == y:
-                cost = min(cost, before_last[j - 2] + 1)
-            row.append(cost)
-        before_last, last = last, row
-        give_way(world)
-    return last[-1]
+    return slips(a, b, partial(give_way, world))
 
 
 @TABLE.primitive("closest")
