@@ -47,6 +47,8 @@ bench: .venv/installed-dev
 	$(BIN)/python -m bench.segway
 	$(BIN)/python -m bench.p3dx
 	$(BIN)/python -m bench.nxt
+	$(BIN)/python -m bench.spykee
+	$(BIN)/python -m bench.nao
 	$(BIN)/python -m bench.stop
 
 fuzz: .venv/installed-dev

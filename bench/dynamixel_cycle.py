@@ -227,9 +227,9 @@ def cycle_of(link: Link, protocol: int, fast: bool, period: float) -> Cycle:
 def aim(cycle: Cycle, protocol: int, count: int) -> None:
     """New targets for all."""
     for device in IDS:
-        cycle.aim(device, "goal_position", 500 + count % 20)
+        cycle.set_target(device, "goal_position", 500 + count % 20)
         if protocol == 1:
-            cycle.aim(device, "moving_speed", 100 + count % 3)
+            cycle.set_target(device, "moving_speed", 100 + count % 3)
 
 
 @contextlib.contextmanager

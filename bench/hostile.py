@@ -1,7 +1,7 @@
 """What hostile clients do to a server and its neighbours: `python -m bench.hostile [NAME ...] [--seconds 10]`.
 
 Plays the rows of `tests/hostile/attacks.py`, or those with one of these words in their names, each against a fresh
-server before a Bioloid in software (`tests/hostile/attack_lab.py`).  All of them take about twenty minutes.
+server before a simulated Bioloid (`tests/hostile/attack_lab.py`).  All of them take about twenty minutes.
 
     p50 p99 max   of a neighbour that asks `1+1;` every 10 ms, on time whether it was answered or not; ms
     memory        by which the server grew, at most; MB
@@ -27,7 +27,7 @@ from attacks import Attack, find  # noqa: E402
 
 GOAL = 0.05
 """Seconds at the 99th percentile of the neighbour."""
-PATIENCE = 2.0
+TIMEOUT_S = 2.0
 """Seconds that a server may take to end."""
 HEAD = f"{'attack':44}{'p50':>8}{'p99':>8}{'max':>8}{'memory':>8}{'new':>6}{'SIGTERM':>9}{'log':>6}"
 LONGEST, MOST = 160, 12
@@ -45,7 +45,7 @@ def row(attack: Attack, outcome: Outcome) -> str:
 
 def notes(attack: Attack, outcome: Outcome) -> list[str]:
     """What is wrong, and what helps to see why."""
-    wrong = outcome.faults(attack, PATIENCE)
+    wrong = outcome.faults(attack, TIMEOUT_S)
     if outcome.neighbour.p99 > GOAL:
         wrong.append(f"p99 above {1000 * GOAL:.0f} ms")
     return wrong

@@ -142,14 +142,14 @@ class Machine:
         self.kernel = Kernel()
         self.lobby: Lobby = self.kernel.open_lobby()
 
-    def run(self, text: str) -> float:
+    def run(self, text: str, clock: Callable[[], float] = time.perf_counter) -> float:
         """Run statements to their end: the seconds it took.  What they answer must be no error."""
+        began = clock()
         self.lobby.feed(text.encode())
-        began = time.perf_counter()
         while self.kernel.run() is not None and self.kernel.scheduler.ready:
             pass
-        took = time.perf_counter() - began
-        answer = self.lobby.output.take()
+        took = clock() - began
+        answer = self.lobby.output.take_bytes()
         if b":error]" in answer:
             raise RuntimeError(f"{text}: {answer.decode()}")
         return took
@@ -186,6 +186,8 @@ def concurrency(turns: int) -> None:
     rows = (
         ("emit an event with one at", 10_000, 5.0,
          "var e = Event.new|; at (e?) {}; function work() { for (10000) e! }|;"),
+        ("the same with twenty, for each of them", 10_000, 3.0,
+         "var e = Event.new|; for (20) { at (e?) {} }; function work() { for (500) e! }|;"),
         ("change of a variable watched by at (expr)", 10_000, 8.0,
          "var x = 0|; at (x == -1) {}; function work() { for| (var i = 0; i < 10000; i += 1) x = i }|;"),
         ("one statement of one of 1000 jobs", 100_000, 3.0,
@@ -196,9 +198,35 @@ def concurrency(turns: int) -> None:
         machine.run(text + "\nwork()|;\n")
         took = statistics.median(machine.run("work()|;\n") for _ in range(turns))
         row(name, "", "", took / count * 1e6, budget, " us")
+    compiling(turns)
     taken, whole = sleepers()
     row("10 000 sleeping jobs, what they add", "", "", taken, 100, " MB")
     row("10 000 sleeping jobs, the whole process", "", "", whole, 100, " MB")
+
+
+def compiling(turns: int) -> None:
+    """What new text costs, in processor time."""
+    cpu = time.process_time
+    for joint, separator in ((",", ", "), ("&", " & ")):
+        each = []
+        for count in (1000, 4000):
+            text = separator.join(f"t: {number}" for number in range(count))
+            machine = Machine()
+            machine.run("var t = Tag.new|;\n")
+            each.append(machine.run(f"{{ {text} }}|;\n", cpu) / count)
+        row(f"each of 4000 tagged statements joined by {joint}", "", "", each[1] * 1e6, 350, " us")
+        row("the same, beside each of 1000", "", "", each[1] / each[0], 1.5)
+    machine = Machine()
+    shapes = [machine.run(f"var v{number} = [{number}, nil.isNil].size|;\n", cpu) for number in range(200)]
+    row("a statement of one line and of a new shape", "", "", statistics.median(shapes) * 1e3, 0.5, " ms")
+    with tempfile.TemporaryDirectory() as folder:
+        times = []
+        for turn in range(turns):
+            file = Path(folder) / f"{turn}.u"
+            file.write_text("".join(f"var v{index} = [{index}, {turn}];\n" for index in range(1000)))
+            times.append([Machine().run(f'load("{file}")|;\n', cpu) for _ in range(2)])
+    for name, took, budget in zip(("first", "again"), zip(*times, strict=True), (0.25, 0.05), strict=True):
+        row(f"load of 1000 different lines, {name}", "", "", statistics.median(took), budget, " s")
 
 
 SLEEPERS = """
@@ -236,6 +264,18 @@ async def main():
     server = await asyncio.get_running_loop().create_server(Echo, "127.0.0.1", 0)
     open(sys.argv[1], "w").write(f"{server.sockets[0].getsockname()[1]}\\n")
     await server.serve_forever()
+asyncio.run(main())
+"""
+ROOMY = """
+import asyncio, sys
+from urbihw.kernel import Kernel
+from urbihw.kernel.server.loop import Driver
+from urbihw.kernel.server.tcp import Server
+async def main():
+    kernel = Kernel()
+    server = Server(Driver(kernel.scheduler), kernel.open_lobby, max_clients=2000)
+    open(sys.argv[1], "w").write(f"{await server.listen('127.0.0.1', 0)}\\n")
+    await asyncio.Event().wait()
 asyncio.run(main())
 """
 OURS = ("-m", "urbihw.cli.urbi", "--quiet", "--port", "0", "--port-file")
@@ -291,6 +331,21 @@ def pipeline(connection: socket.socket, statements: list[bytes]) -> float:
     return len(statements) / took
 
 
+def crowd(port: int, clients: int) -> float:
+    """The seconds until so many clients have connected, and each has got an answer."""
+    began = time.perf_counter()
+    with contextlib.ExitStack() as open_until_here:
+        asked = []
+        for _ in range(clients):
+            client = open_until_here.enter_context(socket.create_connection(("127.0.0.1", port), 30))
+            client.sendall(b"1;\n")
+            asked.append(client)
+        for client in asked:
+            while not client.recv(4096).endswith(b"1\n"):
+                pass
+        return time.perf_counter() - began
+
+
 def resident(pid: int) -> float:
     """Megabytes of memory that a process holds."""
     return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
@@ -323,6 +378,11 @@ def server(turns: int) -> None:
         same = statistics.median(pipeline(ours, [b"1;\n"] * 20_000) for _ in range(3))
         number = iter(range(1, 10**9))
         fresh = statistics.median(pipeline(ours, [b"%d;\n" % next(number) for _ in range(5000)]) for _ in range(3))
+        news = [ask(ours, b"%d;\n" % next(number), 1, 1) for _ in range(2000)]
+        row("new text to a one-line answer, median", "", "", statistics.median(news) * 1e3, 0.1, " ms")
+    with served("-c", ROOMY) as (_, connection, _):
+        took = crowd(connection.getpeername()[1], 1000)
+        row("1000 clients connect and are answered", "", "", took, 1.5, " s")
     for name, rate, least in (("the same text", same, 15_000), ("all different", fresh, 5_000)):
         verdict = "" if rate >= least else "UNDER"
         print(COLUMNS.format(f"pipelined 1; a second, {name}", "", "", f"{rate:.0f}", f"{least}", verdict))

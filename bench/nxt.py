@@ -1,6 +1,6 @@
 """Telegrams a second to an NXT over USB: `python -m bench.nxt [--seconds 2]`.
 
-A brick in software in a process of its own, on a USB bus in software, so this measures the hosts and not libusb.  In
+A simulated brick in a process of its own, on a simulated USB bus, so this measures the hosts and not libusb.  In
 the same run, on the same brick, taking turns: this driver's requests, nxt-python's, and pyusb alone, which decodes
 nothing.  "at once" is a brick that answers immediately; "1 ms" one that answers once in each pass of its main loop, as
 the real one does.
@@ -68,7 +68,7 @@ def ours(url: str) -> Iterator[Loop]:
         exchange = Exchange(link)
 
         def loop(count: int) -> None:
-            p.parse_output_state(exchange.ask(p.output_state(count % 3)))
+            p.parse_output_state(exchange.request(p.output_state(count % 3)))
 
         yield loop
 
@@ -114,7 +114,7 @@ CONTENDERS: dict[str, Contender] = {"urbihw": ours, "nxt-python": nxt_python, "p
 
 
 def backend_of(url: str) -> Any:
-    """The bus in software that a url names."""
+    """The simulated bus that a url names."""
     options = Url.parse(url).options
     module_name, _, name = options["backend"].partition(":")
     return getattr(importlib.import_module(module_name), name)(options["at"])

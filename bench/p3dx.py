@@ -2,7 +2,7 @@
 
 First, in this process: microseconds of processor for one SIP (16 sonars) to be cut out of the stream and decoded, for a
 whole tick of the driver with it, and for the robot object to serve it to urbiscript, once with nobody listening and
-once with an `at` on each sonar. Then the whole daemon with its worker, a process of its own, before a robot in software
+once with an `at` on each sonar. Then the whole daemon with its worker, a process of its own, before a simulated robot
 in a third one, at 10 and at 50 SIPs a second: share of a core of each. Last, the planner on a grid of 200 by 200 with a
 wall to go around twice, and how long a thread that wants to run every millisecond has to wait meanwhile.
 """
@@ -124,7 +124,7 @@ def served(packets: list[bytes], script: str) -> Callable[[int], object]:
     lobby = kernel.open_lobby()
     kernel.feed(lobby, script.encode())
     kernel.scheduler.run_simulated(clock.now() + 0.1)
-    said = lobby.output.take()
+    said = lobby.output.take_bytes()
     assert b"!!!" not in said, said
 
     def serve(number: int) -> None:
@@ -162,7 +162,7 @@ def small_costs() -> None:
 
 @contextlib.contextmanager
 def fake(cycle: int) -> Iterator[str]:
-    """A robot in software in a process of its own; its url."""
+    """A simulated robot in a process of its own; its url."""
     options = ("--pty", "--any-baud", "--until-eof", "--cycle", str(cycle))
     command = (sys.executable, "-m", "urbihw_fakes", "p3dx", *options)
     process = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)

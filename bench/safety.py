@@ -1,6 +1,6 @@
 """How soon a robot stands when something goes wrong: `python -m bench.safety [--rig NXT] [--event SIGTERM] [--write]`.
 
-Real daemons, with their workers, before robots in software in this process, on real transports. Each robot is set
+Real daemons, with their workers, before simulated robots in this process, on real transports. Each robot is set
 moving; then something happens, and the body of the robot is looked at every few milliseconds: when it last moved, how
 far it has come since, whether it then stands for three seconds, and what the client has read that had set it moving.
 With `--write` the tables go into docs/safety.md, between the two markers.
@@ -49,7 +49,7 @@ def row(rig: Rig, event: Event, outcome: Outcome) -> str:
 def tables(rigs: Iterable[Rig], events: Iterable[Event]) -> Iterator[str]:
     """The tables, line by line, as they are measured."""
     events = tuple(events)
-    yield f"Measured with Python {platform.python_version()} on {os.cpu_count()} cores, with the robots in software."
+    yield f"Measured with Python {platform.python_version()} on {os.cpu_count()} cores, with the simulated robots."
     for rig in rigs:
         yield f"\n### {rig.name}\n\n`{rig.go}`\n\n{HEAD}"
         for event in events:
@@ -74,6 +74,9 @@ def main() -> None:
     wanted = parser.parse_args()
     rigs = [rig for rig in RIGS if wanted.rig.lower() in rig.name.lower()]
     events = [event for event in EVENTS if wanted.event.lower() in event.name.lower()]
+    if not rigs or not events:
+        names = ", ".join(each.name for each in (RIGS if not rigs else EVENTS))
+        parser.error(f"no such {'rig' if not rigs else 'event'}; there are: {names}")
     lines = []
     for line in tables(rigs, events):
         print(line)

@@ -1,6 +1,6 @@
 """When the commands of an RMP leave: `python -m bench.segway [--seconds 20]`.
 
-A worker in a process of its own drives the base in software behind a pseudo terminal of this process, where commands
+A worker in a process of its own drives the simulated base behind a pseudo terminal of this process, where commands
 are stamped when they are read. The deadlines are a grid with the worker's period; its phase is that of the most
 punctual command, so what is printed is how much later than the best the others came, reading included. Where it is
 allowed to (as root), the reading thread goes before all others, so that it adds little.

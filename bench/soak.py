@@ -1,6 +1,6 @@
 """A long time of mixed work: `python -m bench.soak [--minutes 30]`; memory and descriptors must stay as they are.
 
-Twenty clients of a daemon before a Bioloid in software: some ask and look at each answer, some swing joints, some run
+Twenty clients of a daemon before a simulated Bioloid: some ask and look at each answer, some swing joints, some run
 programs with events, tags, conditions and errors, some come and go, one reads much, one types nonsense.  Every ten
 seconds something fails: a servo is silent, the wire is noisy, the adapter is pulled, the bus worker is killed, a client
 is reset in the middle of an answer.  Each minute is a line:
@@ -41,7 +41,7 @@ sys.path.append(str(ROOT / "tests" / "e2e"))
 
 from faults_lab import Daemon  # noqa: E402
 
-PATIENCE = 30.0
+TIMEOUT_S = 30.0
 """Seconds for which an answer is waited for."""
 FAULT_EVERY = 10.0
 """Seconds between two faults."""
@@ -71,7 +71,7 @@ class Line:
     """A connection that reads what it is told."""
 
     def __init__(self, port: int) -> None:
-        self.socket = socket.create_connection(("127.0.0.1", port), PATIENCE)
+        self.socket = socket.create_connection(("127.0.0.1", port), TIMEOUT_S)
         self._rest = b""
 
     def say(self, text: str) -> None:
@@ -314,7 +314,7 @@ def main() -> int:
                 break
         soak.over.set()
         for thread in threads:
-            thread.join(PATIENCE)
+            thread.join(TIMEOUT_S)
         log_text = daemon.log()
     wrong = [*soak.wrong, *verdict(states)]
     if re.search(r"Traceback|bug in urbihw", log_text):

@@ -1,6 +1,6 @@
 """How long a stop takes: `python -m bench.stop [--trials 100]`.
 
-A real daemon drives a Bioloid in software behind a pseudo terminal of this process.  Measured is the time from the
+A real daemon drives a simulated Bioloid behind a pseudo terminal of this process.  Measured is the time from the
 bytes of the request (at the control socket, or typed by a client on the TCP port) to the last byte of the stop at the
 robot's end of the wire.
 
@@ -30,7 +30,7 @@ from urbihw_fakes.bioloid import Bioloid
 from urbihw_fakes.device import Answer
 from urbihw_fakes.endpoint import PtyEndpoint
 
-PATIENCE = 20.0
+TIMEOUT_S = 20.0
 SETTLE = 0.12
 """Seconds after a request in which all of its stop is out."""
 SYNC_WRITE, GOAL, SPEED = 0x83, 30, 32
@@ -67,7 +67,7 @@ class Session:
             (sys.executable, "-m", "urbihw.cli.main", "serve", "--config", str(config), "--port-file", str(port_file)),
             stderr=subprocess.DEVNULL,
         )
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + TIMEOUT_S
         while not (port_file.exists() and port_file.read_text().endswith("\n")):
             if self.process.poll() is not None or time.monotonic() > end:
                 raise SystemExit("the daemon did not start")

@@ -7,8 +7,8 @@ A block is fenced as ``urbiscript``, followed by the world it is played in and, 
     [00012345] 1
     ```
 
-The worlds: none (a kernel without a robot), ``servo`` (the class of docs/examples/servo.py, with three motors in
-software), or that of a platform (its robot in software).  The blocks of a page that name the same world are played in
+The worlds: none (a kernel without a robot), ``servo`` (the class of docs/examples/servo.py, with three simulated
+motors), or that of a platform (its simulated robot).  The blocks of a page that name the same world are played in
 it, in order; each window is a connection of its own.  Answers look as in the transcripts
 (``tests/lang/transcript.py``), and so does the rule for their stamps; with a robot, whose times are those of a person's
 hands, stamps are never compared.  Nor are the positions in error messages, which count the lines of a connection (a

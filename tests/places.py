@@ -36,7 +36,7 @@ class Plugged:
         """What a user is answered, without time stamps; the clock then stands at ``until`` if that is given."""
         self.lobby.feed(text.encode("latin-1"))
         self.settle(until)
-        return [line.partition("] ")[2] for line in self.lobby.output.take().decode("latin-1").splitlines()]
+        return [line.partition("] ")[2] for line in self.lobby.output.take_bytes().decode("latin-1").splitlines()]
 
     def settle(self, until: float | None = None) -> None:
         """Run until everybody waits, or until a time."""
@@ -76,7 +76,7 @@ class Remote(Plugged):
                 del slots[word]
             del self.server.world.uvar_proto.slots["own"], self.server.world.uvar_proto.slots["protect"]
         self.server.world.flush()
-        self.server.world.record.take()
+        self.server.world.record.take_snapshot()
         self.bridge = Bridge(self.devices.host, "test_1", self._sent.extend)
         self.connection: Any = None
 
@@ -116,7 +116,7 @@ class Remote(Plugged):
             return False
         there = b"".join(self._sent)
         self._sent.clear()
-        back = self.connection.output.take()
+        back = self.connection.output.take_bytes()
         for at in range(0, len(there), 4099):
             self.connection.feed(there[at : at + 4099])
         for at in range(0, len(back), 4099):

@@ -100,7 +100,7 @@ class Windows:
             self._lobbies[window] = self.player.kernel.open_lobby()
         lobby = self._lobbies[window]
         assert self.player.run(lobby, text) == ""
-        return lobby.output.take()
+        return lobby.output.take_bytes()
 
 
 def no_robot(words: str) -> None:

@@ -17,33 +17,45 @@ ROBOT = "urbihw.platforms.*"
 """Stands for the package of one robot; each is an area of its own."""
 
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
-    # The kernel.  Its packages also see kernel.errors, and nothing of their own package is ever forbidden.
+    # The kernel.  Its packages also see kernel.errors and kernel.value, and nothing of their own package is ever
+    # forbidden.
     "urbihw.kernel.errors": (),
+    "urbihw.kernel.value": (),
     "urbihw.kernel.syntax": ("urbihw.kernel.errors",),
     "urbihw.kernel.sched": ("urbihw.kernel.errors",),
-    "urbihw.kernel.compiler": ("urbihw.kernel.errors", "urbihw.kernel.syntax"),
-    "urbihw.kernel.runtime": ("urbihw.kernel.errors", "urbihw.kernel.sched"),
-    "urbihw.kernel.uobject": ("urbihw.kernel.errors", "urbihw.kernel.runtime", "urbihw.kernel.sched"),
-    "urbihw.kernel.uremote": (
+    "urbihw.kernel.compiler": ("urbihw.kernel.errors", "urbihw.kernel.value", "urbihw.kernel.syntax"),
+    "urbihw.kernel.runtime": ("urbihw.kernel.errors", "urbihw.kernel.value", "urbihw.kernel.sched"),
+    "urbihw.kernel.uobject": (
         "urbihw.kernel.errors",
+        "urbihw.kernel.value",
+        "urbihw.kernel.runtime",
+        "urbihw.kernel.sched",
+    ),
+    "urbihw.kernel.uremote": (
+        "urbihw.client.lines",
+        "urbihw.client.values",
+        "urbihw.kernel.errors",
+        "urbihw.kernel.value",
         "urbihw.kernel.runtime",
         "urbihw.kernel.sched",
         "urbihw.kernel.uobject",
     ),
     "urbihw.kernel.stdlib": (
         "urbihw.kernel.errors",
+        "urbihw.kernel.value",
         "urbihw.kernel.compiler",
         "urbihw.kernel.runtime",
         "urbihw.kernel.sched",
     ),
     "urbihw.kernel.lobby": (
         "urbihw.kernel.errors",
+        "urbihw.kernel.value",
         "urbihw.kernel.compiler",
         "urbihw.kernel.syntax",
         "urbihw.kernel.runtime",
         "urbihw.kernel.sched",
     ),
-    "urbihw.kernel.server": ("urbihw.kernel.errors", "urbihw.kernel.lobby", "urbihw.kernel.sched"),
+    "urbihw.kernel.server": ("urbihw.kernel.errors", "urbihw.kernel.lobby", "urbihw.kernel.sched", "urbihw.repeats"),
     "urbihw.kernel.boot": ("urbihw.kernel",),
     "urbihw.kernel.facade": (
         "urbihw.kernel.errors",
@@ -54,29 +66,36 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     ),
     "urbihw.kernel.stages": ("urbihw.kernel.errors", "urbihw.kernel.compiler", "urbihw.kernel.syntax"),
     "urbihw.kernel": ("urbihw.kernel.facade",),
+    # The process around a kernel: what a daemon, a console and a remote have in common.
+    "urbihw.kernel.process": ("urbihw.kernel.facade", "urbihw.kernel.server"),
     # What a setting may be: of the daemon, of a platform, of a bus url.
     "urbihw.settings": (),
+    # Pauses between tries, counting of what repeats, exit codes of the commands: for whoever needs them.
+    "urbihw.backoff": (),
+    "urbihw.repeats": (),
+    "urbihw.exitcodes": (),
     # Wires and robots.
-    "urbihw.buses": ("urbihw.settings",),
+    "urbihw.buses": ("urbihw.settings", "urbihw.backoff"),
     # Maps, paths and scans for any base that drives; it knows no platform.
     "urbihw.navigation": ("urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings"),
     # The loader and the daemon hold a robot by its base class, and know the kinds of its failures.
     "urbihw.platforms": ("urbihw.kernel.uobject", "urbihw.settings", "urbihw.platforms.limits"),
     # What the robots share: a robot on one wire.
     "urbihw.platforms.limits": ("urbihw.kernel.uobject", "urbihw.settings"),
-    "urbihw.platforms.devicelog": (),
+    "urbihw.platforms.devicelog": ("urbihw.repeats",),
     "urbihw.platforms.base": (
-        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.platforms.wire", "urbihw.platforms.limits",
-        "urbihw.platforms.devicelog",
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.platforms.channel",
+        "urbihw.platforms.limits", "urbihw.platforms.devicelog",
     ),  # fmt: skip
-    "urbihw.platforms.wire": ("urbihw.kernel.uobject", "urbihw.buses"),
+    "urbihw.platforms.channel": ("urbihw.kernel.uobject", "urbihw.buses"),
     ROBOT: (
-        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.platforms.base", "urbihw.platforms.wire",
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.platforms.base", "urbihw.platforms.channel",
         "urbihw.platforms.limits", "urbihw.platforms.devicelog", "urbihw.navigation",
     ),  # fmt: skip
     # The ways in.  "urbihw.kernel" alone is its door, Kernel; "urbihw.platforms" alone is the loader.
     "urbihw.daemon": (
         "urbihw.kernel",
+        "urbihw.kernel.process",
         "urbihw.kernel.uobject",
         "urbihw.kernel.facade",
         "urbihw.kernel.server",
@@ -84,9 +103,11 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.platforms",
         "urbihw.buses",
         "urbihw.settings",
+        "urbihw.backoff",
     ),
     "urbihw.cli": (
         "urbihw.kernel",
+        "urbihw.kernel.process",
         "urbihw.kernel.stages",
         "urbihw.kernel.uobject",
         "urbihw.kernel.facade",
@@ -95,9 +116,13 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.platforms",
         "urbihw.buses",
         "urbihw.settings",
+        "urbihw.backoff",
+        "urbihw.exitcodes",
         "urbihw.daemon",
         "urbihw.remote",
         "urbihw.client",
+        "urbihw.client.lines",
+        "urbihw.client.values",
     ),
     "urbihw.web": (
         "urbihw.kernel",
@@ -110,12 +135,15 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     ),
     # A process with devices of its own has a kernel, and a link to the kernel of a server.
     "urbihw.remote": (
-        "urbihw.kernel", "urbihw.kernel.uobject", "urbihw.kernel.uremote", "urbihw.kernel.server", "urbihw.client",
+        "urbihw.kernel.process", "urbihw.kernel.uobject", "urbihw.kernel.uremote", "urbihw.client",
+        "urbihw.backoff", "urbihw.exitcodes",
     ),  # fmt: skip
-    # How a server is reached.
-    "urbihw.client": (),
+    # How a server is reached.  What it says is read in one place, for commands and for devices in another process.
+    "urbihw.client": ("urbihw.client.lines", "urbihw.client.values"),
+    "urbihw.client.lines": (),
+    "urbihw.client.values": ("urbihw.client.lines",),
     "urbihw": (),
-    # Robots in software: nothing of urbihw, so that driver and fake cannot share a mistake.
+    # Simulated robots: nothing of urbihw, so that driver and fake cannot share a mistake.
     "urbihw_fakes": (),
 }
 

@@ -108,7 +108,10 @@ def test_the_end_of_a_message_about_an_unknown_name(known: tuple[str, ...], end:
     [
         ({"rate": 16**5000}, "rate: wants a number from 1 to 1000, not a number of too many digits"),
         ({"a\nFORGED\x1b[2J": 1}, "a\\nFORGED\\x1b[2J: no such setting; there is: rate"),
-        ({"rate": "x" * 100_000}, 'rate: wants a number from 1 to 1000, not "' + "x" * (s.LONGEST_LINE - 42) + "..."),
+        (
+            {"rate": "x" * 100_000},
+            'rate: wants a number from 1 to 1000, not "' + "x" * (s.MAX_LINE_LENGTH - 42) + "...",
+        ),
     ],
 )
 def test_a_mistake_is_a_short_line_whatever_was_written(given: dict[str, Any], said: str) -> None:

@@ -1,7 +1,7 @@
-"""Tables of settings: what each may be, said once, for the check, its messages and the JSON schema.
+"""Tables of settings: the rule of each setting is the single source for the check, its messages and the JSON schema.
 
-A table is a frozen dataclass that derives from ``Table``.  Its fields are made by ``setting``, and its docstring says
-under "Attributes" what they mean::
+A table is a frozen dataclass that derives from ``Table``.  Its fields are made by ``setting``, and its docstring
+explains them under "Attributes"::
 
     @dataclass(frozen=True)
     class Options(Table):
@@ -14,7 +14,7 @@ under "Attributes" what they mean::
         colour: str = setting("red", choice("red", "green"))
 
 The settings of the daemon are one table, the options of a platform and the limits of a device are others.  The
-parameters of a bus url are rules by their names.
+parameters of a bus url are a dictionary of rules by name.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from typing import Any, NamedTuple, Self
 
 
 class BadSetting(ValueError):
-    """A setting that cannot be meant; the message is one line that names it and says what is wanted."""
+    """An invalid setting; the message is one line with the name of the setting and its rule."""
 
 
 class Mistake(NamedTuple):
-    """What is wrong with one setting: its name, and the rest of the line."""
+    """The error of one setting: its name, and the rest of the message."""
 
     key: str
     text: str
@@ -42,29 +42,29 @@ class Mistake(NamedTuple):
         return one_line(f"{self.key}: {self.text}")
 
 
-LONGEST_LINE = 1000
-"""Characters of a message; a file may have a name or a value of a million."""
+MAX_LINE_LENGTH = 1000
+"""Maximum length of a message in characters; a file may contain a name or a value of a million characters."""
 
 
 def one_line(text: str) -> str:
-    """A text for a terminal or a log: what is not to be printed is escaped, and what is too long is cut."""
-    cut = text if len(text) <= LONGEST_LINE else text[:LONGEST_LINE] + "..."
+    """A text for a terminal or a log: unprintable characters are escaped, and a long text is truncated."""
+    cut = text if len(text) <= MAX_LINE_LENGTH else text[:MAX_LINE_LENGTH] + "..."
     return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in cut)
 
 
 @dataclass(frozen=True)
 class Rule:
-    """What a setting may be.
+    """The rule that the value of a setting must fulfil.
 
     Attributes:
-        kinds: its types as TOML gives them.
+        kinds: the types of the value in TOML.
         wants: the rule in words.
-        make: gives the value the type that the program wants.
+        make: converts the value to the type that the program uses.
         least, most: bounds of a number, inclusive; None for none.
-        above: a bound that is itself too small.
-        words: all values there are; () for any.
+        above: an exclusive lower bound.
+        words: the allowed values; () for any.
         each: the rule of the members of a list.
-        length: how many members a list must have; None for any number.
+        length: required number of members of a list; None for any number.
         rising: the members must not fall, and the last must be above the first.
     """
 
@@ -80,13 +80,13 @@ class Rule:
     rising: bool = False
 
     def accepts(self, value: object) -> bool:
-        """Whether a value can be the setting.  A TOML boolean is no number."""
+        """Whether a value fulfils the rule.  A TOML boolean is no number."""
         if not isinstance(value, self.kinds) or (isinstance(value, bool) and bool not in self.kinds):
             return False
         if self.words:
             return value in self.words
         if isinstance(value, str):
-            return "\0" not in value  # no file, host or device has such a name
+            return "\0" not in value  # no name of a file, host or device is like that
         if isinstance(value, int | float) and not isinstance(value, bool):
             return self._within(value)
         return not isinstance(value, list | tuple) or self._members(value)
@@ -108,7 +108,7 @@ class Rule:
         return not self.rising or (list(value) == sorted(value) and value[0] < value[-1])
 
     def schema(self) -> dict[str, Any]:
-        """The rule as a JSON schema, as far as that can say it: not that a list must rise."""
+        """The rule as a JSON schema, which cannot express that a list must rise."""
         if self.words:
             return {"enum": list(self.words)}
         names = list(dict.fromkeys(_JSON[kind] for kind in self.kinds if kind in _JSON))
@@ -124,7 +124,7 @@ class Rule:
         return made
 
 
-_GREATEST = 1e18  # a greater whole number can become no number of seconds, bytes or radians
+_GREATEST = 1e18  # a greater whole number makes no sense in seconds, bytes or radians
 _JSON = {str: "string", bool: "boolean", int: "integer", float: "number", list: "array", dict: "object"}
 
 TEXT = Rule((str,), "a text")
@@ -135,7 +135,7 @@ ANY = Rule((bool, int, float, str), "a value")
 
 
 def number(least: float, most: float, unit: str = "") -> Rule:
-    """A number within bounds; ``unit`` is for the words, with a space in front."""
+    """A number within bounds; ``unit`` appears in the message and begins with a space."""
     return Rule((int, float), f"a number from {least:g} to {most:g}{unit}", float, least, most)
 
 
@@ -158,7 +158,7 @@ def wholes(least: int, most: int, example: str) -> Rule:
 
 
 def rising(length: int, example: str) -> Rule:
-    """A list of so many numbers, each no smaller than the one before."""
+    """A list of ``length`` numbers, each no smaller than the one before."""
     return Rule(
         (list, tuple), f"{length} rising numbers, such as {example}", lambda value: tuple(map(float, value)),
         each=Rule((int, float), "a number"), length=length, rising=True,
@@ -166,27 +166,31 @@ def rising(length: int, example: str) -> Rule:
 
 
 def choice(*words: Any, wants: str = "", make: Callable[[Any], Any] = lambda value: value) -> Rule:
-    """One of some words or numbers."""
+    """One of the given words or numbers."""
     kinds = tuple(dict.fromkeys(map(type, words)))
     return Rule(kinds, wants or "one of " + ", ".join(shown(word) if word == "" else str(word) for word in words), make,
                 words=words)  # fmt: skip
 
 
-def setting(default: Any, rule: Rule, *, in_url: bool = False) -> Any:
-    """A field of a table.  ``in_url``: it may also be said in the robot's url, as ``?name=value``."""
-    about = {"rule": rule, "in_url": in_url}
+def setting(default: Any, rule: Rule, *, in_url: bool = False, secret: bool = False) -> Any:
+    """A field of a table.
+
+    ``in_url``: it can also be given in the robot's url, as ``?name=value``.  ``secret``: a password or the like, which
+    neither ``repr`` nor ``urbihw config show`` shows.
+    """
+    about = {"rule": rule, "in_url": in_url, "secret": secret}
     if isinstance(default, dict | list):
         return field(default_factory=lambda: copy.copy(default), metadata=about)
-    return field(default=default, metadata=about)
+    return field(default=default, repr=not secret, metadata=about)
 
 
 @dataclass(frozen=True)
 class Table:
-    """Base of the tables."""
+    """Base class of all tables of settings."""
 
     @classmethod
     def of(cls, given: Mapping[str, Any], place: str = "options", what: str = "option") -> Self:
-        """The table with what is given, the rest by default.  Raises BadSetting for the first mistake."""
+        """A table with the given values and defaults for the rest.  Raises BadSetting for the first mistake."""
         made, mistakes = cls.read(given, what)
         if mistakes:
             raise BadSetting(f"{place}.{mistakes[0]}")
@@ -194,28 +198,34 @@ class Table:
 
     @classmethod
     def read(cls, given: Mapping[str, Any], what: str) -> tuple[Self, list[Mistake]]:
-        """The table with all that is right of what is given, and what is wrong; ``what`` is the word for a row."""
+        """A table with the valid ones of the given values, and the mistakes; ``what`` is the word for a row in
+        messages."""
         values, mistakes = checked(cls.rules(), given, what)
         made = cls(**values)
         return made, [*mistakes, *made.clashes()]
 
     @classmethod
     def rules(cls) -> dict[str, Rule]:
-        """The rule of each row."""
+        """The rule of each row, by name."""
         return {each.name: each.metadata["rule"] for each in fields(cls)}
 
     @classmethod
     def in_url(cls) -> frozenset[str]:
-        """The rows that may also be said in the robot's url."""
+        """The rows that can also be given in the robot's url."""
         return frozenset(each.name for each in fields(cls) if each.metadata["in_url"])
 
+    @classmethod
+    def secrets(cls) -> frozenset[str]:
+        """The rows whose values are never shown."""
+        return frozenset(each.name for each in fields(cls) if each.metadata["secret"])
+
     def clashes(self) -> Iterator[Mistake]:
-        """What is wrong with rows that are right each by itself."""
+        """The conflicts between rows that are valid by themselves."""
         return iter(())
 
 
 def checked(rules: Mapping[str, Rule], given: Mapping[str, Any], what: str) -> tuple[dict[str, Any], list[Mistake]]:
-    """What is given, in the types of its rules, and what is wrong with the rest."""
+    """The valid ones of the given values, converted by their rules, and the mistakes in the others."""
     values: dict[str, Any] = {}
     mistakes = []
     for key, value in given.items():
@@ -230,7 +240,7 @@ def checked(rules: Mapping[str, Rule], given: Mapping[str, Any], what: str) -> t
 
 
 def from_texts(rules: Mapping[str, Rule], texts: Mapping[str, str], what: str) -> tuple[dict[str, Any], list[Mistake]]:
-    """The same for values that were written as texts, as those of a url are."""
+    """The same for values that are texts, as those of a url are."""
     return checked(rules, {key: _meant(rules.get(key, TEXT), text) for key, text in texts.items()}, what)
 
 
@@ -248,7 +258,7 @@ def _meant(rule: Rule, text: str) -> Any:
 
 
 def guess(name: str, known: Collection[str]) -> str:
-    """The end of a message about a name that does not exist: the one that may be meant, or those there are."""
+    """The end of a message about an unknown name: a similar name, or the list of known names."""
     close = difflib.get_close_matches(name, known, 1)
     if close:
         return f"; did you mean {close[0]}?"
@@ -256,7 +266,7 @@ def guess(name: str, known: Collection[str]) -> str:
 
 
 def shown(value: object) -> str:
-    """A value as it is written in TOML, on one line; for messages."""
+    """A value in the syntax of TOML, on one line; for messages."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):

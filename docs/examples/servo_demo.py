@@ -1,4 +1,4 @@
-"""Serve the servomotor of servo.py with motors in software: ``.venv/bin/python docs/examples/servo_demo.py [PORT]``."""
+"""Serve the servomotor of servo.py with simulated motors: ``.venv/bin/python docs/examples/servo_demo.py [PORT]``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Robots in software: devices on real transports, for trying and testing without hardware.
+"""Simulated robots: devices on real transports, for trying and testing without hardware.
 
 A fake is a *device*: it has registers, physics, refusals and faults, and it answers bytes on a pty, a TCP port or in
 memory as the real one would on its wire. Every fake is typed from the maker's data sheet and imports nothing of

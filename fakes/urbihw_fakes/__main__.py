@@ -1,4 +1,4 @@
-"""Run a robot in software: `python -m urbihw_fakes bioloid --pty [PATH]` or `--tcp PORT`.
+"""Run a simulated robot: `python -m urbihw_fakes bioloid --pty [PATH]` or `--tcp PORT`.
 
 The first line printed is the url to give the gateway. Then it serves until SIGTERM, SIGINT or, with --until-eof, the
 end of its input, and carries out what is typed (say `help`).
@@ -65,7 +65,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _parser(known: Mapping[str, Start]) -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser("python -m urbihw_fakes", description="A robot in software, on a real transport.")
+    parser = argparse.ArgumentParser("python -m urbihw_fakes", description="A simulated robot, on a real transport.")
     parsers = parser.add_subparsers(dest="robot", required=True, metavar="ROBOT")
     for name, robot in known.items():
         own = parsers.add_parser(name, help=robot.HELP)

@@ -1,4 +1,4 @@
-"""What every fake robot is: bytes and a time go in, timed answers come out.
+"""The base of all fake robots: bytes and a time in, timed answers out.
 
 A device knows no clock, no socket and no thread. Whoever serves it (`urbihw_fakes.endpoint`) says what time it is, in
 seconds on any steady scale, and delivers each answer when its time has come.
@@ -55,11 +55,11 @@ class Device(ABC):
         self.byte_time = 0.0
 
     def pace(self, baud: int) -> None:
-        """Let traffic take the time it takes at `baud` bits per second (1 or more)."""
+        """Time the traffic as at `baud` bits per second (1 or more)."""
         self.byte_time = BITS_PER_BYTE / baud
 
     def feed(self, data: bytes, now: float) -> list[Answer]:
-        """Hand over bytes of the host, the last of which arrived at `now`; return what the device sends back."""
+        """Pass on bytes of the host, the last of which arrived at `now`; return the timed answers."""
         self.log.append(Traffic(now, ">", data))
         answers = self.receive(data, now)
         if self.faults.echo:
@@ -71,20 +71,20 @@ class Device(ABC):
 
     @abstractmethod
     def receive(self, data: bytes, now: float) -> list[Answer]:
-        """Take bytes of the host and return the answers, in order of time."""
+        """Receive bytes of the host and return the answers, in order of time."""
 
     def tick(self, now: float) -> list[Answer]:
-        """Bring the state to `now` and return what the device says unasked; nothing for most."""
+        """Advance to `now` and return unsolicited data; most devices send none."""
         return []
 
     def due(self) -> float | None:
-        """When the device next wants a `tick` to speak unasked; None when it never does."""
+        """Return when the next `tick` with unsolicited data is due; None for never."""
         return None
 
     def power_off(self, now: float, who: int | None = None) -> None:
-        """Cut the power of unit `who`, or of everything: it falls limp, forgets its RAM and hears nothing."""
+        """Switch off unit `who`, or all: it goes limp, loses its RAM and receives nothing."""
         raise NotImplementedError(f"{type(self).__name__} has no power switch")
 
     def power_on(self, now: float, who: int | None = None) -> None:
-        """Give the power back: registers start from their power-on values."""
+        """Switch on again: registers start from their power-on values."""
         raise NotImplementedError(f"{type(self).__name__} has no power switch")

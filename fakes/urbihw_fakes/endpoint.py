@@ -58,7 +58,7 @@ class PtyEndpoint(Endpoint):
 
     @property
     def plugged(self) -> bool:
-        """True while the terminal is there."""
+        """True while the terminal is open."""
         return self._ours >= 0
 
     def _plug(self) -> None:
@@ -182,17 +182,17 @@ class TcpEndpoint(Endpoint):
 
 
 class Clock(Protocol):
-    """What an in-memory endpoint needs of a clock, real or simulated."""
+    """The clock interface of an in-memory endpoint, real or simulated."""
 
     def now(self) -> float:
         """Seconds."""
 
     def sleep(self, seconds: float) -> None:
-        """Let time pass."""
+        """Advance by a number of seconds."""
 
 
 class SteppedClock:
-    """A clock that stands still until somebody sleeps on it."""
+    """A clock that advances only by `sleep`."""
 
     def __init__(self, now: float = 0.0) -> None:
         self._now = now
@@ -221,13 +221,13 @@ class MemoryEndpoint:
         self._buffer = b""
 
     def unplug(self) -> None:
-        """Take the adapter away: `write` and `read` raise until `plug`; what was under way is lost."""
+        """Unplug the adapter: `write` and `read` raise until `plug`; bytes in transit are lost."""
         self.plugged = False
         self._waiting.clear()
         self._buffer = b""
 
     def plug(self) -> None:
-        """Bring the adapter back."""
+        """Plug the adapter in again."""
         self.plugged = True
 
     def write(self, data: bytes) -> None:

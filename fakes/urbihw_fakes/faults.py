@@ -1,4 +1,4 @@
-"""What can go wrong on a wire, on request, in the same words for every robot.
+"""Faults of a wire, injected on request, with the same names for every robot.
 
     word      amount (default)       what happens to an answer
     silence                          it is not sent; the unit still hears and obeys
@@ -91,12 +91,12 @@ class Faults:
         }
 
     def disturb(self, who: int, data: bytes) -> tuple[float, bytes]:
-        """Return what becomes of unit `who`'s answer: seconds of extra delay, and the bytes (none: not sent)."""
+        """Apply the faults to an answer of unit `who`: return extra delay in s, and the bytes (b"": not sent)."""
         if not self._active or not data:
             return 0.0, data
         delay = 0.0
         for word in WORDS:
-            fault = self._take(word, who)
+            fault = self._pop_fault(word, who)
             if fault is None:
                 continue
             if word == "silence":
@@ -107,8 +107,8 @@ class Faults:
                 data = _spoil(word, data, fault.amount)
         return delay, data
 
-    def _take(self, word: str, who: int) -> Fault | None:
-        """The fault that strikes this answer, counted down; the unit's own goes before the whole bus's."""
+    def _pop_fault(self, word: str, who: int) -> Fault | None:
+        """Return the fault for this answer and count it down; a fault of the unit precedes one of the whole bus."""
         if word == "echo":
             return None
         for key in ((word, who), (word, None)):

@@ -77,12 +77,12 @@ class Endpoint(ABC):
     @property
     @abstractmethod
     def url(self) -> str:
-        """What to give the gateway to reach the device."""
+        """The url under which the daemon reaches the device."""
 
     @property
     @abstractmethod
     def plugged(self) -> bool:
-        """True while the adapter is there."""
+        """True while the adapter is plugged in."""
 
     @abstractmethod
     def _plug(self) -> None: ...
@@ -96,11 +96,11 @@ class Endpoint(ABC):
 
     @abstractmethod
     def _receive(self, ready: int) -> bytes:
-        """Bytes of the peer from a descriptor that is ready; none when there was something else to do."""
+        """Return the bytes of the peer from a ready descriptor; b"" for another event, such as a new connection."""
 
     @abstractmethod
     def _send(self, data: bytes) -> None:
-        """Hand bytes to the peer, or lose them when nobody takes them, as a wire does."""
+        """Send bytes to the peer; they are lost when it does not read, as on a wire."""
 
     # --- for everybody --------------------------------------------------------------------------------------------
 
@@ -111,12 +111,12 @@ class Endpoint(ABC):
         self._serving.wait(CALL_TIMEOUT)
 
     def stop(self) -> None:
-        """Make `serve` return soon; from any thread or signal handler."""
+        """Make `serve` return soon; may be called from any thread or signal handler."""
         self._stopping = True
         self._wake()
 
     def close(self) -> None:
-        """Stop, and let go of everything; a second time does nothing."""
+        """Stop, and close all descriptors; calling it twice is allowed."""
         if self._closed:
             return
         self._closed = True
@@ -137,11 +137,11 @@ class Endpoint(ABC):
         self.close()
 
     def unplug(self) -> None:
-        """Take the adapter away: the peer sees a hang-up; answers on their way are lost."""
-        self.call(self._take_away)
+        """Unplug the adapter: the peer sees a hang-up; answers in transit are lost."""
+        self.call(self._unplug_now)
 
     def plug(self) -> None:
-        """Bring the adapter back under the same url; the device went on living."""
+        """Plug the adapter in again under the same url; the device kept running meanwhile."""
         self.call(lambda: None if self.plugged else self._plug())
 
     def call(self, function: Callable[[], T]) -> T:
@@ -182,7 +182,7 @@ class Endpoint(ABC):
     # --- the loop -------------------------------------------------------------------------------------------------
 
     def serve(self) -> None:
-        """Answer until `stop`."""
+        """Serve the device until `stop`."""
         self._server = threading.get_ident()
         self._serving.set()
         if self._paced:
@@ -200,7 +200,7 @@ class Endpoint(ABC):
         now = self.clock()
         self._deliver(now)
         readers = [self._wake_out, *self._watched, *self._readers()]
-        ready, _, _ = select.select(readers, [], [], self._patience(now))
+        ready, _, _ = select.select(readers, [], [], self._select_timeout(now))
         for descriptor in ready:
             if descriptor == self._wake_out:
                 os.read(self._wake_out, CHUNK)
@@ -213,10 +213,10 @@ class Endpoint(ABC):
                 return
             data = self._receive(descriptor)
             if data:
-                self._take(data, self.clock())
+                self._feed_device(data, self.clock())
 
-    def _patience(self, now: float) -> float | None:
-        """Seconds until there is something to do unasked; None for never."""
+    def _select_timeout(self, now: float) -> float | None:
+        """Return the seconds until the next answer or tick is due; None for never."""
         due = self.device.due()
         if self._waiting and (due is None or self._waiting[0][0] < due):
             due = self._waiting[0][0]
@@ -226,7 +226,7 @@ class Endpoint(ABC):
             return None
         return max(0.0, due - now - (NEAR if self._paced else 0.0))
 
-    def _take(self, data: bytes, now: float) -> None:
+    def _feed_device(self, data: bytes, now: float) -> None:
         """Feed the device; with pacing, at the time when the last byte would be off the wire."""
         arrived = self._last_traffic = now
         if self._paced:
@@ -254,7 +254,7 @@ class Endpoint(ABC):
             self._last_traffic = now
             self._send(data)
 
-    def _take_away(self) -> None:
+    def _unplug_now(self) -> None:
         self._waiting.clear()
         self._unplug()
 
@@ -267,7 +267,7 @@ class Endpoint(ABC):
 
 
 def _sharpen_timers() -> None:
-    """Ask the kernel not to stretch this thread's sleeps by its usual 50 us; only Linux has it, others stay as is."""
+    """Set the timer slack of this thread to the minimum (the Linux default is 50 us); no effect on other systems."""
     try:
         with open(f"/proc/{threading.get_native_id()}/timerslack_ns", "w", encoding="ascii") as file:
             file.write("1")

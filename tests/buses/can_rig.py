@@ -1,4 +1,4 @@
-"""A driver of CiA 402 drives, drives in software, and a bus between them, in simulated time."""
+"""A driver of CiA 402 drives, the simulated drives, and a bus between them, in simulated time."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class RigPort(CanPort):
             raise BusTimeout("full")
         self.sent.append(frame)
         for drive in self.drives:
-            self._coming += drive.hear(CanFrame(*frame), self.clock.now())
+            self._coming += drive.receive_frame(CanFrame(*frame), self.clock.now())
 
     def receive(self, limit: int, deadline: float) -> list[Frame]:
         if self.dead:

@@ -9,7 +9,7 @@ import pytest
 from urbihw import buses
 from urbihw.buses.clock import SimClock
 from urbihw.buses.dynamixel.bus import DynamixelBus
-from urbihw.buses.dynamixel.wire import ProtocolChoice
+from urbihw.buses.dynamixel.transactions import ProtocolChoice
 from urbihw.buses.link import Context, Link
 from urbihw.buses.pipe import PipeEnd
 from urbihw_fakes.bioloid import Bioloid

@@ -68,7 +68,7 @@ def test_a_late_answer_is_never_taken_for_another_and_teaches_patience(rig: Rig)
     assert bus.read(7, 3, 1) == b"\x07"
     rig.clock.sleep_until(rig.clock.now() + 0.005)
     assert bus.read(7, 3, 1) == b"\x07"
-    assert bus.patience.allowance > 0.021
+    assert bus.response_timeout.allowance > 0.021
     assert bus.read(6, 3, 1) == b"\x06"
 
 
@@ -126,7 +126,7 @@ def test_after_a_burst_of_lateness_the_brief_time_out_is_still_short(rig: Rig) -
     rig.kit.faults.start("late", 7, amount=0.0029, times=4)
     for _ in range(30):
         bus.ping(7)
-    assert bus.patience.allowance > bus.patience.brief
+    assert bus.response_timeout.allowance > bus.response_timeout.brief_allowance
     rig.kit.faults.start("silence", 6)
     start = rig.clock.now()
     with pytest.raises(BusTimeout):
@@ -244,6 +244,26 @@ def test_scan_detects_a_conflict_in_protocol_2(x_rig: Rig) -> None:
 def test_a_device_asked_for_by_name_gets_a_second_look(rig: Rig) -> None:
     rig.kit.faults.start("silence", 6, times=1)
     assert [device.id for device in scan(rig.bus(), [5, 6, 50]).devices] == [5, 6]
+
+
+def test_a_device_that_is_held_up_in_the_middle_of_a_scan_is_asked_again(rig: Rig) -> None:
+    asked = 0
+
+    def hold_up() -> bool:
+        nonlocal asked
+        asked += 1
+        if asked == 200:
+            rig.kit.faults.start("silence", 6, times=3)
+        return False
+
+    found = scan(rig.bus(), urgent=hold_up)
+    assert [(device.id, device.name) for device in found.devices][5] == (6, "AX-12A")
+    assert len(found.devices) == 19
+
+
+def test_scan_waits_for_the_last_as_long_as_for_others(rig: Rig) -> None:
+    rig.kit.faults.start("late", amount=0.2)
+    assert len(scan(rig.bus()).devices) == 19
 
 
 def test_scan_writes_nothing(rig: Rig) -> None:

@@ -110,7 +110,7 @@ def test_a_drive_that_tells_little_is_taken_as_it_is() -> None:
     rig = Rig()
     for index in (0x607D, 0x607F, 0x608F, 0x1016, 0x1008):
         del rig.drive._node.object_dictionary[index]
-    rig.drive._watched = lambda: (0, 0.0)  # type: ignore[method-assign]
+    rig.drive._heartbeat_consumer = lambda: (0, 0.0)  # type: ignore[method-assign]
     (info,) = rig.attach().take(m.Found)[0].devices
     assert (info.name, info.watches, info.low, info.most_speed) == ("", False, -float("inf"), float("inf"))
 
@@ -334,7 +334,7 @@ class Served(can.Listener):
     def on_message_received(self, message: can.Message) -> None:
         now = time.monotonic()
         frames = self._drive.tick(now)
-        frames += self._drive.hear(CanFrame(message.arbitration_id, bytes(message.data)), now)
+        frames += self._drive.receive_frame(CanFrame(message.arbitration_id, bytes(message.data)), now)
         for _, frame in frames:
             self._bus.send(can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=False))
 

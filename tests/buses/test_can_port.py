@@ -236,7 +236,7 @@ def test_an_endless_line_does_not_fill_the_memory() -> None:
     text = SlcanText()
     for _ in range(1000):
         assert text.feed(b"t" * 1000) == []
-    assert text.take_damaged() == 1000
+    assert text.pop_damaged_count() == 1000
     assert text.feed(b"\rt4010\r") == [Frame(0x401, b"")]
 
 

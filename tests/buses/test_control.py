@@ -15,7 +15,7 @@ import pytest
 
 from urbihw.buses import messages as m
 from urbihw.buses.clock import RealClock
-from urbihw.buses.control import LONGEST_LINE, MOST_CLIENTS, MOST_WAITING, ControlSocket
+from urbihw.buses.control import MAX_CLIENTS, MAX_LINE_BYTES, MAX_QUEUED_LINES, ControlSocket
 from urbihw.buses.driver import driver_of
 from urbihw.buses.engine import Engine
 from urbihw.buses.errors import Unavailable
@@ -310,6 +310,15 @@ def test_a_socket_that_a_killed_worker_left_is_replaced(tmp_path: Path) -> None:
     desk.control.close()
 
 
+def test_the_socket_of_the_next_worker_outlives_the_one_before(tmp_path: Path) -> None:
+    path = tmp_path / "robot.sock"
+    before, after = ControlSocket(path), ControlSocket(path)
+    before.close()
+    assert path.is_socket()
+    after.close()
+    assert not path.exists()
+
+
 def test_a_path_that_cannot_be_is_told(tmp_path: Path) -> None:
     with pytest.raises(Unavailable, match="No such file"):
         ControlSocket(tmp_path / "nowhere" / "robot.sock")
@@ -362,7 +371,7 @@ def test_a_line_without_end_is_refused_and_its_writer_let_go(desk: Desk, call: C
     caller, other = call(), call()
     caller.send(b"x" * 10_000)
     assert desk.serve() == []
-    assert caller.hear() == [{"ok": False, "error": f"a line has {LONGEST_LINE} bytes at most"}]
+    assert caller.hear() == [{"ok": False, "error": f"a line has {MAX_LINE_BYTES} bytes at most"}]
     assert caller.ended
     other.say("stop")
     assert desk.serve() == [("stop", "a test")]
@@ -379,11 +388,11 @@ def test_a_line_in_pieces_is_one_line(desk: Desk, call: Callable[[], Caller]) ->
 
 def test_of_too_many_clients_the_oldest_go_and_the_newest_is_heard(desk: Desk, call: Callable[[], Caller]) -> None:
     callers = [call() for _ in range(20)]
-    for caller in callers[-MOST_CLIENTS:]:
+    for caller in callers[-MAX_CLIENTS:]:
         caller.say("state")
-    assert len(desk.serve()) == MOST_CLIENTS
-    assert [bool(caller.hear()) for caller in callers] == [False] * 4 + [True] * MOST_CLIENTS
-    assert [caller.ended for caller in callers] == [True] * 4 + [False] * MOST_CLIENTS
+    assert len(desk.serve()) == MAX_CLIENTS
+    assert [bool(caller.hear()) for caller in callers] == [False] * 4 + [True] * MAX_CLIENTS
+    assert [caller.ended for caller in callers] == [True] * 4 + [False] * MAX_CLIENTS
 
 
 def test_many_that_come_and_go_are_all_heard(desk: Desk) -> None:
@@ -408,12 +417,12 @@ def test_a_subscriber_that_does_not_read_loses_the_oldest_and_is_told_how_many(
         desk.control.publish(m.Samples(number, {n: {"present_position": number} for n in range(18)}, {}))
     assert caller.hear()[0] == {"ok": True, "do": "subscribe"}
     heard: list[Say] = []
-    for number in range(count, count + 2 * MOST_WAITING):
+    for number in range(count, count + 2 * MAX_QUEUED_LINES):
         desk.control.publish(m.Samples(number, {}, {}))
         heard += caller.hear()
-    assert heard[-1]["time"] == count + 2 * MOST_WAITING - 1
+    assert heard[-1]["time"] == count + 2 * MAX_QUEUED_LINES - 1
     dropped = sum(line.get("dropped", 0) for line in heard)
-    assert dropped > count - 2 * MOST_WAITING
+    assert dropped > count - 2 * MAX_QUEUED_LINES
     times = [line["time"] for line in heard]
     assert times == sorted(times)
 
@@ -430,7 +439,7 @@ def test_what_waits_for_a_subscriber_is_bounded(desk: Desk, call: Callable[[], C
         seen += len(reader.hear())
     assert seen == 3000
     (slow, _) = desk.control._clients
-    assert len(slow._waiting) <= MOST_WAITING
+    assert len(slow._waiting) <= MAX_QUEUED_LINES
 
 
 def test_who_asks_without_end_and_never_reads_is_let_go(desk: Desk, call: Callable[[], Caller]) -> None:

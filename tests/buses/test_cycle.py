@@ -41,11 +41,11 @@ def run(rig: Rig, cycle: Cycle, seconds: float) -> tuple[list[tuple[float, Tick]
 def test_neighbours_share_a_sync_write_that_travels_with_the_first_read(rig: Rig) -> None:
     cycle = start(rig)
     now = rig.clock.now()
-    cycle.aim(1, "goal_position", 512)
-    cycle.aim(1, "moving_speed", 100)
-    cycle.aim(2, "moving_speed", 200)
-    cycle.aim(2, "goal_position", 300)
-    cycle.aim(3, "torque_limit", 1000)
+    cycle.set_target(1, "goal_position", 512)
+    cycle.set_target(1, "moving_speed", 100)
+    cycle.set_target(2, "moving_speed", 200)
+    cycle.set_target(2, "goal_position", 300)
+    cycle.set_target(3, "torque_limit", 1000)
     cycle.tick(now)
     sent = rig.sent()
     assert sent[0] == (
@@ -59,15 +59,15 @@ def test_neighbours_share_a_sync_write_that_travels_with_the_first_read(rig: Rig
 def test_a_target_that_is_already_there_is_not_sent_again(rig: Rig) -> None:
     cycle = start(rig)
     for _ in range(2):
-        cycle.aim(1, "goal_position", 512)
+        cycle.set_target(1, "goal_position", 512)
         cycle.tick(rig.clock.now())
     assert sum("83 1E 02" in line for line in rig.sent()) == 1
 
 
 def test_torque_off_is_written_last(rig: Rig) -> None:
     cycle = start(rig)
-    cycle.aim(1, "torque_enable", 0)
-    cycle.aim(1, "goal_position", 512)
+    cycle.set_target(1, "torque_enable", 0)
+    cycle.set_target(1, "goal_position", 512)
     now = rig.clock.now()
     cycle.tick(now)
     assert rig.sent()[0].startswith("FF FF FE 07 83 1E 02 01 00 02 54 FF FF FE 06 83 18 01 01 00 5E")
@@ -77,7 +77,7 @@ def test_a_write_needs_no_read_to_travel_with(rig: Rig) -> None:
     bus = rig.bus()
     cycle = Cycle(bus, scan(bus, [6]).devices, PERIOD)
     rig.sent()
-    cycle.aim(6, "led", 1)
+    cycle.set_target(6, "led", 1)
     now = rig.clock.now()
     assert cycle.tick(now).values == {}
     assert rig.sent() == ["FF FF FE 06 83 19 01 06 01 57"]
@@ -91,7 +91,7 @@ def test_a_write_needs_no_read_to_travel_with(rig: Rig) -> None:
 def test_impossible_targets_are_refused(rig: Rig, device: int, item: str, raw: int) -> None:
     cycle = start(rig)
     with pytest.raises(BadValue, match=r"device 99|nose|1023|cannot be a target"):
-        cycle.aim(device, item, raw)
+        cycle.set_target(device, item, raw)
 
 
 def test_one_read_brings_all_fast_items_with_the_time_they_were_taken(rig: Rig) -> None:
@@ -106,7 +106,7 @@ def test_one_read_brings_all_fast_items_with_the_time_they_were_taken(rig: Rig) 
 
 def test_protocol_2_reads_all_in_one_group(x_rig: Rig) -> None:
     cycle = start(x_rig, X_ITEMS, protocol=2)
-    cycle.aim(1, "goal_position", 100)
+    cycle.set_target(1, "goal_position", 100)
     now = x_rig.clock.now()
     tick = cycle.tick(now)
     assert sorted(tick.values) == list(range(1, 19))
@@ -239,15 +239,15 @@ def test_a_silence_in_a_group_is_a_miss_of_the_first_and_a_question_to_those_beh
 
 def test_targets_of_a_lost_servo_are_forgotten(rig: Rig) -> None:
     cycle = start(rig)
-    cycle.aim(6, "goal_position", 300)
+    cycle.set_target(6, "goal_position", 300)
     rig.kit.faults.start("silence", 6)
     run(rig, cycle, 0.1)
-    cycle.aim(6, "goal_position", 400)
+    cycle.set_target(6, "goal_position", 400)
     rig.kit.faults.stop()
     rig.sent()
     run(rig, cycle, 0.5)
     assert not any("83 1E" in line for line in rig.sent())
-    cycle.aim(6, "goal_position", 300)
+    cycle.set_target(6, "goal_position", 300)
     rig.sent()
     cycle.tick(rig.clock.now())
     assert rig.sent()[0].startswith("FF FF FE 07 83 1E 02 06 2C 01")

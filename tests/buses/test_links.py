@@ -20,7 +20,7 @@ import serial
 from urbihw import buses
 from urbihw.buses.clock import RealClock, SimClock
 from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
-from urbihw.buses.link import Context, Link, Url, take_off
+from urbihw.buses.link import Context, Link, Url, split_parameters
 from urbihw.buses.pipe import PipeEnd
 from urbihw.buses.spy import SpyLink
 
@@ -116,7 +116,20 @@ def _usb(stack: ExitStack) -> Peer:
     return peer
 
 
-PEERS = {"serial": _pty, "socket": _tcp, "pipe": _pipe, "spy": _spy, "usb": _usb}
+def _spykee(stack: ExitStack) -> Peer:
+    """The link of one platform; what it adds is tested with that."""
+    peer = _tcp(stack)
+    peer.url = peer.url.replace("socket://", "spykee://")
+    return peer
+
+
+def _qi(stack: ExitStack) -> Peer:
+    peer = _tcp(stack)
+    peer.url = peer.url.replace("socket://", "qi://")
+    return peer
+
+
+PEERS = {"serial": _pty, "socket": _tcp, "spykee": _spykee, "qi": _qi, "pipe": _pipe, "spy": _spy, "usb": _usb}
 
 
 def _write(fd: int, data: bytes) -> None:
@@ -195,7 +208,8 @@ def test_closing_twice_is_fine_and_use_after_it_is_an_error(peer: Peer, link: Li
 
 
 def test_opening_again_works(peer: Peer) -> None:
-    for _ in range(2 if "socket" not in peer.url else 1):
+    one_connection = peer.url.startswith(("socket", "spykee", "qi"))
+    for _ in range(1 if one_connection else 2):
         with buses.open_link(peer.url, peer.context) as opened:
             opened.write(b"x")
             assert peer.take(1) == b"x"
@@ -261,7 +275,7 @@ def test_the_speed_of_a_wire() -> None:
     ],
 )
 def test_what_is_meant_for_the_robot_is_taken_off_the_url(url: str, port: str, own: dict[str, str]) -> None:
-    assert take_off(url, {"laser"}) == (port, own)
+    assert split_parameters(url, {"laser"}) == (port, own)
 
 
 @pytest.mark.parametrize("kind", ["/dev/null", "/dev", "{file}", "{fifo}"])

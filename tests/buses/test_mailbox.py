@@ -45,7 +45,7 @@ def test_of_merged_samples_the_newest_value_of_each_item_wins(full: Full) -> Non
     full.mailbox.post(Samples(2.0, {6: {"place": 200}}, {6: 2.0}))
     full.mailbox.post(Samples(3.0, {6: {"place": 300, "load": 9}, 8: {"place": 50}}, {6: 3.0, 8: 3.0}))
     assert full.read() == []
-    assert full.mailbox.take_dropped() == 2
+    assert full.mailbox.pop_dropped_count() == 2
     full.mailbox.post(LinkState(False, "behind the samples"))
     merged, state = full.read()
     assert isinstance(merged, Samples)
@@ -62,3 +62,24 @@ def test_states_keep_their_order_and_are_never_merged(full: Full) -> None:
     assert full.read() == []
     full.mailbox.post(Samples(1.0, {6: {"place": 1}}, {6: 1.0}))
     assert full.read() == [*states, Samples(1.0, {6: {"place": 1}}, {6: 1.0})]
+
+
+def test_pictures_and_sound_never_block_who_posts_them_and_the_newest_is_left() -> None:
+    parent, theirs = Pipe()
+    mailbox = Mailbox(theirs)
+    for number in range(50):
+        sound = {f"piece{number % 8}": (number, bytes(4000))}
+        values: dict[str, dict[str, object]] = {
+            "camera": {"image": bytes([number]) * 65_535},
+            "micro": dict(sound),
+        }
+        mailbox.post(Samples(float(number), values, dict.fromkeys(values, float(number))))
+    while not isinstance(last := parent.recv(), Samples) or mailbox._samples is not None:
+        mailbox.post(LinkState(True))
+    while parent.poll():
+        if isinstance(message := parent.recv(), Samples):
+            last = message
+    assert last.values["camera"]["image"][:1] == bytes([49])
+    assert sorted(number for number, _ in last.values["micro"].values()) == [*range(42, 50)]
+    parent.close()
+    mailbox.close()

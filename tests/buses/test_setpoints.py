@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from urbihw.buses.messages import Limit, Limited
-from urbihw.buses.setpoints import CATCH_UP, LIVE, LONGEST_STEP, Key, SetPoints
+from urbihw.buses.setpoints import CATCH_UP_S, LIVE_TIMEOUT_S, LONGEST_STEP_S, Key, SetPoints
 
 KEY: Key = (6, "goal_position")
 WHEEL: Key = (7, "moving_speed")
@@ -36,11 +36,11 @@ class Rig:
 
     def take(self, value: Any, key: Key = KEY) -> Any:
         """Ask for one target: what the driver gets at once, None for nothing."""
-        return self.points.take({key: value}, self.now).get(key)
+        return self.points.accept_targets({key: value}, self.now).get(key)
 
     def step(self, key: Key = KEY) -> Any:
         self.now += TICK
-        return self.points.step(self.now).get(key)
+        return self.points.next_targets(self.now).get(key)
 
     def steps(self, seconds: float, key: Key = KEY) -> list[Any]:
         """What the driver gets in some time."""
@@ -57,31 +57,31 @@ def rig() -> Rig:
 
 def test_without_limits_all_passes_as_it_is(rig: Rig) -> None:
     for value in (0, 1023, -5, 1.5, True, "text", None, (1, 2)):
-        assert rig.points.take({KEY: value}, rig.now) == {KEY: value}
+        assert rig.points.accept_targets({KEY: value}, rig.now) == {KEY: value}
     assert rig.step() is None
-    assert rig.points.news() == []
+    assert rig.points.pop_limited() == []
 
 
 def test_a_limit_clamps_and_tells_once_until_it_ends(rig: Rig) -> None:
-    rig.points.limit({KEY: Limit(300, 700, name="joint range")})
+    rig.points.set_limits({KEY: Limit(300, 700, name="joint range")})
     assert [rig.take(value) for value in (500, 800, 900, 600, 100)] == [500, 700, 700, 600, 300]
-    assert rig.points.news() == [
+    assert rig.points.pop_limited() == [
         Limited(*KEY, 800, 700, "joint range"),
         Limited(*KEY, 600, 600, ""),
         Limited(*KEY, 100, 300, "joint range"),
     ]
-    assert rig.points.news() == []
-    rig.points.limit({})
+    assert rig.points.pop_limited() == []
+    rig.points.set_limits({})
     assert rig.take(800) == 800
 
 
 def test_limits_of_others_do_not_count(rig: Rig) -> None:
-    rig.points.limit({(5, KEY[1]): Limit(300, 700), (6, "torque_limit"): Limit(300, 700)})
+    rig.points.set_limits({(5, KEY[1]): Limit(300, 700), (6, "torque_limit"): Limit(300, 700)})
     assert rig.take(900) == 900
 
 
 def test_a_limit_of_a_speed_knows_the_sign_bit(rig: Rig) -> None:
-    rig.points.limit({WHEEL: Limit(-100, 100, name="speed")})
+    rig.points.set_limits({WHEEL: Limit(-100, 100, name="speed")})
     assert [rig.take(value, WHEEL) for value in (50, 500, 1024 + 50, 1024 + 500)] == [50, 100, 1024 + 50, 1024 + 100]
 
 
@@ -89,14 +89,14 @@ def test_a_limit_of_a_speed_knows_the_sign_bit(rig: Rig) -> None:
 
 
 def test_a_rate_is_kept_from_where_the_device_is(rig: Rig) -> None:
-    rig.points.limit({KEY: Limit(rate=1000.0)})
+    rig.points.set_limits({KEY: Limit(rate=1000.0)})
     assert rig.take(612) is None
     given = rig.steps(0.2)
     assert given == [522, 532, 542, 552, 562, 572, 582, 592, 602, 612]
 
 
 def test_a_new_target_under_way_turns_it_round(rig: Rig) -> None:
-    rig.points.limit({KEY: Limit(rate=1000.0)})
+    rig.points.set_limits({KEY: Limit(rate=1000.0)})
     rig.take(612)
     rig.steps(0.05)
     assert rig.take(512) is None
@@ -104,13 +104,13 @@ def test_a_new_target_under_way_turns_it_round(rig: Rig) -> None:
 
 
 def test_a_target_that_is_reached_already_goes_at_once(rig: Rig) -> None:
-    rig.points.limit({KEY: Limit(rate=1000.0)})
+    rig.points.set_limits({KEY: Limit(rate=1000.0)})
     assert rig.take(512) == 512
     assert rig.step() is None
 
 
 def test_a_speed_begins_at_rest_and_passes_zero_at_its_rate(rig: Rig) -> None:
-    rig.points.limit({WHEEL: Limit(rate=1000.0)})
+    rig.points.set_limits({WHEEL: Limit(rate=1000.0)})
     rig.take(20, WHEEL)
     assert rig.steps(0.1, WHEEL) == [10, 20]
     rig.take(1024 + 20, WHEEL)
@@ -118,22 +118,22 @@ def test_a_speed_begins_at_rest_and_passes_zero_at_its_rate(rig: Rig) -> None:
 
 
 def test_a_late_tick_makes_no_large_step(rig: Rig) -> None:
-    rig.points.limit({KEY: Limit(rate=1000.0)})
+    rig.points.set_limits({KEY: Limit(rate=1000.0)})
     rig.take(1000)
     rig.now += 0.3
-    assert rig.step() == 512 + round(1000 * LONGEST_STEP)
+    assert rig.step() == 512 + round(1000 * LONGEST_STEP_S)
 
 
 def test_a_stop_ends_what_is_under_way(rig: Rig) -> None:
-    rig.points.limit({KEY: Limit(rate=1000.0)})
+    rig.points.set_limits({KEY: Limit(rate=1000.0)})
     rig.take(1000)
     rig.steps(0.05)
-    rig.points.forget((5, 7))
+    rig.points.drop_courses((5, 7))
     assert rig.step() is not None
-    rig.points.forget((6,))
+    rig.points.drop_courses((6,))
     assert rig.steps(0.1) == []
     rig.take(1000)
-    rig.points.forget()
+    rig.points.drop_courses()
     assert rig.steps(0.1) == []
 
 
@@ -154,20 +154,20 @@ def test_a_device_that_is_back_is_led_to_its_course_no_faster_than_that_goes(rig
     swing(rig, 4.0)
     fastest = 100 * math.pi
     rig.places[KEY] = 300.0
-    rig.points.returned(6, rig.now)
+    rig.points.resume_courses(6, rig.now)
     given = swing(rig, 2.0)
     assert given[0] == pytest.approx(300, abs=fastest * TICK + 2)
     steps = [abs(later - earlier) for earlier, later in zip(given, given[1:], strict=False)]
     assert max(steps) <= 1.2 * fastest * TICK + 1
-    assert rig.points.step(rig.now + TICK) == {}
+    assert rig.points.next_targets(rig.now + TICK) == {}
 
 
 def test_a_device_whose_course_has_no_speed_is_led_there_in_about_a_second(rig: Rig) -> None:
     rig.take(612)
     rig.places[KEY] = 512.0
-    rig.points.returned(6, rig.now)
+    rig.points.resume_courses(6, rig.now)
     given = []
-    for _ in range(round(3 * CATCH_UP / TICK)):
+    for _ in range(round(3 * CATCH_UP_S / TICK)):
         given += [each for each in (rig.step(), rig.take(612)) if each is not None]
     assert given[0] == pytest.approx(513, abs=1)
     assert given == sorted(given)
@@ -177,32 +177,32 @@ def test_a_device_whose_course_has_no_speed_is_led_there_in_about_a_second(rig: 
 def test_a_course_that_is_no_longer_live_ends(rig: Rig) -> None:
     swing(rig, 1.0)
     rig.places[KEY] = 300.0
-    rig.points.returned(6, rig.now)
+    rig.points.resume_courses(6, rig.now)
     # Nobody asks any more: it is led on as long as the movement may still go on, then it stays where it is.
     given = rig.steps(2.0)
-    assert 1 <= len(given) <= round(LIVE / TICK) + 1
+    assert 1 <= len(given) <= round(LIVE_TIMEOUT_S / TICK) + 1
     assert given[-1] < 512
     assert rig.take(600) == 600
 
 
 def test_a_course_that_ended_before_is_not_taken_up(rig: Rig) -> None:
     rig.take(612)
-    rig.now += LIVE + 2 * TICK
-    rig.points.returned(None, rig.now)
+    rig.now += LIVE_TIMEOUT_S + 2 * TICK
+    rig.points.resume_courses(None, rig.now)
     assert rig.steps(1.0) == []
 
 
 def test_what_is_no_place_is_not_led_anywhere(rig: Rig) -> None:
     rig.take(200, WHEEL)
-    rig.points.returned(7, rig.now)
+    rig.points.resume_courses(7, rig.now)
     assert rig.steps(0.2, WHEEL) == []
 
 
 def test_a_speed_that_was_still_rising_when_its_device_was_lost_is_not_taken_up_by_itself(rig: Rig) -> None:
-    rig.points.limit({WHEEL: Limit(rate=100.0)})
+    rig.points.set_limits({WHEEL: Limit(rate=100.0)})
     rig.take(1000, WHEEL)
     assert rig.steps(0.5, WHEEL)
-    rig.points.returned(WHEEL[0], rig.now)
+    rig.points.resume_courses(WHEEL[0], rig.now)
     assert rig.steps(0.5, WHEEL) == []
 
 
@@ -210,7 +210,7 @@ def test_a_movement_whose_writer_was_held_up_is_led_back_to_its_course(rig: Rig)
     swing(rig, 3.0)
     rig.now += 1.0
     rig.places[KEY] = 512.0
-    assert rig.points.take({KEY: 600}, rig.now, rig.now, {KEY}) == {}
+    assert rig.points.accept_targets({KEY: 600}, rig.now, rig.now, {KEY}) == {}
     first, second, *_ = rig.steps(0.1)
     assert 512 < first < second < 540
 
@@ -218,7 +218,7 @@ def test_a_movement_whose_writer_was_held_up_is_led_back_to_its_course(rig: Rig)
 def test_a_program_that_writes_now_and_then_is_never_held_up(rig: Rig) -> None:
     for value in (500, 600, 500):
         rig.now += 1.0
-        assert rig.points.take({KEY: value}, rig.now, rig.now, {KEY}) == {KEY: value}
+        assert rig.points.accept_targets({KEY: value}, rig.now, rig.now, {KEY}) == {KEY: value}
 
 
 def test_only_the_device_that_is_back_is_led(rig: Rig) -> None:
@@ -226,16 +226,16 @@ def test_only_the_device_that_is_back_is_led(rig: Rig) -> None:
     rig.places[other] = 100.0
     rig.take(612)
     rig.take(300, other)
-    rig.points.returned(5, rig.now)
+    rig.points.resume_courses(5, rig.now)
     rig.now += TICK
-    assert set(rig.points.step(rig.now)) == {other}
+    assert set(rig.points.next_targets(rig.now)) == {other}
 
 
 def test_the_rate_of_the_settings_counts_on_the_way_back_too(rig: Rig) -> None:
-    rig.points.limit({KEY: Limit(rate=50.0)})
+    rig.points.set_limits({KEY: Limit(rate=50.0)})
     rig.take(512)
     rig.places[KEY] = 300.0
-    rig.points.returned(6, rig.now)
+    rig.points.resume_courses(6, rig.now)
     given = []
     for _ in range(100):
         given.append(rig.step())

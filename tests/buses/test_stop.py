@@ -20,7 +20,7 @@ def start(rig: Rig, protocol: int = 1) -> Cycle:
 
 def test_only_joints_that_we_moved_hold_where_they_are(rig: Rig) -> None:
     cycle = start(rig)
-    cycle.aim(6, "goal_position", 900)
+    cycle.set_target(6, "goal_position", 900)
     cycle.tick(rig.clock.now())
     rig.clock.sleep_until(rig.clock.now() + 0.2)
     rig.sent()
@@ -44,7 +44,7 @@ def test_stopping_twice_and_stopping_an_untouched_robot_write_nothing(rig: Rig) 
     rig.sent()
     safe_stop(cycle)
     assert rig.sent() == []
-    cycle.aim(6, "goal_position", 900)
+    cycle.set_target(6, "goal_position", 900)
     cycle.tick(rig.clock.now())
     safe_stop(cycle)
     rig.sent()
@@ -56,8 +56,8 @@ def test_wheels_get_speed_0_first(rig: Rig) -> None:
     for item in ("cw_limit", "ccw_limit"):
         rig.kit.servo(3).registers.put(item, 0)
     cycle = start(rig)
-    cycle.aim(3, "moving_speed", 1500)
-    cycle.aim(6, "goal_position", 900)
+    cycle.set_target(3, "moving_speed", 1500)
+    cycle.set_target(6, "goal_position", 900)
     cycle.tick(rig.clock.now())
     rig.sent()
     safe_stop(cycle)
@@ -66,7 +66,7 @@ def test_wheels_get_speed_0_first(rig: Rig) -> None:
 
 def test_the_speed_of_a_joint_is_no_motion(rig: Rig) -> None:
     cycle = start(rig)
-    cycle.aim(6, "moving_speed", 100)
+    cycle.set_target(6, "moving_speed", 100)
     cycle.tick(rig.clock.now())
     rig.sent()
     safe_stop(cycle)
@@ -75,7 +75,7 @@ def test_the_speed_of_a_joint_is_no_motion(rig: Rig) -> None:
 
 def test_torque_off_only_when_asked(rig: Rig) -> None:
     cycle = start(rig)
-    cycle.aim(6, "goal_position", 900)
+    cycle.set_target(6, "goal_position", 900)
     cycle.tick(rig.clock.now())
     safe_stop(cycle, torque_off=True)
     assert rig.kit.servo(6).registers.get("torque_enable") == 0
@@ -85,7 +85,7 @@ def test_torque_off_only_when_asked(rig: Rig) -> None:
 def test_a_silent_joint_does_not_keep_the_others_from_stopping(rig: Rig) -> None:
     cycle = start(rig)
     for number in (5, 6):
-        cycle.aim(number, "goal_position", 900)
+        cycle.set_target(number, "goal_position", 900)
     cycle.tick(rig.clock.now())
     rig.kit.faults.start("silence", 5)
     safe_stop(cycle)
@@ -100,7 +100,7 @@ def test_turning_x_servos_get_0(x_rig: Rig, mode: int, item: str, zero: str) -> 
     bus = x_rig.bus(2)
     bus.write(2, 11, bytes((mode,)))
     cycle = Cycle(bus, scan(bus).devices, 0.01)
-    cycle.aim(2, item, 100)
+    cycle.set_target(2, item, 100)
     cycle.tick(x_rig.clock.now())
     x_rig.sent()
     safe_stop(cycle)
@@ -112,7 +112,7 @@ def test_turning_x_servos_get_0(x_rig: Rig, mode: int, item: str, zero: str) -> 
 def test_joints_whose_position_was_read_a_moment_ago_are_held_without_a_question(rig: Rig) -> None:
     cycle = start(rig)
     cycle.watch(6, ("present_position",), 0.0, rig.clock.now())
-    cycle.aim(6, "goal_position", 900)
+    cycle.set_target(6, "goal_position", 900)
     for _ in range(20):
         cycle.tick(rig.clock.now())
         rig.clock.sleep_until(rig.clock.now() + 0.01)
@@ -127,7 +127,7 @@ def test_joints_whose_position_was_read_a_moment_ago_are_held_without_a_question
 
 def test_a_limp_joint_stays_limp(rig: Rig) -> None:
     cycle = start(rig)
-    cycle.aim(6, "goal_position", 900)
+    cycle.set_target(6, "goal_position", 900)
     cycle.tick(rig.clock.now())
     rig.kit.servo(6).registers.put("torque_enable", 0)
     safe_stop(cycle)
@@ -137,7 +137,7 @@ def test_a_limp_joint_stays_limp(rig: Rig) -> None:
 def test_only_some_are_stopped(rig: Rig) -> None:
     cycle = start(rig)
     for number in (5, 6):
-        cycle.aim(number, "goal_position", 900)
+        cycle.set_target(number, "goal_position", 900)
     cycle.tick(rig.clock.now())
     safe_stop(cycle, devices=(6,))
     for _ in range(300):
@@ -163,3 +163,13 @@ def test_what_somebody_else_has_set_in_motion_is_stopped(rig: Rig) -> None:
     assert rig.kit.servo(3).registers.get("moving_speed") == 0
     assert rig.kit.servo(6).registers.get("present_position") == pytest.approx(place, abs=3)
     assert stop_what_moves(cycle) == ()
+
+
+def test_a_wheel_that_does_not_say_whether_it_turns_is_told_to_stand(rig: Rig) -> None:
+    for item in ("cw_limit", "ccw_limit"):
+        rig.kit.servo(3).registers.put(item, 0)
+    rig.kit.servo(3).registers.put("moving_speed", 500)
+    cycle = start(rig)
+    rig.kit.faults.start("silence", 3)
+    assert stop_what_moves(cycle) == ()
+    assert rig.kit.servo(3).registers.get("moving_speed") == 0

@@ -11,7 +11,7 @@ from urbihw.buses import messages as m
 from urbihw.buses import supervisor as module
 from urbihw.buses.errors import LinkGone, Unavailable
 from urbihw.buses.messages import FromWorker, ToWorker
-from urbihw.buses.supervisor import FIRST_BACK_OFF, LAST_BACK_OFF, Supervisor
+from urbihw.buses.supervisor import FIRST_BACK_OFF_S, LAST_BACK_OFF_S, Supervisor
 
 URL = "pipe://robot"
 
@@ -112,7 +112,7 @@ class Rig:
 @pytest.fixture
 def rig(monkeypatch: pytest.MonkeyPatch) -> Iterator[Rig]:
     monkeypatch.setattr(module, "Worker", FakeWorker)
-    monkeypatch.setattr(module, "LAST_STOP", 0.05)
+    monkeypatch.setattr(module, "LAST_STOP_TIMEOUT_S", 0.05)
     FakeWorker.made.clear()
     FakeWorker.failures.clear()
     FakeWorker.on_start = None
@@ -122,8 +122,8 @@ def rig(monkeypatch: pytest.MonkeyPatch) -> Iterator[Rig]:
 
 def test_a_worker_begins_with_the_settings_and_the_control_socket(rig: Rig) -> None:
     assert rig.worker.begin == m.Begin(m.Configure(rate=50), control="/run/robot.sock")
-    rig.supervisor.send(m.Alive())
-    assert rig.worker.told == [m.Alive()]
+    rig.supervisor.send(m.Heartbeat())
+    assert rig.worker.told == [m.Heartbeat()]
     rig.worker.post(m.LinkState(True))
     assert rig.heard == [m.LinkState(True)]
 
@@ -132,7 +132,7 @@ def test_one_that_dies_is_replaced_at_once_and_then_with_back_off(rig: Rig) -> N
     for _ in range(8):
         rig.worker.end("it died")
     assert len(FakeWorker.made) == 9
-    backed_off = [min(FIRST_BACK_OFF * 2**n, LAST_BACK_OFF) for n in range(7)]
+    backed_off = [min(FIRST_BACK_OFF_S * 2**n, LAST_BACK_OFF_S) for n in range(7)]
     assert rig.pauses.waited == [0.0, *backed_off]
     assert rig.heard == [m.WorkerState("it died; another one is started")] * 8
 
@@ -140,9 +140,9 @@ def test_one_that_dies_is_replaced_at_once_and_then_with_back_off(rig: Rig) -> N
 def test_one_that_worked_for_a_while_is_replaced_at_once_again(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     rig.worker.end("it died")
     rig.worker.end("it died")
-    monkeypatch.setattr(module, "STEADY", -1.0)
+    monkeypatch.setattr(module, "STEADY_AFTER_S", -1.0)
     rig.worker.end("it died")
-    assert rig.pauses.waited == [0.0, FIRST_BACK_OFF, 0.0]
+    assert rig.pauses.waited == [0.0, FIRST_BACK_OFF_S, 0.0]
 
 
 def test_one_that_ends_without_a_reason_was_not_asked_to(rig: Rig) -> None:

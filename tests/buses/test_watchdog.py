@@ -8,7 +8,7 @@ import pytest
 
 from urbihw.buses import messages as m
 from urbihw.buses.dynamixel.cycle import Cycle
-from urbihw.buses.dynamixel.member import WATCHDOG, WATCHDOG_LOOK
+from urbihw.buses.dynamixel.member import WATCHDOG, WATCHDOG_CHECK_PERIOD_S
 from urbihw.buses.dynamixel.scan import scan
 from urbihw.buses.messages import FromWorker
 from urbihw_fakes.bioloid import Bioloid
@@ -139,7 +139,7 @@ def test_a_servo_that_is_not_read_is_kept_awake_by_few_looks(bench: Bench) -> No
     heard = bench.run(3.0)
     assert turns(bench.rig)
     # Nobody wants to know anything, so the looks are all there is, and nobody hears of them.
-    assert len(bench.rig.sent()) == pytest.approx(3.0 / WATCHDOG_LOOK, abs=1)
+    assert len(bench.rig.sent()) == pytest.approx(3.0 / WATCHDOG_CHECK_PERIOD_S, abs=1)
     assert of(m.Samples, heard) == []
 
 
@@ -155,7 +155,7 @@ def test_the_cycle_gets_five_packets_a_second_more_and_none_per_tick(bench: Benc
     bench.rig.sent()
     heard = bench.run(2.0)
     assert before == pytest.approx(200, abs=1)
-    assert len(bench.rig.sent()) == pytest.approx(before + 2.0 / WATCHDOG_LOOK, abs=2)
+    assert len(bench.rig.sent()) == pytest.approx(before + 2.0 / WATCHDOG_CHECK_PERIOD_S, abs=2)
     assert {name for sample in of(m.Samples, heard) for name in sample.values[WHEEL]} == set(items)
     assert all(statistics.late == 0 for statistics in of(m.Statistics, heard))
     assert turns(bench.rig)
@@ -206,7 +206,7 @@ def test_a_stop_leaves_it_armed_and_the_next_speed_finds_it_so(bench: Bench) -> 
 def test_an_arming_that_was_not_heard_is_made_up_for(bench: Bench) -> None:
     go(bench)
     servo_of(bench.rig).registers.put(WATCHDOG, 0)
-    bench.run(2 * WATCHDOG_LOOK)
+    bench.run(2 * WATCHDOG_CHECK_PERIOD_S)
     assert armed(bench.rig) == 25
     assert turns(bench.rig)
 
@@ -270,8 +270,8 @@ def test_a_request_arms_it_too(bench: Bench) -> None:
 def test_joints_and_zeros_arm_nothing(wheel: Rig) -> None:
     cycle = Cycle(wheel.bus(2), scan(wheel.bus(2)).devices, 0.01)
     wheel.sent()
-    cycle.aim(1, "goal_position", 1000)
-    cycle.aim(WHEEL, "goal_velocity", 0)
-    cycle.aim(3, "profile_velocity", 100)
+    cycle.set_target(1, "goal_position", 1000)
+    cycle.set_target(WHEEL, "goal_velocity", 0)
+    cycle.set_target(3, "profile_velocity", 100)
     cycle.tick(wheel.clock.now())
     assert not any("83 62 00" in line for line in wheel.sent())

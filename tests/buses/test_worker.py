@@ -16,7 +16,7 @@ from urbihw.buses import messages as m
 from urbihw.buses.clock import SimClock
 from urbihw.buses.driver import driver_of
 from urbihw.buses.dynamixel.device import DeviceInfo
-from urbihw.buses.engine import Engine
+from urbihw.buses.engine import HEARTBEAT_ALLOWANCE_S, Engine
 from urbihw.buses.errors import BadUrl, BadValue, LinkGone
 from urbihw.buses.link import Context, Port
 from urbihw.buses.mailbox import Mailbox
@@ -65,7 +65,7 @@ class Bench:
         with contextlib.suppress(EOFError):
             while self.pipe.poll():
                 heard.append(self.pipe.recv())
-        return [message for message in heard if not isinstance(message, m.Pulse)]
+        return [message for message in heard if not isinstance(message, m.WorkerHeartbeat)]
 
     def close(self) -> None:
         self.pipe.close()
@@ -91,6 +91,16 @@ def test_start_finds_all_and_writes_nothing(bench: Bench) -> None:
     assert found.devices[5] == DeviceInfo(6, 12, "AX-12A", "AX-12", 24, 1, "joint")
     # Instructions of protocol 1.0: only pings and reads.
     assert {line.split()[4] for line in bench.rig.sent()} == {"01", "02"}
+
+
+def test_a_link_that_breaks_at_a_watch_is_a_lost_link(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    def watch(*_: object) -> list[FromWorker]:
+        raise LinkGone("it broke")
+
+    bench.run(0.5)
+    monkeypatch.setattr(bench.engine._driver, "watch", watch)
+    bench.tell(m.Watch(6, ITEMS))
+    assert m.LinkState(False, "it broke") in bench.run(0.1)
 
 
 def test_targets_samples_and_statistics(bench: Bench) -> None:
@@ -145,6 +155,28 @@ def test_a_scan_on_request_finds_what_was_added(make_rig: Callable[[Bioloid], Ri
     bench.close()
 
 
+def test_a_tick_that_waits_for_many_silent_devices_is_no_silence_of_the_worker(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    beats: list[float] = []
+    post = bench.mailbox.post
+
+    def note(message: FromWorker) -> None:
+        if isinstance(message, m.WorkerHeartbeat):
+            beats.append(bench.rig.clock.now())
+        post(message)
+
+    bench.run(0.6)
+    bench.tell(*(m.Watch(number, ITEMS) for number in range(1, 19)))
+    bench.rig.kit.faults.start("late", amount=0.045)
+    bench.run(5.0)
+    bench.rig.kit.faults.stop()
+    monkeypatch.setattr(bench.mailbox, "post", note)
+    bench.rig.kit.faults.start("silence")
+    bench.run(3.0)
+    assert max(gaps(beats)) < HEARTBEAT_ALLOWANCE_S
+
+
 def test_a_robot_that_is_switched_on_later_is_found(rig: Rig) -> None:
     rig.kit.power_off(rig.clock.now())
     bench = Bench(rig)
@@ -183,7 +215,7 @@ def test_a_silent_master_stops_the_robot_once(rig: Rig) -> None:
     bench = Bench(rig, m.Configure(dead_man=1.5))
     bench.run(0.5)
     for _ in range(6):
-        bench.tell(m.Alive(), m.Targets({(6, "goal_position"): 900}))
+        bench.tell(m.Heartbeat(), m.Targets({(6, "goal_position"): 900}))
         assert of(m.Stopped, bench.run(0.5)) == []
     start = rig.clock.now()
     rig.kit.servo(6).registers.put("goal_position", 400)
@@ -298,7 +330,7 @@ def test_a_bug_stops_the_robot_and_is_told(bench: Bench, monkeypatch: pytest.Mon
     bench.run(0.5)
     bench.tell(m.Targets({(6, "goal_position"): 900}))
     bench.run(0.1)
-    monkeypatch.setattr(bench.engine, "_report", lambda now: 1 // 0)
+    monkeypatch.setattr(bench.engine, "_post_statistics", lambda now: 1 // 0)
     bench.engine.run()
     stopped, ended = bench.heard()[-2:]
     assert stopped == m.Stopped("the worker ends", 1)
@@ -390,7 +422,7 @@ def test_a_worker_in_a_thread(rig: Rig) -> None:
     assert heard[-2:] == [m.Stopped("the worker ends", 1), m.Ended("")]
     worker.stop()
     with pytest.raises(LinkGone, match="has ended; start another one"):
-        worker.send(m.Alive())
+        worker.send(m.Heartbeat())
 
 
 def test_a_worker_cannot_be_started_on_nonsense() -> None:

@@ -45,7 +45,7 @@ class KernelSocket:
         return self
 
     def _take(self) -> None:
-        self._said += self._lobby.output.take()
+        self._said += self._lobby.output.take_bytes()
 
     def setsockopt(self, *arguments: object) -> None:
         pass

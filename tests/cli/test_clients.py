@@ -14,12 +14,12 @@ from kernel_socket import HERE, NOBODY, serve
 from PIL import Image
 
 from urbihw.cli import image, launch, ping, send, sound, urbi
-from urbihw.cli.lines import Binary
-from urbihw.cli.link import Link
+from urbihw.cli.lobby_client import LobbyClient
 from urbihw.cli.options import Parser, Refused
 from urbihw.cli.pictures import Picture
-from urbihw.cli.reach import reached
+from urbihw.cli.reach import resolve_server
 from urbihw.cli.sounds import Sound, wave_file
+from urbihw.client.lines import Binary
 from urbihw.client.where import Where
 
 Capture = pytest.CaptureFixture[str]
@@ -99,17 +99,17 @@ def test_without_a_host_the_socket_of_the_daemon_with_that_port_is_used(tmp_path
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
     tcp = Where("127.0.0.1", 1234)
-    assert reached(None, 1234, None) == tcp
+    assert resolve_server(None, 1234, None) == tcp
     path = tmp_path / "urbihw" / "urbi-1234.socket"
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as daemon:
         daemon.bind(str(path))
-        assert reached(None, 1234, None) == tcp, "nobody listens there"
+        assert resolve_server(None, 1234, None) == tcp, "nobody listens there"
         daemon.listen()
-        assert reached(None, 1234, None) == Where(str(path), 1234)
-        assert reached(None, 1235, None) == Where("127.0.0.1", 1235)
-        assert reached("127.0.0.1", 1234, None) == tcp
-        assert reached(None, 1234, True) == Where("127.0.0.1", 1234, True)
-    assert reached(None, 1234, None) == tcp, "left there by a daemon that was killed"
+        assert resolve_server(None, 1234, None) == Where(str(path), 1234)
+        assert resolve_server(None, 1235, None) == Where("127.0.0.1", 1235)
+        assert resolve_server("127.0.0.1", 1234, None) == tcp
+        assert resolve_server(None, 1234, True) == Where("127.0.0.1", 1234, True)
+    assert resolve_server(None, 1234, None) == tcp, "left there by a daemon that was killed"
 
 
 @pytest.mark.parametrize("program", [["urbi-send", "-e", "1;"], ["urbi-ping", "-c", "1"]], ids=lambda row: row[0])
@@ -225,9 +225,18 @@ def test_image_says_what_is_wrong(monkeypatch: Patch, capsys: Capture, options: 
     assert words in line
 
 
+def test_the_first_image_of_a_camera_that_sends_only_while_it_is_read(
+    monkeypatch: Patch, capsys: Capture, tmp_path: Path
+) -> None:
+    late = 'var camera.first = camera.val | camera.val = Binary.new("jpeg 0 0", "") |'
+    serve(monkeypatch, CAMERA + late + " disown({ sleep(1s) | camera.val = camera.first });")
+    assert image.main(["-o", str(tmp_path / "a.ppm")]) == 0
+    assert (tmp_path / "a.ppm").read_bytes() == b"P6\n2 1\n255\nabcdef"
+
+
 def test_images_without_end(monkeypatch: Patch) -> None:
     server = serve(monkeypatch, CAMERA + "disown({ every (1s) { camera.quality += 1 } });")
-    with Link(HERE, NOBODY) as link:
+    with LobbyClient(HERE, NOBODY) as link:
         stream = image.pictures(link, "camera", 500)
         assert [next(stream) for _ in range(3)] == [Picture("rgb", 2, 1, b"abcdef")] * 3
         assert server.kernel.clock.now() >= 1.0

@@ -58,6 +58,19 @@ def test_check_tells_all_mistakes_one_line_each(capsys: Capture, file: Path) -> 
     ]
 
 
+def test_check_and_show_take_the_file_either_way(capsys: Capture, file: Path) -> None:
+    file.write_text('platform = "bioloid"\nport = 4711\n')
+    for words in (["robot.toml"], ["--config", "robot.toml"]):
+        assert main(("config", "check", *words)) == 0
+        assert main(("config", "show", *words)) == 0
+        out, _ = capsys.readouterr()
+        assert out.startswith("robot.toml: nothing wrong\n") and "port = 4711" in out
+    for words in ([], ["robot.toml", "--config", "other.toml"]):
+        assert main(("config", "check", *words)) == 78
+        (line,) = capsys.readouterr().err.splitlines()[-1:]
+        assert "FILE" in line
+
+
 @pytest.mark.parametrize(
     ("text", "words"), [(None, "cannot be read: "), ("a = ", "is not TOML: "), ("a = 1\na = 2", "is not TOML: ")]
 )
@@ -148,3 +161,15 @@ def test_the_command_as_it_is_typed(file: Path) -> None:
     assert shown.returncode == 0 and "options.battery_full = 8.0" in shown.stdout
     cut = subprocess.run(f"{' '.join(command)} schema | head -1", shell=True, capture_output=True, text=True)
     assert (cut.stdout, cut.stderr) == ("{\n", "")
+
+
+def test_a_password_is_not_shown(capsys: Capture, file: Path) -> None:
+    file.write_text('platform = "spykee"\n[options]\nuser = "bob"\npassword = "hunter2"\n')
+    assert main(["config", "show", str(file)]) == 0
+    shown = capsys.readouterr().out
+    assert "hunter2" not in shown and "bob" in shown
+    assert "# options.password" in shown and "options.password; secret, not shown" in shown
+    assert "password" not in tomllib.loads(shown)["options"]
+    assert main(["config", "show", str(file), "--json"]) == 0
+    shown = capsys.readouterr().out
+    assert "hunter2" not in shown and json.loads(shown)["options.password"]["value"] is None

@@ -23,10 +23,10 @@ from urbihw.cli.console.lexer import UrbiscriptLexer
 from urbihw.cli.console.screen import depth, history, is_command, lacks_separator
 from urbihw.cli.console.session import Session
 from urbihw.cli.console.subject import Subject, subject, whole_path
-from urbihw.cli.lines import Line, Lines
 from urbihw.cli.main import main
 from urbihw.cli.options import Refused
 from urbihw.client.credentials import Credentials
+from urbihw.client.lines import Line, Lines
 from urbihw.client.where import Where
 
 T = TypeVar("T")
@@ -70,7 +70,7 @@ def piped(monkeypatch: pytest.MonkeyPatch, text: bytes, **options: Any) -> int:
     os.write(writing, text)
     os.close(writing)
     with open(reading, "rb") as source:
-        return plain.talk(HERE, NOBODY, source)
+        return plain.run_session(HERE, NOBODY, source)
 
 
 @pytest.mark.parametrize("text", [b"1 + 1; echo(3);\n", b"1 + 1; echo(3)"])
@@ -197,7 +197,7 @@ def asked(
         server.open()
         return _Reader(server), _Writer(server)
 
-    monkeypatch.setattr("urbihw.cli.console.assistant.streams", connect)
+    monkeypatch.setattr("urbihw.cli.console.assistant.open_streams", connect)
     return asyncio.run(question(Assistant(HERE, NOBODY), uid))
 
 
@@ -232,7 +232,7 @@ def test_descriptions(monkeypatch: pytest.MonkeyPatch) -> None:
 
     sleep = describe((), "sleep")
     assert (sleep.type, sleep.source, sleep.slots) == ("Primitive", "", ())
-    assert sleep.text.startswith("Do nothing for a duration in seconds")
+    assert sleep.text.startswith("Sleep for a duration in seconds")
     stop = describe(("robot", "arm"), "stop")
     assert (stop.type, stop.text) == ("Code", "")
     assert 'echo("STOPPED")' in stop.source
@@ -258,7 +258,7 @@ def test_only_the_foreground_of_the_user_is_interrupted(monkeypatch: pytest.Monk
     async def connect(where: Where, who: Credentials) -> tuple[_Reader, _Writer]:
         return _Reader(server), _Writer(server)
 
-    monkeypatch.setattr("urbihw.cli.console.assistant.streams", connect)
+    monkeypatch.setattr("urbihw.cli.console.assistant.open_streams", connect)
     asyncio.run(Assistant(HERE, NOBODY).interrupt(uid))
     assert "killing foreground job" in server.kernel.run_text(user, "", until=0.6)
     assert "*** back" in server.kernel.run_text(user, "echo(1);", until=3.0)
@@ -268,7 +268,7 @@ def test_a_server_that_says_nothing_leaves_no_answer(monkeypatch: pytest.MonkeyP
     async def connect(where: Where, who: Credentials) -> None:
         raise ConnectionRefusedError("refused")
 
-    monkeypatch.setattr("urbihw.cli.console.assistant.streams", connect)
+    monkeypatch.setattr("urbihw.cli.console.assistant.open_streams", connect)
     with pytest.raises(NoAnswer, match="refused"):
         asyncio.run(Assistant(HERE, NOBODY).names("0x1", ()))
 
@@ -353,7 +353,7 @@ def test_a_session_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
     async def no_pause(seconds: float) -> None:
         events.append(f"pause {seconds:g}" if seconds else "turn")
 
-    monkeypatch.setattr("urbihw.cli.console.session.streams", connect)
+    monkeypatch.setattr("urbihw.cli.console.session.open_streams", connect)
     monkeypatch.setattr(asyncio, "sleep", no_pause)
 
     def changed() -> None:

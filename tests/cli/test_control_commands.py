@@ -103,7 +103,7 @@ def leave(folder: Path, name: str) -> None:
     [
         ("stop", {}, "stopped"),
         ("stop", {"estop": "me"}, "stopped; an emergency stop holds (me) until: urbihw release"),
-        ("stop", {"link": False}, "stopped; its link is down: it is told to stop as soon as that is back"),
+        ("stop", {"link": False}, "stopped; its link is down: it will be stopped as soon as the link is back"),
         ("estop", {"estop": "me"}, "emergency stop, held until: urbihw release"),
         ("release", {}, "released"),
         ("release", {"link": False}, "released"),
@@ -183,7 +183,7 @@ def test_without_rights_it_says_which_to_get(folder: Path, capsys: Capture, monk
     def refuse(self: object, line: str) -> None:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(control._Call, "_connect", refuse)
+    monkeypatch.setattr(control._Query, "_connect", refuse)
     assert main(("stop",)) == 69
     assert "use sudo, or join the group" in capsys.readouterr().err
 
@@ -304,7 +304,7 @@ def test_what_is_for_direct_wants_it(folder: Path, capsys: Capture, option: tupl
 def test_direct_says_in_one_line_what_is_wrong_with_the_set_up(
     folder: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], words: str
 ) -> None:
-    monkeypatch.setattr(direct, "PORT_PATIENCE", 0.2)
+    monkeypatch.setattr(direct, "PORT_TIMEOUT_S", 0.2)
     assert main(("stop", "--direct", *arguments)) == 78
     out, err = capsys.readouterr()
     assert out == "" and words in err and len(err.splitlines()) == 1

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from urbihw.buses.ports import Port
+from urbihw.buses.ports import SerialPort
 from urbihw.cli import doctor
 from urbihw.cli.main import COMMANDS, main
 from urbihw.cli.platforms import maturity
@@ -104,7 +104,7 @@ def test_doctor_knows_adapters_and_their_latency(tmp_path: Path, monkeypatch: py
     (tmp_path / "sys" / "ttyUSB0").mkdir(parents=True)
     (tmp_path / "sys" / "ttyUSB0" / "latency_timer").write_text("16\n")
     monkeypatch.setattr(doctor, "LATENCY", tmp_path / "sys")
-    found = list(doctor.adapters([Port(str(device), 0x0403, 0x6014, "FT232H")]))
+    found = list(doctor.adapters([SerialPort(str(device), 0x0403, 0x6014, "FT232H")]))
     assert found[0] == doctor.Finding("ok", f"{device}: U2D2 (bioloid)")
     assert "keeps answers for 16 ms" in found[1].text
     assert list(doctor.adapters([]))[0].verdict == "note"

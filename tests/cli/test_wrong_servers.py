@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from urbihw.cli.link import Link
+from urbihw.cli.lobby_client import LobbyClient
 from urbihw.cli.options import Refused
 from urbihw.client.credentials import Credentials
 from urbihw.client.where import Where
@@ -46,8 +46,8 @@ def serve() -> Iterator[Serve]:
 
 
 def refusal(where: Where, patience: float = 5.0) -> str:
-    with pytest.raises(Refused) as caught, Link(where, Credentials(environment={})) as link:
-        link.greeting(patience)
+    with pytest.raises(Refused) as caught, LobbyClient(where, Credentials(environment={})) as link:
+        link.read_banner(patience)
     assert "\n" not in str(caught.value)
     return str(caught.value)
 

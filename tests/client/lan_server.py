@@ -11,8 +11,8 @@ from typing import Any, TypeVar
 
 from urbihw.client.where import Where
 from urbihw.daemon import tls
-from urbihw.daemon.access import Admission, Tokens
-from urbihw.daemon.wayin import WayIn
+from urbihw.daemon.access import Authenticator, Tokens
+from urbihw.daemon.access_policy import AccessPolicy
 from urbihw.kernel import Kernel
 from urbihw.kernel.server.loop import Driver
 from urbihw.kernel.server.tcp import Server
@@ -36,7 +36,7 @@ class Lan:
         self._loop: asyncio.AbstractEventLoop
         self.kernel: Kernel
         self.server: Server
-        self.way_in: WayIn
+        self.access_policy: AccessPolicy
         self.port = self.plain_port = 0
         self._thread = threading.Thread(target=lambda: asyncio.run(self._serve()))
         self._thread.start()
@@ -52,9 +52,9 @@ class Lan:
         kernel = self.kernel = Kernel()
         driver = Driver(kernel.scheduler)
         self.server = Server(driver, kernel.open_lobby)
-        admission = Admission(self.tokens)
-        self.way_in = WayIn(admission.greeting, tls.context(self._files), admission)
-        self.port = await self.server.listen("127.0.0.1", 0, self.way_in.greeting, self.way_in.ssl)
+        authenticator = Authenticator(self.tokens)
+        self.access_policy = AccessPolicy(authenticator.handshake, tls.context(self._files), authenticator)
+        self.port = await self.server.listen("127.0.0.1", 0, self.access_policy.handshake, self.access_policy.ssl)
         self.plain_port = await self.server.listen("127.0.0.1", 0)
         await self.server.listen_unix(self.path)
         self._ready.set()

@@ -44,7 +44,7 @@ def test_a_server_by_name() -> None:
 
 def test_a_server_that_is_not_known_is_shown_and_not_trusted(tmp_path: Path) -> None:
     with pytest.raises(Denied) as caught:
-        user(tmp_path).judge(ROBOT, ONE)
+        user(tmp_path).check_certificate(ROBOT, ONE)
     assert fingerprint(ONE) in str(caught.value) and "--trust" in str(caught.value)
     assert not (tmp_path / "urbihw").exists()
 
@@ -60,11 +60,11 @@ def test_who_is_asked_decides_once(tmp_path: Path, answer: bool) -> None:
     me = user(tmp_path, confirm=confirm)
     if not answer:
         with pytest.raises(Denied):
-            me.judge(ROBOT, ONE)
+            me.check_certificate(ROBOT, ONE)
         return
-    me.judge(ROBOT, ONE)
-    me.judge(ROBOT, ONE)
-    user(tmp_path).judge(ROBOT, ONE)
+    me.check_certificate(ROBOT, ONE)
+    me.check_certificate(ROBOT, ONE)
+    user(tmp_path).check_certificate(ROBOT, ONE)
     assert len(asked) == 1 and fingerprint(ONE) in asked[0]
     known = tmp_path / "urbihw" / "known_hosts"
     assert known.read_text() == f"robot.local:54000 {fingerprint(ONE)}\n"
@@ -73,18 +73,18 @@ def test_who_is_asked_decides_once(tmp_path: Path, answer: bool) -> None:
 
 @pytest.mark.parametrize("trust", [True, False])
 def test_another_certificate_is_refused_even_with_trust(tmp_path: Path, trust: bool) -> None:
-    user(tmp_path, trust=True).judge(Where("other", 1, True), OTHER)
-    user(tmp_path, trust=True).judge(ROBOT, ONE)
+    user(tmp_path, trust=True).check_certificate(Where("other", 1, True), OTHER)
+    user(tmp_path, trust=True).check_certificate(ROBOT, ONE)
     with pytest.raises(Denied) as caught:
-        user(tmp_path, trust=trust, confirm=lambda question: True).judge(ROBOT, OTHER)
+        user(tmp_path, trust=trust, confirm=lambda question: True).check_certificate(ROBOT, OTHER)
     assert "somebody may be in between" in str(caught.value)
     assert f"delete line 2 of {tmp_path}/urbihw/known_hosts" in str(caught.value)
 
 
 def test_each_port_has_a_server_of_its_own(tmp_path: Path) -> None:
-    user(tmp_path, trust=True).judge(ROBOT, ONE)
-    user(tmp_path, trust=True).judge(Where("robot.local", 54001, True), OTHER)
-    user(tmp_path).judge(ROBOT, ONE)
+    user(tmp_path, trust=True).check_certificate(ROBOT, ONE)
+    user(tmp_path, trust=True).check_certificate(Where("robot.local", 54001, True), OTHER)
+    user(tmp_path).check_certificate(ROBOT, ONE)
 
 
 # ---------------------------------------------------------------- the user
@@ -128,7 +128,7 @@ def test_a_token_is_asked_for_once_unless_it_was_wrong(tmp_path: Path) -> None:
     answers = iter(["first", "second"])
     me = user(tmp_path, ask=lambda question: next(answers))
     assert [me.token(ROBOT), me.token(ROBOT)] == ["first", "first"]
-    me.forget(ROBOT)
+    me.forget_token(ROBOT)
     assert me.token(ROBOT) == "second"
 
 

@@ -16,19 +16,19 @@ import pytest
 from lan_server import Lan
 
 from urbihw.cli.console.session import Session
-from urbihw.cli.link import Link
+from urbihw.cli.lobby_client import LobbyClient
 from urbihw.cli.options import Refused
 from urbihw.client.connect import connect
 from urbihw.client.credentials import Credentials, Denied
-from urbihw.client.dial import streams
+from urbihw.client.dial import open_streams
 from urbihw.client.secure import context
 from urbihw.client.where import Where
 from urbihw.daemon import access, tls
-from urbihw.kernel.server.greeting import Refusal
-from urbihw.kernel.server.tcp import MOST_STRANGERS, WANTS_TLS
+from urbihw.kernel.server.handshake import Refusal
+from urbihw.kernel.server.tcp import MAX_UNAUTHENTICATED, WANTS_TLS
 from urbihw.kernel.uobject.motion import _client
 
-PATIENCE = 20.0
+TIMEOUT_S = 20.0
 
 
 @pytest.fixture
@@ -44,13 +44,13 @@ def user(home: Path, token: str = "", trust: bool = True) -> Credentials:
 
 def secure(lan: Lan) -> ssl.SSLSocket:
     """TLS without a word said."""
-    plain = socket.create_connection(("127.0.0.1", lan.port), PATIENCE)
+    plain = socket.create_connection(("127.0.0.1", lan.port), TIMEOUT_S)
     return context().wrap_socket(plain)
 
 
 def everything(made: socket.socket) -> bytes:
     """All that is said until the end."""
-    made.settimeout(PATIENCE)
+    made.settimeout(TIMEOUT_S)
     said = b""
     try:
         while data := made.recv(4096):
@@ -62,7 +62,7 @@ def everything(made: socket.socket) -> bytes:
 
 
 def wait_for(lan: Lan, connections: int) -> None:
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + TIMEOUT_S
     while lan.count()[0] != connections:
         assert time.monotonic() < end
         time.sleep(0.01)
@@ -73,8 +73,8 @@ def wait_for(lan: Lan, connections: int) -> None:
 
 def test_who_has_a_token_gets_banner_and_answers(lan: Lan, tmp_path: Path) -> None:
     lan.kernel.programs.quiet = False
-    with Link(lan.where, user(tmp_path, lan.tokens.add("alice"))) as link:
-        assert any("***" in line.shown for line in link.greeting())
+    with LobbyClient(lan.where, user(tmp_path, lan.tokens.add("alice"))) as link:
+        assert any("***" in line.shown for line in link.read_banner())
         assert link.ask("1 + 1").shown == "2"
         connection = lan.call(lambda: next(iter(lan.server.connections)))
         assert connection.peer.endswith("(alice)")
@@ -98,9 +98,9 @@ def test_streams_of_asyncio_get_in_and_lose_no_byte(lan: Lan, tmp_path: Path) ->
     who = user(tmp_path, lan.tokens.add("alice"))
 
     async def talk() -> bytes:
-        reader, writer = await streams(lan.where, who)
+        reader, writer = await open_streams(lan.where, who)
         writer.write(b"1 + 2;quit;\n")
-        said = await asyncio.wait_for(reader.read(-1), PATIENCE)
+        said = await asyncio.wait_for(reader.read(-1), TIMEOUT_S)
         writer.close()
         return said
 
@@ -111,8 +111,8 @@ def test_streams_of_asyncio_get_in_and_lose_no_byte(lan: Lan, tmp_path: Path) ->
 
 def test_much_in_both_directions_at_once(lan: Lan, tmp_path: Path) -> None:
     """Two threads share the connection, as in the console in a pipe."""
-    wire = connect(lan.where, user(tmp_path, lan.tokens.add("alice")), PATIENCE)
-    wire.settimeout(PATIENCE)
+    wire = connect(lan.where, user(tmp_path, lan.tokens.add("alice")), TIMEOUT_S)
+    wire.settimeout(TIMEOUT_S)
 
     def send() -> None:
         for _ in range(2000):
@@ -166,7 +166,7 @@ def test_nothing_is_said_and_there_is_no_lobby_before_the_token(lan: Lan) -> Non
 
 
 def test_who_says_nothing_in_time_is_disconnected(lan: Lan, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(access.FirstLine, "patience", 0.2)
+    monkeypatch.setattr(access.TokenHandshake, "timeout", 0.2)
     made = secure(lan)
     made.sendall(b"tok")
     assert everything(made).startswith(b"*** urbihw: ")
@@ -176,31 +176,31 @@ def test_who_says_nothing_in_time_is_disconnected(lan: Lan, monkeypatch: pytest.
 def test_wrong_tokens_wait_longer_each_time_and_a_right_one_never(
     lan: Lan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(access, "FIRST_DELAY", 0.1)
+    monkeypatch.setattr(access, "FIRST_DELAY_S", 0.1)
     took = []
     for _ in range(3):
         began = time.monotonic()
         with pytest.raises(Denied, match="token refused: it is wrong"):
-            connect(lan.where, user(tmp_path, "wrong"), PATIENCE)
+            connect(lan.where, user(tmp_path, "wrong"), TIMEOUT_S)
         took.append(time.monotonic() - began)
     assert took[0] >= 0.1 and took[1] >= 0.2 and took[2] >= 0.4
-    monkeypatch.setattr(access, "FIRST_DELAY", PATIENCE * 10)
-    connect(lan.where, user(tmp_path, lan.tokens.add("alice")), PATIENCE).close()
+    monkeypatch.setattr(access, "FIRST_DELAY_S", TIMEOUT_S * 10)
+    connect(lan.where, user(tmp_path, lan.tokens.add("alice")), TIMEOUT_S).close()
 
 
 def test_the_addresses_of_wrong_tokens_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(access, "MOST_PEERS", 4)
-    admission = access.Admission(access.Tokens(tmp_path))
+    monkeypatch.setattr(access, "MAX_PEERS", 4)
+    authenticator = access.Authenticator(access.Tokens(tmp_path))
     delays = []
     for number in [0, 0, 0, 1, 2, 3, 4, 0]:
         with pytest.raises(Refusal) as caught:
-            admission.admit(f"10.0.0.{number}", "wrong")
+            authenticator.authenticate(f"10.0.0.{number}", "wrong")
         delays.append(caught.value.delay)
     assert delays == [0.5, 1.0, 2.0, 0.5, 0.5, 0.5, 0.5, 0.5]
     for _ in range(30):
         with pytest.raises(Refusal) as caught:
-            admission.admit("10.0.0.9", "wrong")
-    assert caught.value.delay == access.LONGEST_DELAY
+            authenticator.authenticate("10.0.0.9", "wrong")
+    assert caught.value.delay == access.MAX_DELAY_S
 
 
 def test_a_crowd_without_tokens_keeps_nobody_out_who_is_in_or_of_this_machine(
@@ -208,48 +208,48 @@ def test_a_crowd_without_tokens_keeps_nobody_out_who_is_in_or_of_this_machine(
 ) -> None:
     who = user(tmp_path, lan.tokens.add("alice"))
     lan.server.max_clients = 3
-    with Link(lan.where, who) as inside:
-        crowd = [socket.create_connection(("127.0.0.1", lan.port), PATIENCE) for _ in range(MOST_STRANGERS + 20)]
+    with LobbyClient(lan.where, who) as inside:
+        crowd = [socket.create_connection(("127.0.0.1", lan.port), TIMEOUT_S) for _ in range(MAX_UNAUTHENTICATED + 20)]
         assert inside.ask("1").shown == "1"
-        with Link(Where("127.0.0.1", lan.plain_port), Credentials()) as second:
+        with LobbyClient(Where("127.0.0.1", lan.plain_port), Credentials()) as second:
             assert second.ask("2").shown == "2"
         with pytest.raises(Refused):
-            Link(lan.where, who)
+            LobbyClient(lan.where, who)
         assert "32 others have not shown a token yet" in caplog.text
-        assert len(lan.call(lambda: set(lan.server.strangers))) == MOST_STRANGERS
+        assert len(lan.call(lambda: set(lan.server.unauthenticated))) == MAX_UNAUTHENTICATED
         for one in crowd:
             one.close()
-        end = time.monotonic() + PATIENCE
-        while lan.call(lambda: set(lan.server.strangers)):
+        end = time.monotonic() + TIMEOUT_S
+        while lan.call(lambda: set(lan.server.unauthenticated)):
             assert time.monotonic() < end
             time.sleep(0.01)
         wait_for(lan, 1)
-        with Link(lan.where, who) as third, Link(lan.where, who) as fourth:
+        with LobbyClient(lan.where, who) as third, LobbyClient(lan.where, who) as fourth:
             assert third.ask("3").shown == fourth.ask("3").shown == "3"
             with pytest.raises(Refused, match="too many connections"):
-                Link(lan.where, who)
+                LobbyClient(lan.where, who)
     wait_for(lan, 0)
-    assert lan.call(lambda: set(lan.server.strangers)) == set()
+    assert lan.call(lambda: set(lan.server.unauthenticated)) == set()
 
 
 def test_who_is_removed_while_connected_is_disconnected(lan: Lan, tmp_path: Path) -> None:
     alice, bob = lan.tokens.add("alice"), lan.tokens.add("bob")
-    with Link(lan.where, user(tmp_path, alice)) as first, Link(lan.where, user(tmp_path, bob)) as second:
+    with LobbyClient(lan.where, user(tmp_path, alice)) as first, LobbyClient(lan.where, user(tmp_path, bob)) as second:
         assert first.ask("1").shown == second.ask("1").shown == "1"
-        lan.call(lambda: lan.way_in.let_go(lan.server.connections))
+        lan.call(lambda: lan.access_policy.disconnect_removed(lan.server.connections))
         assert first.ask("2").shown == "2"
         lan.tokens.remove("alice")
         lan.tokens.add("alice")
-        lan.call(lambda: lan.way_in.let_go(lan.server.connections))
+        lan.call(lambda: lan.access_policy.disconnect_removed(lan.server.connections))
         # Who does not take notice is refused once all the same, and is gone soon.
-        lan.call(lambda: lan.way_in.let_go(lan.server.connections))
+        lan.call(lambda: lan.access_policy.disconnect_removed(lan.server.connections))
         wait_for(lan, 1)
-        lan.call(lambda: lan.way_in.let_go(lan.server.connections))
+        lan.call(lambda: lan.access_policy.disconnect_removed(lan.server.connections))
         with pytest.raises((Refused, Denied, ConnectionError), match="token refused: it was removed"):
             first.ask("3")
         assert second.ask("3").shown == "3"
     with pytest.raises(Denied, match="wrong, or was removed"):
-        connect(lan.where, user(tmp_path, alice), PATIENCE)
+        connect(lan.where, user(tmp_path, alice), TIMEOUT_S)
 
 
 def test_tokens_that_cannot_be_read_let_nobody_in_and_the_log_says_why(
@@ -258,7 +258,7 @@ def test_tokens_that_cannot_be_read_let_nobody_in_and_the_log_says_why(
     alice = lan.tokens.add("alice")
     (tmp_path / "tokens").chmod(0o644)
     with pytest.raises(Denied, match="cannot read its tokens"):
-        connect(lan.where, user(tmp_path, alice), PATIENCE)
+        connect(lan.where, user(tmp_path, alice), TIMEOUT_S)
     assert "can be read by others" in caplog.text
 
 
@@ -267,13 +267,13 @@ def test_tokens_that_cannot_be_read_let_nobody_in_and_the_log_says_why(
 
 def test_plain_text_on_the_port_of_tls(lan: Lan, caplog: pytest.LogCaptureFixture) -> None:
     told = rf"^127.0.0.1:{lan.port} speaks TLS, and wants a token: --tls"
-    with pytest.raises(Refused, match=told), Link(Where("127.0.0.1", lan.port), Credentials()) as link:
+    with pytest.raises(Refused, match=told), LobbyClient(Where("127.0.0.1", lan.port), Credentials()) as link:
         link.ask("1")
     for text in (b"1 + 1;\n", b"\r\n", b"GET / HTTP/1.1\r\n\r\n"):
-        plain = socket.create_connection(("127.0.0.1", lan.port), PATIENCE)
+        plain = socket.create_connection(("127.0.0.1", lan.port), TIMEOUT_S)
         plain.sendall(text)
         assert everything(plain) == WANTS_TLS and b"urbihw console HOST:PORT --tls" in WANTS_TLS
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + TIMEOUT_S
     while "speaks no TLS" not in caplog.text:
         assert time.monotonic() < end
         time.sleep(0.01)
@@ -281,15 +281,15 @@ def test_plain_text_on_the_port_of_tls(lan: Lan, caplog: pytest.LogCaptureFixtur
 
 
 def test_who_says_nothing_to_the_port_of_tls_is_told_in_the_end(lan: Lan, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("urbihw.kernel.server.tcp.HANDSHAKE", 0.3)
-    assert everything(socket.create_connection(("127.0.0.1", lan.port), PATIENCE)) == WANTS_TLS
+    monkeypatch.setattr("urbihw.kernel.server.tcp.TLS_TIMEOUT_S", 0.3)
+    assert everything(socket.create_connection(("127.0.0.1", lan.port), TIMEOUT_S)) == WANTS_TLS
 
 
 def test_a_console_without_tls_is_told_why_and_does_not_try_again(lan: Lan) -> None:
     states: list[str] = []
     session = Session(Where("127.0.0.1", lan.port), Credentials(), lambda lines: None,
                       lambda: states.append(session.state))
-    asyncio.run(asyncio.wait_for(session.run(), PATIENCE))
+    asyncio.run(asyncio.wait_for(session.run(), TIMEOUT_S))
     assert states == ["denied"]
     assert session.reason.startswith(f"127.0.0.1:{lan.port} speaks TLS, and wants a token: --tls")
 
@@ -297,10 +297,10 @@ def test_a_console_without_tls_is_told_why_and_does_not_try_again(lan: Lan) -> N
 def test_tls_on_a_plain_port(lan: Lan, tmp_path: Path) -> None:
     where = Where("127.0.0.1", lan.plain_port, True)
     with pytest.raises(Refused, match="does not speak TLS.*--no-tls"):
-        Link(where, user(tmp_path, "x"))
+        LobbyClient(where, user(tmp_path, "x"))
 
     async def talk() -> None:
-        await streams(where, user(tmp_path, "x"))
+        await open_streams(where, user(tmp_path, "x"))
 
     with pytest.raises(Denied, match="does not speak TLS"):
         asyncio.run(talk())
@@ -311,7 +311,7 @@ def test_old_tls_is_refused(lan: Lan) -> None:
     with pytest.warns(DeprecationWarning):
         old.minimum_version = ssl.TLSVersion.TLSv1
         old.maximum_version = ssl.TLSVersion.TLSv1_1
-    plain = socket.create_connection(("127.0.0.1", lan.port), PATIENCE)
+    plain = socket.create_connection(("127.0.0.1", lan.port), TIMEOUT_S)
     with pytest.raises((ssl.SSLError, ConnectionError)), old.wrap_socket(plain):
         pass
     plain.close()
@@ -319,13 +319,13 @@ def test_old_tls_is_refused(lan: Lan) -> None:
 
 def test_another_certificate_gets_no_token(lan: Lan, tmp_path: Path) -> None:
     token = lan.tokens.add("alice")
-    connect(lan.where, user(tmp_path, token), PATIENCE).close()
+    connect(lan.where, user(tmp_path, token), TIMEOUT_S).close()
     (tmp_path / "urbihw" / "known_hosts").write_text(f"127.0.0.1:{lan.port} {':'.join(['AB'] * 32)}\n")
     with pytest.raises(Denied, match="another one than before"):
-        connect(lan.where, user(tmp_path, token), PATIENCE)
+        connect(lan.where, user(tmp_path, token), TIMEOUT_S)
 
     async def talk() -> None:
-        await streams(lan.where, user(tmp_path, token))
+        await open_streams(lan.where, user(tmp_path, token))
 
     with pytest.raises(Denied, match="another one than before"):
         asyncio.run(talk())
@@ -357,7 +357,7 @@ def test_a_certificate_that_has_expired_is_known_by_its_fingerprint(tmp_path: Pa
         subprocess.run(["openssl", *command.split()], cwd=tmp_path, capture_output=True, check=True)
     lan = Lan(tmp_path, tls.Files(tmp_path / "certificate", tmp_path / "key"))
     try:
-        with Link(lan.where, user(tmp_path, lan.tokens.add("alice"))) as link:
+        with LobbyClient(lan.where, user(tmp_path, lan.tokens.add("alice"))) as link:
             assert link.ask("1").shown == "1"
         assert lan.fingerprint in (tmp_path / "urbihw" / "known_hosts").read_text()
     finally:
@@ -366,8 +366,8 @@ def test_a_certificate_that_has_expired_is_known_by_its_fingerprint(tmp_path: Pa
 
 def test_a_slow_user_is_not_too_late(lan: Lan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The server waits for ten seconds; who has to compare a fingerprint takes longer."""
-    monkeypatch.setattr(access.FirstLine, "patience", 0.2)
-    monkeypatch.setattr("urbihw.client.connect.PROMPT", 0.1)
+    monkeypatch.setattr(access.TokenHandshake, "timeout", 0.2)
+    monkeypatch.setattr("urbihw.client.connect.PROMPT_TIMEOUT_S", 0.1)
     asked = []
 
     def slowly(question: str) -> bool:
@@ -377,7 +377,7 @@ def test_a_slow_user_is_not_too_late(lan: Lan, tmp_path: Path, monkeypatch: pyte
 
     who = Credentials(confirm=slowly, ask=lambda question: token, environment={"XDG_CONFIG_HOME": str(tmp_path)})
     token = lan.tokens.add("alice")
-    connect(lan.where, who, PATIENCE).close()
+    connect(lan.where, who, TIMEOUT_S).close()
     assert len(asked) == 1
 
 
@@ -386,5 +386,5 @@ def test_a_slow_user_is_not_too_late(lan: Lan, tmp_path: Path, monkeypatch: pyte
 
 def test_the_unix_socket_and_loopback_want_no_token(lan: Lan) -> None:
     for where in (Where(str(lan.path), 0), Where("127.0.0.1", lan.plain_port)):
-        with Link(where, Credentials(environment={})) as link:
+        with LobbyClient(where, Credentials(environment={})) as link:
             assert link.ask("1 + 1").shown == "2"

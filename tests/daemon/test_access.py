@@ -66,7 +66,7 @@ def test_a_token_is_known_again_but_not_kept(tmp_path: Path) -> None:
     alice, bob = tokens.add("alice"), tokens.add("bob@laptop")
     assert len(alice) >= 43 and alice != bob
     assert [entry.name for entry in tokens.entries()] == ["alice", "bob@laptop"]
-    holder = Tokens(tmp_path).holder(bob)
+    holder = Tokens(tmp_path).find_entry(bob)
     assert holder is not None and holder.name == "bob@laptop"
     file = tmp_path / "tokens"
     assert mode(file) == 0o600
@@ -77,18 +77,18 @@ def test_a_token_is_known_again_but_not_kept(tmp_path: Path) -> None:
 @pytest.mark.parametrize("token", ["", "x", "ü", "0" * 200])
 def test_another_token_is_nobodys(tmp_path: Path, token: str) -> None:
     tokens = Tokens(tmp_path)
-    assert tokens.holder(token) is None
+    assert tokens.find_entry(token) is None
     real = tokens.add("alice")
-    assert tokens.holder(token) is None
-    assert tokens.holder(real[:-1]) is None
+    assert tokens.find_entry(token) is None
+    assert tokens.find_entry(real[:-1]) is None
 
 
 def test_who_is_removed_is_let_in_no_more(tmp_path: Path) -> None:
     tokens = Tokens(tmp_path)
     alice, bob = tokens.add("alice"), tokens.add("bob")
     tokens.remove("alice")
-    assert tokens.holder(alice) is None
-    assert tokens.holder(bob) is not None
+    assert tokens.find_entry(alice) is None
+    assert tokens.find_entry(bob) is not None
     with pytest.raises(BadConfig, match="there is no token of alice; there are: bob"):
         tokens.remove("alice")
     assert tokens.add("alice") != alice
@@ -112,10 +112,10 @@ def test_a_damaged_file_and_one_that_others_read_are_refused(tmp_path: Path) -> 
     with (tmp_path / "tokens").open("a") as file:
         file.write("rubbish\n")
     with pytest.raises(BadConfig, match="line 2 is no token"):
-        tokens.holder(real)
+        tokens.find_entry(real)
     (tmp_path / "tokens").chmod(0o644)
     with pytest.raises(BadConfig, match="chmod 600"):
-        tokens.holder(real)
+        tokens.find_entry(real)
 
 
 # ---------------------------------------------------------------- the certificate
@@ -177,7 +177,7 @@ def test_add_prints_the_token_alone_for_scripts(home: Path, capsys: pytest.Captu
     assert main(["access", "add", "alice"]) == 0
     said = capsys.readouterr()
     token = said.out.removesuffix("\n")
-    assert Tokens(home).holder(token) is not None
+    assert Tokens(home).find_entry(token) is not None
     assert "The token of alice, shown this once" in said.err
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from urbihw.daemon.config import MIB, Config, configure, load
+from urbihw.daemon.config import MIB, Config, configure, load, read_toml
 from urbihw.kernel.uobject import BadConfig
 
 SAMPLE = Path(__file__).resolve().parents[2] / "share" / "urbihw.toml"
@@ -266,3 +267,33 @@ def test_what_no_settings_can_be_is_one_line(tmp_path: Path, text: str) -> None:
     with pytest.raises(BadConfig, match="robot.toml: ") as caught:
         configure(file)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "rate = " + "[" * 5000 + "]" * 5000,
+        "\n\nrate = " + "{a = " * 33 + "1" + "}" * 33,
+        "a." * 30000 + "b = 1",
+        "[limits]\n" + '"a" . ' * 9000 + "b = 1",
+        "[" + "a." * 40 + "b]",
+    ],
+    ids=lambda text: text[:12].strip(),
+)
+def test_what_nests_too_deep_is_refused_at_once(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "robot.toml"
+    file.write_text(text)
+    began = time.process_time()
+    with pytest.raises(BadConfig, match=r"nests more than 32 deep \(line \d+\)") as caught:
+        read_toml(file)
+    assert time.process_time() - began < 1.0
+    assert "\n" not in str(caught.value)
+
+
+def test_brackets_and_dots_in_texts_and_comments_do_not_nest(tmp_path: Path) -> None:
+    file = tmp_path / "robot.toml"
+    deep = "[{" * 50 + "a." * 50
+    file.write_text(f'# {deep}\nurl = "{deep}\\""  # {deep}\nport_file = \'{deep}\'\nload = ["""\n{deep}"""]\n')
+    assert read_toml(file)["url"] == deep + '"'
+    file.write_text("load = [\n" + '  "a.b.c",\n' * 100 + "]\n")
+    assert len(read_toml(file)["load"]) == 100

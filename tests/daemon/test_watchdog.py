@@ -14,9 +14,10 @@ from urbihw.daemon.config import Config
 from urbihw.daemon.notify import Notifier
 from urbihw.daemon.service import Service
 from urbihw.kernel import Kernel
+from urbihw.kernel.process import KernelProcess
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.uobject import Robot, RobotSettings
-from urbihw.platforms.base import SILENCE, WiredRobot
+from urbihw.platforms.base import SILENCE_TIMEOUT_S, WiredRobot
 
 
 class Manager(Notifier):
@@ -50,12 +51,12 @@ async def report(robot: object, rounds: int) -> list[str]:
     manager = Manager()
     service = Service(Config(platform="stub"), manager)
     service._robot = robot  # type: ignore[assignment]
-    stopping = asyncio.get_running_loop().create_future()
-    reporting = asyncio.ensure_future(service._report(stopping))
+    service._process = KernelProcess()
+    reporting = asyncio.ensure_future(service._report())
     while getattr(robot, "asked", rounds) < rounds:
         await asyncio.sleep(0.005)
     await asyncio.sleep(0)
-    stopping.set_result(True)
+    service.stop()
     await reporting
     return manager.said
 
@@ -78,7 +79,7 @@ def test_without_a_robot_it_is_fed() -> None:
 
 def test_it_is_fed_twice_in_the_time_that_the_manager_gives() -> None:
     notifier = Notifier.from_environment({"WATCHDOG_USEC": "1000000"})
-    assert notifier.watchdog_period == 0.5 < module.STATUS_PERIOD
+    assert notifier.watchdog_period == 0.5 < module.STATUS_PERIOD_S
 
 
 # ---------------------------------------------------------------- a robot on a wire
@@ -113,7 +114,7 @@ class Wired(WiredRobot):
     def on_samples(self, message: m.Samples) -> None:
         pass
 
-    def whole(self) -> bool:
+    def is_complete(self) -> bool:
         return True
 
 
@@ -150,17 +151,17 @@ def rig() -> Rig:
         m.Samples(1.0, {}, {}),
         m.Statistics(1.0, 100.0, 0),
         m.LinkState(False, "unplugged"),
-        m.Pulse(0.4),
+        m.WorkerHeartbeat(0.4),
     ],
     ids=lambda message: type(message).__name__,
 )
 def test_a_worker_that_is_heard_is_alive_also_without_its_link(rig: Rig, message: m.FromWorker) -> None:
     assert rig.robot.alive()
-    rig.time += SILENCE + 0.1
+    rig.time += SILENCE_TIMEOUT_S + 0.1
     assert not rig.robot.alive()
     rig.hear(message)
     assert rig.robot.alive()
-    rig.time += SILENCE - 0.1
+    rig.time += SILENCE_TIMEOUT_S - 0.1
     assert rig.robot.alive()
     rig.time += 0.2
     assert not rig.robot.alive()
@@ -168,7 +169,7 @@ def test_a_worker_that_is_heard_is_alive_also_without_its_link(rig: Rig, message
 
 @pytest.mark.parametrize("message", [m.WorkerState("it hangs"), m.Ended("it died")])
 def test_what_others_say_of_a_worker_is_no_sign_of_its_life(rig: Rig, message: m.FromWorker) -> None:
-    rig.time += SILENCE + 0.1
+    rig.time += SILENCE_TIMEOUT_S + 0.1
     rig.hear(message)
     assert not rig.robot.alive()
 

@@ -1,4 +1,4 @@
-"""Real daemons before robots in software, what may befall them, and what becomes of the body.
+"""Real daemons before simulated robots, what may befall them, and what becomes of the body.
 
 For ``test_faults`` and ``bench/safety.py``; the robots are in ``moving_robots``.
 """
@@ -27,7 +27,7 @@ from moving_robots import Look, Rig
 from urbihw_fakes.serving import Endpoint
 
 ROOT = Path(__file__).resolve().parents[1]
-PATIENCE = 20.0
+TIMEOUT_S = 60.0
 PERIOD = 0.004
 """Seconds between two looks at the body."""
 SPAN = 0.2
@@ -62,7 +62,7 @@ class Client:
     """A connection that remembers what it reads."""
 
     def __init__(self, port: int) -> None:
-        self._socket = socket.create_connection(("127.0.0.1", port), PATIENCE)
+        self._socket = socket.create_connection(("127.0.0.1", port), TIMEOUT_S)
         self._pieces: list[str] = []
         self.ended = False
         self._thread = threading.Thread(target=self._listen, daemon=True)
@@ -93,7 +93,7 @@ class Client:
         """Hang up."""
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
-        self._thread.join(PATIENCE)
+        self._thread.join(TIMEOUT_S)
         self._socket.close()
 
     def _listen(self) -> None:
@@ -121,7 +121,12 @@ class Daemon:
             (*command, "--port", "0", "--port-file", str(port_file), "--config", str(config)),
             cwd=ROOT, stdin=subprocess.DEVNULL, stderr=self._log,
         )  # fmt: skip
-        wait_for(lambda: port_file.exists() and port_file.read_text().endswith("\n"), f"a port: {self.log()}")
+        self.workers: list[int] = []
+        try:
+            wait_for(lambda: port_file.exists() and port_file.read_text().endswith("\n"), f"a port: {self.log()}")
+        except BaseException:
+            self.close()
+            raise
         self.port = int(port_file.read_text())
         self.workers = self._children()
 
@@ -137,7 +142,7 @@ class Daemon:
     def order(self, **words: str) -> str:
         """Tell the control socket something; its answer."""
         with socket.socket(socket.AF_UNIX) as line:
-            line.settimeout(PATIENCE)
+            line.settimeout(TIMEOUT_S)
             line.connect(str(self.control))
             line.sendall(json.dumps(words).encode() + b"\n")
             return line.recv(4096).decode()
@@ -148,7 +153,7 @@ class Daemon:
         for pid in (self.process.pid, *workers):
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
-        self.process.wait(PATIENCE)
+        self.process.wait(TIMEOUT_S)
         self._log.close()
 
     def _children(self) -> list[int]:
@@ -163,7 +168,7 @@ class Daemon:
 
 def wait_for(done: Callable[[], object], what: str) -> None:
     """Until something holds.  Raises TimeoutError."""
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + TIMEOUT_S
     while not done():
         if time.monotonic() > end:
             raise TimeoutError(f"waited for {what}")
@@ -214,7 +219,7 @@ class Watcher:
     def close(self) -> None:
         """Look no more."""
         self._over.set()
-        self._thread.join(PATIENCE)
+        self._thread.join(TIMEOUT_S)
 
 
 # ---------------------------------------------------------------- one case
@@ -291,7 +296,7 @@ def run(rig: Rig, event: Event) -> Outcome:
         outcome.peaks = watcher.peak(case.began, begin), watcher.peak(end)
         outcome.reads = "; ".join(case.client.errors()) or ("connection closed" if case.client.ended else "")
         if case.rough is not None:
-            case.rough.wait(PATIENCE)
+            case.rough.wait(TIMEOUT_S)
         return outcome
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import resource
 import socket
@@ -13,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-PATIENCE = 10.0
+TIMEOUT_S = 60.0
 """Seconds after which anything has failed; a busy machine may need some."""
 
 CENSUS = "[Lobby.instances.size, System.jobs.size];"
@@ -27,7 +28,7 @@ class Client:
         self.socket = socket.socket()
         if receive is not None:
             self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive)
-        self.socket.settimeout(PATIENCE)
+        self.socket.settimeout(TIMEOUT_S)
         self.socket.connect(("127.0.0.1", port))
 
     def say(self, data: bytes) -> None:
@@ -76,21 +77,34 @@ class Server:
         self.process = subprocess.Popen((*command, *arguments), stdin=subprocess.DEVNULL, stderr=self._log)
         if descriptors is not None:
             resource.prlimit(self.process.pid, resource.RLIMIT_NOFILE, (descriptors, descriptors))
-        end = time.monotonic() + PATIENCE
-        while not (port_file.exists() and port_file.read_text().endswith("\n")):
-            assert self.process.poll() is None and time.monotonic() < end, self.log()
-            time.sleep(0.01)
-        self.port = int(port_file.read_text())
-        self.neighbour = self.client()
-        self.at_rest = self.neighbour.ask(CENSUS)
+        self._clients: list[Client] = []
+        try:
+            end = time.monotonic() + TIMEOUT_S
+            while not (port_file.exists() and port_file.read_text().endswith("\n")):
+                assert self.process.poll() is None and time.monotonic() < end, self.log()
+                time.sleep(0.01)
+            self.port = int(port_file.read_text())
+            self.neighbour = self.client()
+            self.at_rest = self.neighbour.ask(CENSUS)
+        except BaseException:
+            self.close()
+            raise
 
     def client(self, receive: int | None = None) -> Client:
-        """One more client."""
-        return Client(self.port, receive)
+        """One more client; those that a test leaves open are closed behind it."""
+        self._clients.append(Client(self.port, receive))
+        return self._clients[-1]
+
+    def hang_up(self) -> None:
+        """Close all clients but the neighbour: a test that failed may have left some."""
+        for client in self._clients:
+            if client is not self.neighbour:
+                client.close()
+        self._clients = [self.neighbour]
 
     def wait(self, question: str, answer: str) -> None:
         """Ask until the answer is the right one."""
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + TIMEOUT_S
         while (heard := self.neighbour.ask(question)) != answer:
             assert time.monotonic() < end, f"{question} is {heard}, not {answer}"
             time.sleep(0.02)
@@ -106,22 +120,25 @@ class Server:
         return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
     def close(self) -> None:
-        self.neighbour.close()
+        for client in self._clients:
+            client.close()
         self.process.kill()
-        self.process.wait(PATIENCE)
+        self.process.wait(TIMEOUT_S)
         self._log.close()
 
 
 def served(folders: pytest.TempPathFactory) -> Iterator[Server]:
     """The fixture of a server for a whole module."""
-    server = Server(folders.mktemp("hostile"))
-    yield server
-    server.close()
+    with contextlib.closing(Server(folders.mktemp("hostile"))) as server:
+        yield server
 
 
 def looked_after(server: Server) -> Iterator[Server]:
     """The fixture of a server for a test: afterwards it must be as it was, and have nothing to complain of itself."""
-    yield server
+    try:
+        yield server
+    finally:
+        server.hang_up()
     assert server.neighbour.ask("40 + 2;") == "42"
     server.wait(CENSUS, server.at_rest)
     assert "Traceback" not in server.log()

@@ -1,4 +1,4 @@
-"""The robots in software whose bodies are looked at when something goes wrong: see ``faults_lab``."""
+"""The simulated robots whose bodies are looked at when something goes wrong: see ``faults_lab``."""
 
 from __future__ import annotations
 
@@ -21,13 +21,15 @@ from urbihw_fakes.segway.rmp import SegwayRmp
 from urbihw_fakes.segway.start import UsbPty
 from urbihw_fakes.segway.usb import UsbLink
 from urbihw_fakes.serving import Endpoint
+from urbihw_fakes.spykee.device import Spykee
+from urbihw_fakes.spykee.endpoint import SpykeeEndpoint
 
 Look = Callable[[], float]
 
 
 @dataclass(frozen=True)
 class Rig:
-    """A robot in software, and one way to move it.
+    """A simulated robot, and one way to move it.
 
     Attributes:
         make: the robot on its transport, and the greatest speed of its body, in degrees/s or m/s (``unit``).
@@ -87,6 +89,17 @@ def _cia402() -> tuple[Endpoint, Look]:
     return end, lambda: abs(drive.machine.speed) * 360 / drive.machine.increments
 
 
+def _spykee() -> tuple[Endpoint, Look]:
+    robot = Spykee()
+    end = SpykeeEndpoint(robot)
+
+    def speed() -> float:
+        robot.body.advance(end.clock())
+        return max(map(abs, robot.body.speeds))
+
+    return end, lambda: end.call(speed)
+
+
 RIGS = (
     Rig(
         "Bioloid, a wheel", "bioloid", lambda: _bioloid(7), "motor7.speed = 2;", 60,
@@ -104,4 +117,5 @@ RIGS = (
         "CiA 402 drive", "cia402", _cia402, "drive5.speed = 6;", 300,
         prepare="drive5.load = 1;", until="drive5.load == 1",
     ),
+    Rig("Spykee", "spykee", _spykee, "trackL.val = 60 | trackR.val = 60;", 0.2, rest=0.005, unit="m"),
 )  # fmt: skip

@@ -16,7 +16,7 @@ import termios
 import time
 from pathlib import Path
 
-PATIENCE = 20.0
+TIMEOUT_S = 60.0
 
 _CONTROL = re.compile(r"\x1b(?:\[[0-9;?]*[ -/]*[@-~]|[=>()][0-9A-Z]?|\][^\x07]*\x07)")
 _WHERE_IS_THE_CURSOR = b"\x1b[6n"
@@ -31,7 +31,7 @@ def run(
     name: str, *arguments: str, stdin: str = "", cwd: Path | None = None, **environment: str
 ) -> tuple[int, str, str]:
     """A program that ends by itself: exit code, standard output, standard error."""
-    done = subprocess.run(module(name, *arguments), input=stdin, capture_output=True, text=True, timeout=PATIENCE,
+    done = subprocess.run(module(name, *arguments), input=stdin, capture_output=True, text=True, timeout=TIMEOUT_S,
                           cwd=cwd, env={**os.environ, **environment})
     assert "Traceback" not in done.stderr, done.stderr
     return done.returncode, done.stdout, done.stderr
@@ -65,7 +65,7 @@ class Terminal:
         """Ctrl-C as a signal, for a program that leaves the terminal as it is."""
         self.process.send_signal(signal.SIGINT)
 
-    def wait(self, pattern: str, seconds: float = PATIENCE) -> str:
+    def wait(self, pattern: str, seconds: float = TIMEOUT_S) -> str:
         """Wait until something is shown, and forget all up to it; what was forgotten."""
         end = time.monotonic() + seconds
         while (found := re.search(pattern, self.heard)) is None:
@@ -94,7 +94,7 @@ class Terminal:
             os.write(self._end, b"\x1b[1;1R")
         self.heard += _CONTROL.sub("", data.decode("utf-8", "replace")).replace("\r", "")
 
-    def ended(self, seconds: float = PATIENCE) -> int:
+    def ended(self, seconds: float = TIMEOUT_S) -> int:
         """Wait for the end; the exit code."""
         end = time.monotonic() + seconds
         while self.process.poll() is None:
@@ -106,7 +106,7 @@ class Terminal:
     def close(self) -> None:
         with contextlib.suppress(ProcessLookupError):
             self.process.kill()
-        self.process.wait(PATIENCE)
+        self.process.wait(TIMEOUT_S)
         os.close(self._side)
         os.close(self._end)
 
@@ -123,10 +123,14 @@ class Server:
             module("urbi", "--quiet", f"--port={port}", f"--port-file={port_file}", *arguments),
             stdin=subprocess.DEVNULL, stdout=self._log, stderr=self._log, cwd=folder, env={**os.environ, **environment},
         )
-        end = time.monotonic() + PATIENCE
-        while not (port_file.exists() and port_file.read_text().endswith("\n")):
-            assert self.process.poll() is None and time.monotonic() < end, self.log()
-            time.sleep(0.01)
+        try:
+            end = time.monotonic() + TIMEOUT_S
+            while not (port_file.exists() and port_file.read_text().endswith("\n")):
+                assert self.process.poll() is None and time.monotonic() < end, self.log()
+                time.sleep(0.01)
+        except BaseException:
+            self.close()
+            raise
         self.port = int(port_file.read_text())
 
     def log(self) -> str:
@@ -137,5 +141,5 @@ class Server:
     def close(self) -> None:
         with contextlib.suppress(ProcessLookupError):
             self.process.kill()
-        self.process.wait(PATIENCE)
+        self.process.wait(TIMEOUT_S)
         self._log.close()

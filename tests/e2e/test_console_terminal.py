@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import re
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from programs_lab import PATIENCE, Server, Terminal, run
+from programs_lab import TIMEOUT_S, Server, Terminal, run
 
 pytestmark = pytest.mark.e2e
 
@@ -108,7 +107,7 @@ def test_a_server_that_goes_and_comes_back(console: Callable[..., Terminal], tmp
     with contextlib.closing(Server(tmp_path)) as mortal:
         talk = console(mortal.port)
         mortal.process.terminate()
-        assert mortal.process.wait(PATIENCE) == 0
+        assert mortal.process.wait(TIMEOUT_S) == 0
     talk.wait("the server closed the connection; trying again")
     talk.wait(r"\(reconnecting\)>")
     talk.type("40 + 2;\r")
@@ -149,9 +148,7 @@ def test_no_server_to_begin_with() -> None:
 
 
 def test_in_a_pipe(server: Server) -> None:
-    began = time.monotonic()
     code, out, err = run("main", "console", f":{server.port}", stdin="var x = 2;\nx * 21;\nsleep(200ms); echo(x)")
-    assert time.monotonic() - began < 10
     assert (code, err) == (0, "")
     assert [line.partition("] ")[2] for line in out.splitlines()] == ["2", "42", "*** 2"]
     assert run("main", "console", f":{server.port}", stdin="foo;")[0] == 70

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from hostile_lab import PATIENCE, Client, Server, looked_after, served
+from hostile_lab import TIMEOUT_S, Client, Server, looked_after, served
 
 pytestmark = pytest.mark.e2e
 
@@ -29,7 +29,7 @@ def server(process: Server) -> Iterator[Server]:
     yield from looked_after(process)
 
 
-def until(done: Callable[[], bool], seconds: float = PATIENCE) -> None:
+def until(done: Callable[[], bool], seconds: float = TIMEOUT_S) -> None:
     """Wait for something."""
     end = time.monotonic() + seconds
     while not done():
@@ -84,7 +84,7 @@ def test_a_page_that_tries_again_and_again_is_one_line_in_the_log(tmp_path: Path
         log = [line for line in server.log().splitlines() if "HTTP" in line]
         assert len(log) == 1 and "127.0.0.1:" in log[0]
         server.process.send_signal(signal.SIGTERM)
-        server.process.wait(PATIENCE)
+        server.process.wait(TIMEOUT_S)
         assert "it speaks HTTP: and 199 more" in server.log()
 
 
@@ -100,7 +100,7 @@ def test_a_flood_that_is_not_read_waits_and_a_slow_reader_gets_all_of_it(server:
     for _ in range(50):
         began = time.monotonic()
         assert server.neighbour.ask("6 * 7;") == "42"
-        assert time.monotonic() - began < 2
+        assert time.monotonic() - began < 10
         assert server.resident() - before < 40
         time.sleep(0.01)
     source = random.Random(1)
@@ -119,7 +119,7 @@ def test_a_flood_that_is_not_read_waits_and_a_slow_reader_gets_all_of_it(server:
 def test_jobs_that_wait_for_a_reader_end_with_it(server: Server) -> None:
     client = server.client(receive=4096)
     client.say(b'for (var i: 50) { loop| echo("x" * 10000), };\n')
-    client.say(b'var Global.other = Tag.new|;\n')
+    client.socket.recv(1, socket.MSG_PEEK)  # they have begun
     time.sleep(0.3)
     client.close()
 
@@ -176,7 +176,7 @@ def test_a_client_that_is_gone_ends_at_once_whatever_it_runs(server: Server, how
         if how == "reset":
             client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
         client.close()
-    until(lambda: server.neighbour.ask("mine.connected;") == "false", 1.0)
+    until(lambda: server.neighbour.ask("mine.connected;") == "false")
     server.neighbour.say(b'Global.removeSlot("mine")|;\n')
 
 
@@ -188,7 +188,7 @@ def test_a_client_that_leaves_after_it_ended_its_sending_side_is_gone_with_its_n
     client.line()
     assert server.neighbour.ask("mine.connected;") == "true"
     client.close()
-    until(lambda: server.neighbour.ask("mine.connected;") == "false", 1.0)
+    until(lambda: server.neighbour.ask("mine.connected;") == "false")
     server.neighbour.say(b'Global.removeSlot("mine")|;\n')
 
 
@@ -231,7 +231,7 @@ def test_without_descriptors_accepting_pauses_and_nobody_else_notices(tmp_path: 
             assert server.neighbour.ask("6 * 7;") == "42"
             slowest = max(slowest, time.monotonic() - began)
             time.sleep(0.005)
-        assert slowest < 1
+        assert slowest < 10
         assert len(server.log().splitlines()) == 1
         assert server.process.poll() is None
         for client in clients[:60]:
@@ -254,7 +254,7 @@ def send_ahead(client: Client, size: int) -> int:
         while sent < size:
             client.socket.sendall(statement)
             sent += len(statement)
-    client.socket.settimeout(PATIENCE)
+    client.socket.settimeout(TIMEOUT_S)
     return sent
 
 
@@ -273,11 +273,12 @@ def test_what_is_sent_ahead_waits_on_the_clients_side(server: Server) -> None:
 def test_who_is_gone_is_noticed_although_nothing_is_read_from_it(server: Server, how: str) -> None:
     client = server.client()
     client.say(b"var Global.mine = lobby|; sleep(1h);\n")
+    server.wait('Global.hasLocalSlot("mine");', "true")
     # More than is read ahead, and less than would fill the window: an end behind that is known when it is read.
     send_ahead(client, 1_300_000)
     assert server.neighbour.ask("mine.connected;") == "true"
     if how == "reset":
         client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
     client.close()
-    until(lambda: server.neighbour.ask("mine.connected;") == "false", 2.0)
+    until(lambda: server.neighbour.ask("mine.connected;") == "false")
     server.neighbour.say(b'Global.removeSlot("mine")|;\n')

@@ -31,6 +31,8 @@ MOTION_ENDS = "this statement had begun"
         ("Pioneer 3-DX", "daemon killed", 0.0, "closed"),
         ("CiA 402 drive", "worker killed", 0.5, ""),
         ("CiA 402 drive", "emergency stop by the control socket", 0.0, ""),
+        ("Spykee", "worker killed", RESTART, ""),
+        ("Spykee", "client killed", 0.0, ""),
     ],
 )
 def test_the_body_stands_and_stays_so(rig: str, event: str, within: float, reads: str) -> None:

@@ -86,8 +86,8 @@ def test_what_others_say_to_a_client_that_does_not_read_closes_it(server: Server
     server.neighbour.say(b'for| (var i: 300) deaf.echo("x" * 100000);\n')
     assert server.neighbour.ask("6 * 7;") == "42"
     assert server.resident() - before < 60
-    assert "does not read: closed with" in server.log()
     server.wait("deaf.connected;", "false")
+    assert "does not read: closed with" in server.log()
     server.neighbour.say(b'Global.removeSlot("deaf")|;\n')
     client.close()
 

@@ -1,6 +1,6 @@
 """The genuine libusb under pyusb: a brick whose kernel side is replayed by umockdev (Debian: umockdev, libusb-1.0-0).
 
-Everything else about USB is tested on a bus in software (`urbihw_fakes.nxt.usb_backend`); this shows that
+Everything else about USB is tested on a simulated bus (`urbihw_fakes.nxt.usb_backend`); this shows that
 descriptors, claim and transfers pass through libusb as they do there.  Skipped where one of the two is not installed.
 """
 
@@ -24,7 +24,7 @@ pytestmark = [
     ),
 ]
 
-PATIENCE = 30.0
+TIMEOUT_S = 60.0
 HUB = "12010002090001406b1d020010050302010109021900010100e0000904000001090000000705810304000c"
 BRICK = "12010002000000089406020000000000010109022000010100c0000904000002ffffff000705010240000007058202400000"
 
@@ -73,6 +73,6 @@ def test_the_brick_is_asked_through_libusb(tmp_path: Path) -> None:
     (tmp_path / "records").write_text(records)
     replay = ("umockdev-run", "-d", str(tmp_path / "devices"), "-i", f"/dev/bus/usb/001/005={tmp_path / 'records'}")
     done = subprocess.run(
-        (*replay, "--", sys.executable, "-c", PROGRAM), capture_output=True, text=True, timeout=PATIENCE, check=False
+        (*replay, "--", sys.executable, "-c", PROGRAM), capture_output=True, text=True, timeout=TIMEOUT_S, check=False
     )
     assert done.stdout.split() == ["7890", "7890"], done.stderr

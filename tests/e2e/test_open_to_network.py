@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from programs_lab import PATIENCE, Terminal, run
+from programs_lab import TIMEOUT_S, Terminal, run
 
 from urbihw.kernel.server.tcp import WANTS_TLS
 
@@ -56,7 +56,7 @@ class Robot:
         return out.strip()
 
     def serve(self, settings: str = "") -> None:
-        """A Bioloid in software, for everybody who reaches this machine."""
+        """A simulated Bioloid, for everybody who reaches this machine."""
         file, port_file = self.folder / "urbihw.toml", self.folder / "port"
         file.write_text(f'host = "0.0.0.0"\n{settings}')
         port_file.unlink(missing_ok=True)
@@ -66,7 +66,7 @@ class Robot:
                  "--port-file", str(port_file)),
                 stdin=subprocess.DEVNULL, stdout=log, stderr=log, env={**os.environ, **self.environment},
             )  # fmt: skip
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + TIMEOUT_S
         while not (port_file.exists() and port_file.read_text().endswith("\n")):
             assert self.process.poll() is None and time.monotonic() < end, self.log()
             time.sleep(0.02)
@@ -82,7 +82,7 @@ class Robot:
     def close(self) -> None:
         if self.process is not None:
             self.process.send_signal(signal.SIGTERM)
-            self.process.wait(PATIENCE)
+            self.process.wait(TIMEOUT_S)
             self.process = None
 
 
@@ -123,7 +123,7 @@ def test_the_day_of_a_robot_on_the_network(robot: Robot) -> None:
     assert code == 69 and "wants a token" in err
     code, _, err = robot.console(server, "--tls", token="x" * 43)
     assert code == 69 and "token refused: it is wrong, or was removed" in err
-    with socket.create_connection(("127.0.0.1", robot.port), PATIENCE) as web:
+    with socket.create_connection(("127.0.0.1", robot.port), TIMEOUT_S) as web:
         web.sendall(b"POST / HTTP/1.1\r\nContent-Type: text/plain\r\n\r\n*/;shutdown;\n")
         with contextlib.suppress(ConnectionError):
             assert web.recv(1000) in (b"", WANTS_TLS)
@@ -219,7 +219,7 @@ def test_a_device_in_a_process_of_its_own_joins_by_tls(robot: Robot) -> None:
     launch = (sys.executable, "-m", "urbihw.cli.launch", "--remote", "-H", "127.0.0.1", "-P", str(robot.port), "--tls")
     environment = {**os.environ, **robot.environment}
     refused = subprocess.run((*launch, "--trust", "adder"), env={**environment, "URBIHW_TOKEN": "wrong"},
-                             stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=PATIENCE)
+                             stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=TIMEOUT_S)
     assert refused.returncode == 69 and "token refused" in refused.stderr
     joined = subprocess.Popen((*launch, "adder"), env={**environment, "URBIHW_TOKEN": token},
                               stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
@@ -227,7 +227,7 @@ def test_a_device_in_a_process_of_its_own_joins_by_tls(robot: Robot) -> None:
         text = 'waituntil(uobjects.hasSlot("Adder")); uobjects.Adder.new.add(40, 2)'
         assert robot.console(f":{robot.port}", text=text)[1].endswith("] 42\n")
         joined.send_signal(signal.SIGTERM)
-        assert joined.wait(PATIENCE) == 0
+        assert joined.wait(TIMEOUT_S) == 0
     finally:
         joined.kill()
         joined.wait()

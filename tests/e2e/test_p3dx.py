@@ -1,12 +1,13 @@
-"""A Pioneer in software behind the real daemon, on pseudo terminals and on TCP, on the real clock.  Few."""
+"""A simulated Pioneer behind the real daemon, on pseudo terminals and on TCP, on the real clock.  Few."""
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from test_serve import PATIENCE, Client, Daemon, until
+from test_serve import TIMEOUT_S, Client, Daemon, until
 
 from urbihw_fakes.p3dx.kit import P3dx as Kit
 from urbihw_fakes.p3dx.start import TwoPorts, TwoPtys
@@ -16,16 +17,11 @@ pytestmark = pytest.mark.e2e
 
 @pytest.fixture
 def serve(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
-    made: list[Daemon] = []
-
-    def start(*arguments: str) -> Daemon:
+    with contextlib.ExitStack() as stack:
         # The last --platform counts.
-        made.append(Daemon(tmp_path, "--platform", "p3dx", "--quiet", *arguments))
-        return made[-1]
-
-    yield start
-    for daemon in made:
-        daemon.close()
+        yield lambda *arguments: stack.enter_context(
+            contextlib.closing(Daemon(tmp_path, "--platform", "p3dx", "--quiet", *arguments))
+        )
 
 
 def motors_on(client: Client) -> None:
@@ -45,13 +41,12 @@ def test_the_session_of_the_manual_with_the_built_in_fake(serve: Callable[..., D
     client.say('P3dx.body.laser.load = 1; waituntil(P3dx.body.laser.load == 1); echo("laser on");')
     client.wait("laser on")
     assert client.ask("P3dx.body.laser.val.size;") == "181"
-    client.listen(1.0)
-    assert float(client.ask("P3dx.body.laser.rate;")) == pytest.approx(10, abs=2)
+    until(lambda: float(client.ask("P3dx.body.laser.rate;")) == pytest.approx(10, abs=2))
 
 
 def test_a_robot_that_drives_to_a_wall_stops_by_at_sonar(serve: Callable[..., Daemon]) -> None:
     kit = Kit()
-    kit.body.place(1.0, 0.0, 0.0)
+    kit.body.set_pose(1.0, 0.0, 0.0)
     with TwoPorts(kit.robot, kit.laser) as end:
         end.start()
         client = serve("--url", end.url).client()
@@ -59,7 +54,7 @@ def test_a_robot_that_drives_to_a_wall_stops_by_at_sonar(serve: Callable[..., Da
         client.say('at (P3dx.body.sonar[front][front][left].val < 0.6) { P3dx.stop; echo("wall") };')
         client.say("P3dx.body.x.speed = 0.3;")
         client.wait("wall")
-        until(lambda: not kit.body.moving, 5)
+        until(lambda: not kit.body.moving)
         assert 2.1 < kit.body.pose[0] < 2.7
         assert not kit.body.front
 
@@ -75,13 +70,12 @@ def test_the_cable_pulled_and_put_back_while_a_behaviour_runs(serve: Callable[..
         before = len(daemon.log().splitlines())
         end.unplug()
         client.listen(2.5)
-        assert client.ask("P3dx.link;") == "false"
+        until(lambda: client.ask("P3dx.link;") == "false")
         assert end.call(lambda: kit.body.halted or not kit.body.moving)
         end.plug()
-        until(lambda: "is back" in daemon.log())
+        daemon.wait_for_link(before)
         until(lambda: kit.body.moving and not kit.body.halted)
-        news = daemon.log().splitlines()[before:]
-        assert len(news) == 2 and "link lost" in news[0] and "is back" in news[1]
+        assert len(daemon.link_news(before)) == 2
 
 
 def test_a_killed_daemon_leaves_a_standing_robot(serve: Callable[..., Daemon], tmp_path: Path) -> None:
@@ -95,7 +89,7 @@ def test_a_killed_daemon_leaves_a_standing_robot(serve: Callable[..., Daemon], t
         until(lambda: kit.body.moving)
         daemon.process.kill()
         until(lambda: not kit.body.moving, 5)
-        daemon.process.wait(PATIENCE)
+        daemon.process.wait(TIMEOUT_S)
         # The old one's file must not be taken for that of the new one.
         (tmp_path / "port").unlink()
         again = serve("--url", end.url)
@@ -114,8 +108,8 @@ def test_the_line_is_made_faster_if_that_is_wanted(serve: Callable[..., Daemon],
         assert client.ask("P3dx.link;") == "true"
         # Pulled, it is found again at its new speed.
         client.say('at (P3dx.linkBack?) echo("back");')
-        client.listen(0.3)
+        assert client.ask("1;") == "1"
         end.unplug()
-        client.listen(0.5)
+        until(lambda: client.ask("P3dx.link;") == "false")
         end.plug()
         client.wait("back")

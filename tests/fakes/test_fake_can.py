@@ -1,4 +1,4 @@
-"""The adapters between a CAN node in software and a wire of bytes."""
+"""The adapters between a simulated CAN node and a wire of bytes."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from urbihw_fakes.segway.usb import UsbLink
 
 def test_an_slcan_adapter_opens_and_passes_frames_both_ways() -> None:
     adapter = Slcan()
-    assert adapter.give(CanFrame(0x401, b"\x01")) == b""
+    assert adapter.encode(CanFrame(0x401, b"\x01")) == b""
     # What python-can sends when it opens.
-    assert adapter.take(b"C\rS6\r\rO\rO\r") == ([], b"\r" * 5)
-    assert adapter.take(b"t4138014C004E00000000\r") == ([CanFrame(0x413, bytes.fromhex("014C004E00000000"))], b"\r")
-    assert adapter.give(CanFrame(0x401, bytes.fromhex("FFF9000FFFFF0009"))) == b"t4018FFF9000FFFFF0009\r"
-    assert adapter.take(b"V\r") == ([], b"V1013\r")
-    adapter.take(b"C\r")
-    assert adapter.take(b"t4130\r") == ([], b"\a")
+    assert adapter.decode(b"C\rS6\r\rO\rO\r") == ([], b"\r" * 5)
+    assert adapter.decode(b"t4138014C004E00000000\r") == ([CanFrame(0x413, bytes.fromhex("014C004E00000000"))], b"\r")
+    assert adapter.encode(CanFrame(0x401, bytes.fromhex("FFF9000FFFFF0009"))) == b"t4018FFF9000FFFFF0009\r"
+    assert adapter.decode(b"V\r") == ([], b"V1013\r")
+    adapter.decode(b"C\r")
+    assert adapter.decode(b"t4130\r") == ([], b"\a")
 
 
 def test_text_that_comes_in_pieces_is_put_together() -> None:
     adapter = Slcan()
-    assert adapter.take(b"O\rt41") == ([], b"\r")
-    assert adapter.take(b"30\r") == ([CanFrame(0x413, b"")], b"\r")
+    assert adapter.decode(b"O\rt41") == ([], b"\r")
+    assert adapter.decode(b"30\r") == ([CanFrame(0x413, b"")], b"\r")
 
 
 LINES = (b"t9990", b"t4132AA", b"t4139", b"t413x", b"tGGG0", b"t4131\xff\xff", b"T000004130", b"?")
@@ -38,27 +38,27 @@ LINES = (b"t9990", b"t4132AA", b"t4139", b"t413x", b"tGGG0", b"t4131\xff\xff", b
 @pytest.mark.parametrize("line", LINES)
 def test_what_is_no_command_is_answered_by_a_bell(line: bytes) -> None:
     adapter = Slcan()
-    adapter.take(b"O\r")
-    assert adapter.take(line + b"\r") == ([], b"\a")
+    adapter.decode(b"O\r")
+    assert adapter.decode(line + b"\r") == ([], b"\a")
 
 
 def test_an_endless_line_is_dropped() -> None:
     adapter = Slcan()
-    adapter.take(b"O\r")
+    adapter.decode(b"O\r")
     for _ in range(1000):
-        adapter.take(b"x" * 100)
-    assert adapter.take(b"\rt4130\r")[0] == [CanFrame(0x413, b"")]
+        adapter.decode(b"x" * 100)
+    assert adapter.decode(b"\rt4130\r")[0] == [CanFrame(0x413, b"")]
 
 
 def test_records_are_those_of_linux() -> None:
     records = Records()
     frame = CanFrame(0x401, b"\x01\x02")
-    data = records.give(frame)
+    data = records.encode(frame)
     assert data == struct.pack("=IB3x8s", 0x401, 2, b"\x01\x02")
-    assert records.take(data[:5]) == ([], b"")
-    assert records.take(data[5:] + data) == ([frame, frame], b"")
-    assert records.take(struct.pack("=IB3x8s", 0x80000401, 2, b"")) == ([], b"")
-    assert records.take(struct.pack("=IB3x8s", 0x401, 9, b"")) == ([], b"")
+    assert records.decode(data[:5]) == ([], b"")
+    assert records.decode(data[5:] + data) == ([frame, frame], b"")
+    assert records.decode(struct.pack("=IB3x8s", 0x80000401, 2, b"")) == ([], b"")
+    assert records.decode(struct.pack("=IB3x8s", 0x401, 9, b"")) == ([], b"")
 
 
 def test_faults_strike_what_the_base_says() -> None:
@@ -71,7 +71,7 @@ def test_faults_strike_what_the_base_says() -> None:
     first, *rest = device.tick(0.02)
     assert (len(first.data), len(rest)) == (18, 9)
     assert sum(first.data[:17]) != 0
-    assert UsbLink().take(first.data)[0] == []
+    assert UsbLink().decode(first.data)[0] == []
 
 
 def test_both_channels_come_through_on_usb() -> None:

@@ -54,7 +54,7 @@ def _alarmed() -> DynamixelBus:
 def _loaded() -> DynamixelBus:
     kit = Bioloid()
     for name, value in (("position", 800), ("speed", 1024 + 100), ("load", 1024 + 200)):
-        kit[1].hold(f"present_{name}", value)
+        kit[1].pin_register(f"present_{name}", value)
     kit.servo(1).volts = 11.1
     kit.servo(1).heat(43.0)
     return kit
@@ -80,8 +80,8 @@ def _bulk2() -> DynamixelBus:
 
 def _fast_bulk() -> DynamixelBus:
     bus = _at((3, 166.0), (7, 0.0), (4, 0.0))
-    bus[7].hold("present_pwm", 421)
-    bus[4].hold("present_temperature", 31)
+    bus[7].pin_register("present_pwm", 421)
+    bus[4].pin_register("present_temperature", 31)
     return bus
 
 
@@ -108,7 +108,7 @@ def _wheel() -> DynamixelBus:
 def _moving_x() -> DynamixelBus:
     unit = XSeries("XM430-W350", 1)
     for name, value in (("current", -25), ("velocity", 100), ("position", -1500)):
-        unit.hold(f"present_{name}", value)
+        unit.pin_register(f"present_{name}", value)
     return DynamixelBus([unit])
 
 

@@ -1,4 +1,4 @@
-"""The CiA 402 drive in software: what it says on the bus, its states, its motor, its watch over the master."""
+"""The simulated CiA 402 drive: what it says on the bus, its states, its motor, its watch over the master."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ class Bus:
 
     def say(self, identifier: int, data: str) -> list[str]:
         """Send a frame; what is answered at once."""
-        return [str(frame) for _, frame in self.drive.hear(CanFrame(identifier, bytes.fromhex(data)), self.now)]
+        frame = CanFrame(identifier, bytes.fromhex(data))
+        return [str(answer) for _, answer in self.drive.receive_frame(frame, self.now)]
 
     def write(self, index: int, sub: int, value: int, size: int) -> str:
         """Write an object; the answer."""

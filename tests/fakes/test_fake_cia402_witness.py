@@ -1,4 +1,4 @@
-"""The drive in software before an independent witness: canopen's own class for such drives, over a virtual bus."""
+"""The simulated drive before an independent witness: canopen's own class for such drives, over a virtual bus."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from urbihw_fakes.can.node import CanFrame, CanNode
 from urbihw_fakes.cia402.dictionary import INCREMENTS, dictionary
 from urbihw_fakes.cia402.node import Drive
 
-PATIENCE = 20.0
+TIMEOUT_S = 20.0
 
 
 class Served(can.Listener):
@@ -27,7 +27,8 @@ class Served(can.Listener):
     def on_message_received(self, message: can.Message) -> None:
         """Take a message, and say what there is to say by now."""
         now = time.monotonic()
-        frames = [*self._node.tick(now), *self._node.hear(CanFrame(message.arbitration_id, bytes(message.data)), now)]
+        frame = CanFrame(message.arbitration_id, bytes(message.data))
+        frames = [*self._node.tick(now), *self._node.receive_frame(frame, now)]
         for _, frame in frames:
             self._bus.send(can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=False))
 
@@ -68,7 +69,7 @@ def set_up(node: Any) -> None:
         pdo.save()
     node.setup_402_state_machine()
     node.nmt.state = "OPERATIONAL"
-    node.tpdo[1].wait_for_reception(PATIENCE)
+    node.tpdo[1].wait_for_reception(TIMEOUT_S)
 
 
 def test_canopens_own_drive_class_walks_it_through_its_states(master: Any) -> None:
@@ -78,10 +79,10 @@ def test_canopens_own_drive_class_walks_it_through_its_states(master: Any) -> No
     assert (master.state, master.op_mode) == ("OPERATION ENABLED", "PROFILED VELOCITY")
     master.rpdo[1][0x60FF].raw = INCREMENTS
     master.rpdo[1].transmit()
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + TIMEOUT_S
     while master.tpdo[1][0x606C].raw != INCREMENTS:
         assert time.monotonic() < end
-        master.tpdo[1].wait_for_reception(PATIENCE)
+        master.tpdo[1].wait_for_reception(TIMEOUT_S)
     assert master.sdo[0x606C].raw == INCREMENTS
     master.state = "SWITCH ON DISABLED"
     assert master.state == "SWITCH ON DISABLED"

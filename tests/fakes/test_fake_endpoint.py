@@ -186,17 +186,17 @@ def test_pacing_takes_at_least_the_time_of_the_wire(kind: type[PtyEndpoint] | ty
     sent: list[tuple[float, bytes]] = []
     endpoint = kind(Bioloid(), pace=1_000_000, clock=lambda: now[0])
     endpoint._send = lambda data: sent.append((now[0], data))  # type: ignore[method-assign]
-    endpoint._take(PING, 0.0)
+    endpoint._feed_device(PING, 0.0)
     # 6 bytes, 500 us of return delay, 6 bytes: 620 us.
     for microseconds in (100, 600, 619):
         now[0] = microseconds * 1e-6
         endpoint._deliver(now[0])
     assert sent == []
-    assert endpoint._patience(now[0]) == 0.0
+    assert endpoint._select_timeout(now[0]) == 0.0
     now[0] = 0.000621
     endpoint._deliver(now[0])
     assert sent == [(0.000621, PONG)]
-    assert endpoint._patience(now[0]) is None
+    assert endpoint._select_timeout(now[0]) is None
     endpoint.close()
 
 

@@ -1,4 +1,4 @@
-"""The Pioneer in software: its wire against the documented packets, its body against what a robot does."""
+"""The simulated Pioneer: its wire against the documented packets, its body against what a robot does."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from urbihw_fakes import captures
 from urbihw_fakes.device import Device
 from urbihw_fakes.errors import UnknownRequest
 from urbihw_fakes.p3dx import sips
-from urbihw_fakes.p3dx.codec import ArcosReader, SickReader, arcos_packet, order, sick_telegram
+from urbihw_fakes.p3dx.codec import ArcosReader, SickReader, arcos_packet, parse_command, sick_telegram
 from urbihw_fakes.p3dx.kit import P3dx
 from urbihw_fakes.p3dx.sips import Settings, SipFields
 from urbihw_fakes.p3dx.world import World, add_box
@@ -71,7 +71,7 @@ def ready(kit: P3dx) -> Talk:
 @pytest.mark.parametrize("name", [name for name in EXCHANGES if name.startswith("cmd-")])
 def test_commands_are_understood(name: str) -> None:
     (body,) = ArcosReader().feed(sent(name))
-    heard = order(body)
+    heard = parse_command(body)
     assert heard is not None and heard.number == body[0]
     sign = -1 if "minus" in name and "vel2" not in name else 1
     if len(body) == 4:
@@ -268,10 +268,10 @@ def test_sonars_take_turns_and_see_the_walls() -> None:
 def test_the_stop_button_switches_the_motors_off() -> None:
     kit = P3dx()
     talk = ready(kit)
-    kit.robot.press(True)
+    kit.robot.press_stop_button(True)
     talk.say("04 3B 01 00")
     assert bytes.fromhex(talk.wait(0.2)[-1])[16] == 0b111110
-    kit.robot.press(False)
+    kit.robot.press_stop_button(False)
     talk.say("04 3B 01 00")
     assert bytes.fromhex(talk.wait(0.2)[-1])[16] == 0b11111
 

@@ -1,4 +1,4 @@
-"""The RMP in software: how it moves, what it supervises, what it says."""
+"""The simulated RMP: how it moves, what it supervises, what it says."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def command(velocity: int = 0, turn: int = 0, word: int = 0, parameter: int = 0)
 def drive(base: SegwayRmp, start: float, seconds: float, velocity: int = 0, turn: int = 0) -> float:
     """Command it every 50 ms for so long; the time afterwards."""
     for count in range(round(seconds / 0.05)):
-        base.hear(command(velocity, turn), start + count * 0.05)
+        base.receive_frame(command(velocity, turn), start + count * 0.05)
         base.tick(start + (count + 1) * 0.05)
     return start + seconds
 
@@ -100,7 +100,7 @@ def test_a_command_lasts_for_400_ms_then_it_ramps_to_zero_and_goes_on_in_its_mod
 
 def test_commands_beyond_the_limits_are_cut() -> None:
     base = SegwayRmp()
-    base.hear(command(30000, -30000), 0.0)
+    base.receive_frame(command(30000, -30000), 0.0)
     base.tick(0.0)
     assert f.words(base.tick(0.01)[7].frame.data)[:2] == (1176, 0x10000 - 1024)
 
@@ -120,16 +120,16 @@ def test_it_leans_into_an_acceleration_and_comes_upright_again() -> None:
 def test_without_motors_it_falls_and_says_so() -> None:
     base = SegwayRmp()
     base.tick(0.0)
-    base.hear(command(0, 0, 16, 0), 0.0)
+    base.receive_frame(command(0, 0, 16, 0), 0.0)
     for now in range(1, 6):
         base.tick(now)
     assert base.body.fallen
     assert abs(base.body.pitch) == FALLEN
     assert base.status_words() == (0x0001, 0x0101)
-    base.hear(command(0, 0, 16, 2), 5.0)
+    base.receive_frame(command(0, 0, 16, 2), 5.0)
     assert base.mode == f.DISABLED
     base.body.lift()
-    base.hear(command(0, 0, 16, 2), 5.1)
+    base.receive_frame(command(0, 0, 16, 2), 5.1)
     assert base.status_words() == (0x0180, 0)
 
 
@@ -137,7 +137,7 @@ def test_on_casters_it_does_not_fall() -> None:
     base = SegwayRmp(mode=f.TRACTOR)
     base.tick(0.0)
     assert base.status_words() == (0x0080, 0)
-    base.hear(command(0, 0, 16, 0), 0.0)
+    base.receive_frame(command(0, 0, 16, 0), 0.0)
     base.tick(5.0)
     assert not base.body.fallen
 
@@ -150,10 +150,10 @@ def test_the_emergency_stop_switches_the_motors_off_for_good() -> None:
     now = drive(base, now, 2.0, velocity=329)
     assert base.body.speed == 0.0
     assert base.status_words() == (0x0008, 0x0202)
-    base.hear(command(0, 0, 16, 1), now)
+    base.receive_frame(command(0, 0, 16, 1), now)
     assert base.mode == f.DISABLED
     base.estop = False
-    base.hear(command(0, 0, 16, 1), now)
+    base.receive_frame(command(0, 0, 16, 1), now)
     assert base.motors
 
 
@@ -180,7 +180,7 @@ def test_scales_limit_it() -> None:
     base = SegwayRmp()
     base.tick(0.0)
     for word in (10, 12):
-        base.hear(command(0, 0, word, 8), 0.0)
+        base.receive_frame(command(0, 0, word, 8), 0.0)
     drive(base, 0.0, 3.0, velocity=1176, turn=447)
     assert base.body.speed == pytest.approx(3.576 / 2, abs=0.01)
     assert base.body.turn == pytest.approx(0.5, abs=0.01)
@@ -188,24 +188,24 @@ def test_scales_limit_it() -> None:
 
 def test_lockout_refuses_to_balance() -> None:
     base = SegwayRmp(mode=f.TRACTOR)
-    base.hear(command(0, 0, 15, 1), 0.0)
-    base.hear(command(0, 0, 16, 2), 0.0)
+    base.receive_frame(command(0, 0, 15, 1), 0.0)
+    base.receive_frame(command(0, 0, 16, 2), 0.0)
     assert (base.mode, base.refused) == (f.TRACTOR, 1)
 
 
 def test_integrators_are_reset_one_by_one_and_wrap() -> None:
     base = SegwayRmp()
-    base.preset(left=0x7FFFFFFF, right=5, forward=-3, yaw=9)
+    base.preset_integrators(left=0x7FFFFFFF, right=5, forward=-3, yaw=9)
     base.tick(0.0)
     low, high = words(base, 0x403, 0.01)[:2]
     assert (low, high) == (0xFFFF, 0x7FFF)
-    base.preset(left=0x80000000)
+    base.preset_integrators(left=0x80000000)
     assert words(base, 0x403, 0.02)[:2] == (0, 0x8000)
-    base.preset(left=4, right=5, forward=-3, yaw=9)
-    base.hear(command(0, 0, 50, 0x02), 0.02)
+    base.preset_integrators(left=4, right=5, forward=-3, yaw=9)
+    base.receive_frame(command(0, 0, 50, 0x02), 0.02)
     reading = base.reading()
     assert (reading.left_count, reading.right_count, reading.forward_count, reading.yaw_count) == (0, 5, -3, 9)
-    base.hear(command(0, 0, 50, 0x0F), 0.02)
+    base.receive_frame(command(0, 0, 50, 0x0F), 0.02)
     reading = base.reading()
     assert (reading.left_count, reading.right_count, reading.forward_count, reading.yaw_count) == (0, 0, 0, 0)
 
@@ -221,9 +221,9 @@ def test_off_and_on_again() -> None:
     base = SegwayRmp()
     base.tick(0.0)
     drive(base, 0.0, 1.0, velocity=329)
-    base.hear(CanFrame(0x412, bytes(8)), 1.0)
+    base.receive_frame(CanFrame(0x412, bytes(8)), 1.0)
     assert [frame.id for _, frame in base.tick(1.01)] == [0x412, 0x414]
-    base.hear(command(1176), 1.02)
+    base.receive_frame(command(1176), 1.02)
     base.power_on(5.0)
     base.tick(5.0)
     assert base.frames == 101
@@ -233,10 +233,10 @@ def test_off_and_on_again() -> None:
 def test_nonsense_is_counted_and_changes_nothing() -> None:
     base = SegwayRmp()
     for word, parameter in ((13, 3), (15, 2), (16, 4), (99, 0)):
-        base.hear(command(0, 0, word, parameter), 0.0)
+        base.receive_frame(command(0, 0, word, parameter), 0.0)
     assert base.refused == 4
-    base.hear(CanFrame(COMMAND, b"\x01\x02"), 0.0)
-    base.hear(CanFrame(0x123, bytes(8)), 0.0)
+    base.receive_frame(CanFrame(COMMAND, b"\x01\x02"), 0.0)
+    base.receive_frame(CanFrame(0x123, bytes(8)), 0.0)
     assert base.heard == 4
 
 

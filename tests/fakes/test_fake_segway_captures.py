@@ -1,4 +1,4 @@
-"""Every documented frame, put to the RMP in software: what it understands, and what it says."""
+"""Every documented frame, put to the simulated RMP: what it understands, and what it says."""
 
 from __future__ import annotations
 
@@ -95,8 +95,8 @@ RESETS = {"right-wheel": "right", "left-wheel": "left", "yaw": "yaw", "fore-aft"
 def test_a_packet_of_the_host_holds_the_frame(name: str) -> None:
     bus, usb = EXCHANGES[name].sent
     link = UsbLink()
-    assert link.take(usb) == ([can_frame(bus)], b"")
-    assert link.take(bytes([*usb[:-1], usb[-1] ^ 1]) + usb)[0] == [can_frame(bus)]
+    assert link.decode(usb) == ([can_frame(bus)], b"")
+    assert link.decode(bytes([*usb[:-1], usb[-1] ^ 1]) + usb)[0] == [can_frame(bus)]
     assert link.damaged > 0
 
 
@@ -107,15 +107,15 @@ def test_a_command_does_what_it_says(name: str) -> None:
     for attribute, value in other.items():
         setattr(base, attribute, value)
     base.lockout = name != "mode-balance" and name != "balance-lockout-on"
-    base.hear(can_frame(EXCHANGES[name].sent[0]), 0.0)
+    base.receive_frame(can_frame(EXCHANGES[name].sent[0]), 0.0)
     assert {attribute: getattr(base, attribute) for attribute in HEARD[name]} == HEARD[name]
 
 
 @pytest.mark.parametrize("name", [name for name in SENT if name.startswith("reset-")])
 def test_a_reset_is_of_what_it_says(name: str) -> None:
     base = SegwayRmp()
-    base.preset(left=11, right=12, forward=13, yaw=14)
-    base.hear(can_frame(EXCHANGES[name].sent[0]), 0.0)
+    base.preset_integrators(left=11, right=12, forward=13, yaw=14)
+    base.receive_frame(can_frame(EXCHANGES[name].sent[0]), 0.0)
     reading = base.reading()
     kept = {kind for kind in RESETS.values() if getattr(reading, f"{kind}_count")}
     which = name.removeprefix("reset-").removesuffix("-integrator")

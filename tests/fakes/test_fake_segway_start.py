@@ -1,4 +1,4 @@
-"""How an RMP and a drive in software are started, reached and spoken to by hand."""
+"""How a simulated RMP and a simulated drive are started, reached and spoken to by hand."""
 
 from __future__ import annotations
 

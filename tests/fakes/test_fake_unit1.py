@@ -174,9 +174,9 @@ def test_register_names_and_sizes_are_checked() -> None:
 
 
 def test_a_held_register_stays_until_released(wire: Talk, kit: Bioloid) -> None:
-    kit[1].hold("present_temperature", 99)
+    kit[1].pin_register("present_temperature", 99)
     assert wire.p1(1, "02 2B 01") == "00 63"
-    kit[1].release("present_temperature")
+    kit[1].unpin_register("present_temperature")
     assert wire.p1(1, "02 2B 01") == "00 20"
 
 

@@ -80,8 +80,8 @@ def test_dynamixel_sdk_protocol_2(port: Any, robot: PtyEndpoint) -> None:
 def test_dynamixel_sdk_sync_read(port: Any, robot: PtyEndpoint, fast: bool) -> None:
     assert isinstance(robot.device, Bioloid)
     # -1 in present current and FD behind it: the pattern that has to be stuffed.
-    robot.device[12].hold("present_current", -1)
-    robot.device[12].hold("present_velocity", 0xFD)
+    robot.device[12].pin_register("present_current", -1)
+    robot.device[12].pin_register("present_velocity", 0xFD)
     group = dynamixel_sdk.GroupSyncRead(port, dynamixel_sdk.PacketHandler(2.0), 126, 10)
     for number in (11, 12, 13):
         group.addParam(number)

@@ -1,4 +1,4 @@
-"""Plays a row of the hostile list: a fresh server before a robot in software, a neighbour, an attacker, and a look at
+"""Plays a row of the hostile list: a fresh server before a simulated robot, a neighbour, an attacker, and a look at
 what becomes of them.
 
 Server, neighbour and attacker are processes of their own; the robot is in this one, so that its body can be looked at.
@@ -31,7 +31,9 @@ from moving_robots import RIGS  # noqa: E402
 
 ENDS = 20.0
 """Seconds after which a server that was told to end is killed."""
-ANSWERS = 10.0
+TELLS = 60.0
+"""Seconds for which the neighbour may wait for answers, and tell what it saw."""
+ANSWERS = 60.0
 """Seconds for which a new connection waits for an answer."""
 STILL = 3.0
 """Seconds within which a body must stand when its server is gone."""
@@ -132,10 +134,17 @@ class _Process:
         if text is None:
             self.inner.kill()
         try:
-            return self.inner.communicate(text, ENDS)[0]
+            return self.inner.communicate(text, TELLS)[0]
         except subprocess.TimeoutExpired:
             self.inner.kill()
             return self.inner.communicate()[0]
+
+    def __enter__(self) -> _Process:
+        return self
+
+    def __exit__(self, *failure: object) -> None:
+        if self.inner.poll() is None:
+            self.end()
 
 
 def _memory(pid: int, key: str) -> float:
@@ -204,7 +213,7 @@ def _state(port: int) -> tuple[str, str]:
 
 @contextlib.contextmanager
 def _robot() -> Iterator[tuple[str, Callable[[], float]]]:
-    """A Bioloid in software: its url, and how fast its wheel turns."""
+    """A simulated Bioloid: its url, and how fast its wheel turns."""
     (rig,) = (rig for rig in RIGS if rig.name == "Bioloid, a wheel")
     end, look = rig.make()
     with end:
@@ -221,33 +230,43 @@ def _until(done: Callable[[], bool], seconds: float) -> bool:
     return True
 
 
-def run(attack: Attack, seconds: float | None = None) -> Outcome:
-    """Play a row, the attack for so many seconds or as long as it says."""
+def run(attack: Attack, seconds: float | None = None, most_owed: int = sys.maxsize) -> Outcome:
+    """Play a row, the attack for so many seconds or as long as it says.
+
+    ``most_owed``: the neighbour asks nothing while so many answers are owed.
+    """
     outcome = Outcome()
     with tempfile.TemporaryDirectory(prefix="hostile-") as name, contextlib.ExitStack() as stack:
         folder = Path(name)
         url, speed = stack.enter_context(_robot())
         daemon = Daemon(folder, "bioloid", url)
         stack.callback(daemon.close)
-        _play(attack, seconds or attack.seconds, folder, daemon, speed, outcome)
+        _play(attack, seconds or attack.seconds, most_owed, folder, daemon, speed, outcome, stack)
     return outcome
 
 
 def _play(
-    attack: Attack, seconds: float, folder: Path, daemon: Daemon, speed: Callable[[], float], outcome: Outcome
+    attack: Attack,
+    seconds: float,
+    most_owed: int,
+    folder: Path,
+    daemon: Daemon,
+    speed: Callable[[], float],
+    outcome: Outcome,
+    stack: contextlib.ExitStack,
 ) -> None:
     server = daemon.process
-    innocent = Client(daemon.port)
+    innocent = stack.enter_context(contextlib.closing(Client(daemon.port)))
     innocent.say("motor7.cwLimit = 0|; motor7.ccwLimit = 0|; motor7.speed = 2;")
     _until(lambda: speed() > 1, ANSWERS)
     if attack.descriptors:
         resource.prlimit(server.pid, resource.RLIMIT_NOFILE, (attack.descriptors, attack.descriptors))
     before = len((folder / "log").read_text().splitlines())
-    neighbour = _Process("innocent_client.py", str(daemon.port))
+    neighbour = stack.enter_context(_Process("innocent_client.py", str(daemon.port), str(most_owed)))
     time.sleep(BEFORE)
     Path(f"/proc/{server.pid}/clear_refs").write_text("5")  # the peak is counted anew
     outcome.idle = _memory(server.pid, "VmRSS")
-    attacker = _Process("attacks.py", attack.name, str(daemon.port), str(folder))
+    attacker = stack.enter_context(_Process("attacks.py", attack.name, str(daemon.port), str(folder)))
     _until((folder / BEGINS).exists, ANSWERS)
     time.sleep(seconds)
     if attack.leaves:
@@ -271,4 +290,3 @@ def _play(
     outcome.stands = _until(lambda: speed() < 0.5, STILL)
     outcome.log = (folder / "log").read_text("utf-8", "replace").splitlines()[before:]
     outcome.pwned = (folder / "pwned").exists()
-    innocent.close()

@@ -319,7 +319,8 @@ def _random(field: Field) -> None:
     for _ in _turns(0.01):
         line = field.connect()
         _say(line, chance.randbytes(chance.choice((10, 1000, 100_000))))
-        _hear(field, line, 0.02)
+        # A server that is slow to answer is sent the next ones later.
+        _hear(field, line, 0.2)
         line.close()
 
 

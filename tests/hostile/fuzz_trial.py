@@ -26,7 +26,7 @@ from urbihw.kernel.sched.breaker import Breaker
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.sched.signals import JobKilled
 
-PATIENCE = 20.0
+TIMEOUT_S = 20.0
 """Seconds of real time after which a program hangs."""
 HOLD = 0.03
 """Seconds of the processor for which a job may hold the interpreter, at least; then it is killed."""
@@ -60,14 +60,14 @@ class Records(logging.Handler):
 
 
 class Trial:
-    """A kernel, and its innocent lobby; ``folder`` is where programs are played, ``patience`` as ``PATIENCE``."""
+    """A kernel, and its innocent lobby; ``folder`` is where programs are played, ``patience`` as ``TIMEOUT_S``."""
 
-    def __init__(self, folder: Path, kernel: Kernel | None = None, patience: float = PATIENCE) -> None:
+    def __init__(self, folder: Path, kernel: Kernel | None = None, patience: float = TIMEOUT_S) -> None:
         self._folder = folder
         self._patience = patience
         self._kernel = kernel or Kernel(fast=True)
         self._scheduler = self._kernel.scheduler
-        self._scheduler.most_jobs_of_one = JOBS
+        self._scheduler.max_jobs_per_context = JOBS
         self._rounds = 0
         self._most = 0
         self._scheduler.add_round_hook(self._round_over)
@@ -154,7 +154,7 @@ class Trial:
         heard = ""
         for _ in range(TURNS if quiet else TURNS_OF_OTHERS):
             self._advance(ROUNDS // TURNS)
-            heard += lobby.output.take().decode("latin-1")
+            heard += lobby.output.take_bytes().decode("latin-1")
             if heard and not quiet:
                 break
         return heard

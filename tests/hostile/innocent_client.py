@@ -1,7 +1,8 @@
-"""The innocent neighbour: asks ``1+1;`` every 10 ms and looks at each answer.  A program of its own: PORT.
+"""The innocent neighbour: asks ``1+1;`` every 10 ms and looks at each answer.  A program of its own: PORT [MOST].
 
 It asks on time whether the last answer has come or not, so that a server which is silent for a second makes a hundred
-late answers, as it would for a hundred neighbours.  A line on its input ends it; then it prints what it saw, as JSON.
+late answers, as it would for a hundred neighbours.  With MOST it asks nothing while so many answers are owed: a slow
+machine is asked less.  A line on its input ends it; then it prints what it saw, as JSON.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ PERIOD = 0.01
 """Seconds between two questions."""
 QUESTION = b"1+1;\n"
 ANSWER = "2"
-PATIENCE = 10.0
+TIMEOUT_S = 30.0
 """Seconds after the end for which answers that are owed are waited for."""
 SHOWN = 3
 """So many wrong answers are kept."""
@@ -43,8 +44,10 @@ class Seen:
 class Neighbour:
     """One connection that asks."""
 
-    def __init__(self, port: int) -> None:
-        self._socket = socket.create_connection(("127.0.0.1", port), PATIENCE)
+    def __init__(self, port: int, most_owed: int = sys.maxsize) -> None:
+        """``most_owed``: so many answers may be owed when it asks again."""
+        self._most_owed = most_owed
+        self._socket = socket.create_connection(("127.0.0.1", port), TIMEOUT_S)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.setblocking(False)
         self._rest = b""
@@ -64,9 +67,10 @@ class Neighbour:
             if ends in ready:
                 break
             if time.monotonic() >= due:
-                self._ask(due)
+                if len(self._owed) < self._most_owed:
+                    self._ask(due)
                 due += PERIOD
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + TIMEOUT_S
         while self._owed and not seen.closed and time.monotonic() < end:
             if select.select([self._socket], [], [], 0.1)[0]:
                 self._listen()
@@ -121,7 +125,7 @@ class Neighbour:
 
 def main() -> None:
     """Ask at a port until told to end, and print what was seen."""
-    seen = Neighbour(int(sys.argv[1])).ask_until(sys.stdin.fileno())
+    seen = Neighbour(*map(int, sys.argv[1:])).ask_until(sys.stdin.fileno())
     print(json.dumps(asdict(seen)), flush=True)
     os._exit(0)
 

@@ -24,7 +24,7 @@ BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "
 FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-extensions",
          "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage",
          "--disable-default-apps", "--no-proxy-server", "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1")
-PATIENCE = 60.0
+TIMEOUT_S = 60.0
 """Seconds for the browser to start, and for the page to try all."""
 
 PAGE = """<!doctype html><title>page</title><body><script>
@@ -151,7 +151,7 @@ def test_the_page_sends_what_it_should(tmp_path: Path) -> None:
     """Else the other test would show nothing."""
     recorder = Recorder()
     with visit(recorder.port, tmp_path) as site:
-        assert site.done.wait(PATIENCE)
+        assert site.done.wait(TIMEOUT_S)
     recorder.close()
     heard = recorder.heard.decode("latin-1")
     sent = ("text", "cors", "long", "again", "data", "parts", "plain", "beacon")
@@ -168,14 +168,14 @@ def test_nothing_that_a_page_sends_runs(tmp_path: Path) -> None:
     with log.open("w") as errors:
         server = subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=errors)
     try:
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + TIMEOUT_S
         while not (port_file.exists() and port_file.read_text().endswith("\n")):
             assert server.poll() is None and time.monotonic() < end, log.read_text()
             time.sleep(0.01)
         port = int(port_file.read_text())
         with visit(port, tmp_path) as site:
-            assert site.done.wait(PATIENCE)
-            with socket.create_connection(("127.0.0.1", port), PATIENCE) as line:
+            assert site.done.wait(TIMEOUT_S)
+            with socket.create_connection(("127.0.0.1", port), TIMEOUT_S) as line:
                 line.sendall(b"40 + 2;\n")
                 assert line.recv(100).endswith(b"] 42\n")
         assert server.poll() is None

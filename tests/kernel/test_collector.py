@@ -45,7 +45,7 @@ def test_what_a_long_collection_left_is_gone_through_once_in_a_while(time: list[
         del node
         gc.collect()
         assert ref() is not None
-        time[0] += collector.EVERY
+        time[0] += collector.FULL_COLLECTION_PERIOD_S
         gc.collect()
         assert ref() is None
     finally:
@@ -67,7 +67,7 @@ def test_when_memory_is_short_all_is_gone_through(time: list[float]) -> None:
 
 
 def test_a_short_collection_freezes_nothing(time: list[float], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(collector, "LONG", 10.0)
+    monkeypatch.setattr(collector, "SLOW_COLLECTION_S", 10.0)
     guarded = Collector()
     guarded.guard()
     try:
@@ -82,7 +82,7 @@ def test_long_work_thaws_what_it_froze_when_all_of_it_is_over(time: list[float])
     working = Collector()
     with working:
         with working:
-            working.leave_alone()
+            working.freeze_existing()
         assert gc.get_freeze_count() > 0
     assert gc.get_freeze_count() == 0
 
@@ -91,6 +91,6 @@ def test_long_work_in_a_server_leaves_it_frozen(time: list[float]) -> None:
     guarded = Collector()
     guarded.guard()
     with guarded:
-        guarded.leave_alone()
+        guarded.freeze_existing()
     assert gc.get_freeze_count() > 0
     guarded.release()

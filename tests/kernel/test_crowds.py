@@ -31,7 +31,7 @@ class Talk:
         while self.kernel.run() is not None and self.kernel.clock.now() < until:
             continue
         alarm.cancel()
-        return [line[:1] + line[9:] for line in listener.output.take().decode().splitlines()]
+        return [line[:1] + line[9:] for line in listener.output.take_bytes().decode().splitlines()]
 
     def at_rest(self) -> None:
         """Only the main jobs of the two connections are there, and both answer."""
@@ -71,7 +71,7 @@ def test_a_hundred_thousand_events_are_all_handled(talk: Talk) -> None:
 
 
 def test_events_beyond_the_most_jobs_are_refused_to_who_emits(talk: Talk) -> None:
-    talk.kernel.scheduler.most_jobs = 5000
+    talk.kernel.scheduler.max_total_jobs = 5000
     talk.say("var n = 0|; var e = Event.new|; var t = Tag.new|; t: at (e?) { n += 1 },")
     assert talk.say("for| (10000) e!;", 60)[0].endswith(": too many jobs")
     assert talk.say("n < 5000;") == ["[] true"]

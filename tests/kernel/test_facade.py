@@ -1,16 +1,35 @@
-"""The kernel's door: greeting, feeding, running."""
+"""The kernel's door: handshake, feeding, running."""
 
 from __future__ import annotations
 
 import re
 
 from urbihw.kernel import Kernel
+from urbihw.kernel.sched.clock import SimClock
+
+
+class SlowMachine(SimClock):
+    """Something else has the processor before every second round, for longer than a run may take."""
+
+    _busy = False
+
+    def round(self) -> float:
+        """The present time."""
+        self._busy = not self._busy
+        if self._busy:
+            self.advance(0.01)
+        return super().round()
+
+
+def test_the_library_is_complete_however_slow_the_machine_is() -> None:
+    kernel = Kernel(SlowMachine())
+    assert not kernel.scheduler.jobs
 
 
 def test_a_connection_is_greeted_with_the_ten_lines_of_the_protocol() -> None:
     kernel = Kernel(fast=True)
     kernel.programs.quiet = False
-    lines = kernel.open_lobby("127.0.0.1").output.take().decode().splitlines()
+    lines = kernel.open_lobby("127.0.0.1").output.take_bytes().decode().splitlines()
     texts = [re.sub(r"^\[\d{8}\] ", "", line) for line in lines]
     assert len(texts) == 10
     assert texts[0] == texts[-1] == "*** " + "*" * 56
@@ -22,7 +41,7 @@ def test_a_quiet_one_says_nothing() -> None:
     kernel = Kernel(fast=True)
     lobby = kernel.open_lobby("127.0.0.1")
     kernel.run()
-    assert lobby.output.take() == b""
+    assert lobby.output.take_bytes() == b""
 
 
 def test_bytes_may_be_cut_anywhere() -> None:
@@ -31,4 +50,4 @@ def test_bytes_may_be_cut_anywhere() -> None:
     for byte in b'var x = "a;b"; x.size;':
         kernel.feed(lobby, bytes([byte]))
         kernel.run()
-    assert lobby.output.take() == b'[00000000] "a;b"\n[00000000] 3\n'
+    assert lobby.output.take_bytes() == b'[00000000] "a;b"\n[00000000] 3\n'

@@ -15,6 +15,10 @@ CALLBACKS = {
     # conditions and events
     "body of at": 'var x = 0; at (x > 1) throw "boom"; at (x > 1) echo("other"); x = 2;',
     "body of at on an event": 'var e = Event.new; at (e?) throw "boom"; at (e?) echo("other"); e!;',
+    "body of at sync": 'var x = 0; at sync (x > 1) throw "boom"; at sync (x > 1) echo("other"); x = 2;',
+    "body of at sync on an event": 'var e = Event.new; at sync (e?) throw "boom"; at sync (e?) echo("other"); e!;',
+    "onleave of at sync":
+        'var e = Event.new; at sync (e?) {} onleave throw "boom"; at sync (e?) {} onleave echo("other"); e!;',
     "body after a while": 'var x = 0; at (x > 1 ~ 1s) throw "boom"; at (x > 1 ~ 1s) echo("other"); x = 2; sleep(2s);',
     "onleave": 'var x = 2; at (x > 1) {} onleave throw "boom"; at (x > 1) {} onleave echo("other"); x = 0;',
     "onleave of an event":

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from urbihw.kernel import Kernel
-from urbihw.kernel.lobby.lobby import FINALLY_S, Lobby
+from urbihw.kernel.lobby.lobby import FINALLY_TIMEOUT_S, Lobby
 
 
 class Talk:
@@ -25,7 +25,7 @@ class Talk:
         lobby = lobby or self.lobby
         lobby.feed(text.encode() + b"\n")
         self.run(seconds)
-        lines = lobby.output.take().decode().splitlines()
+        lines = lobby.output.take_bytes().decode().splitlines()
         return [line.partition("] ")[2] for line in lines]
 
     def run(self, seconds: float) -> None:
@@ -154,7 +154,7 @@ def test_a_clause_that_waits_ends_some_time_after_its_client(talk: Talk, program
     client = talk.open()
     talk.say(program + separator, client)
     client.close()
-    talk.run(FINALLY_S + 0.1)
+    talk.run(FINALLY_TIMEOUT_S + 0.1)
     assert not talk.scheduler.jobs_of(client)
 
 

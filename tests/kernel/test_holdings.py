@@ -66,15 +66,15 @@ def end(kernel: Kernel, lobby: Lobby) -> None:
 def test_so_many_of_a_kind_and_no_more() -> None:
     holdings = Holdings()
     first, second = Equal(), Equal()
-    holdings.own(first, "things", 2)
-    holdings.own(first, "things", 2)
-    holdings.own(second, "things", 2)
+    holdings.register(first, "things", 2)
+    holdings.register(first, "things", 2)
+    holdings.register(second, "things", 2)
     with refused("too many things: this connection has 2; close one"):
-        holdings.own(Thing(), "things", 2)
-    holdings.own(Thing(), "others", 2)
-    holdings.disown(first)
-    holdings.disown(first)
-    holdings.own(first, "things", 2)
+        holdings.register(Thing(), "things", 2)
+    holdings.register(Thing(), "others", 2)
+    holdings.unregister(first)
+    holdings.unregister(first)
+    holdings.register(first, "things", 2)
     assert len(holdings.held()) == 3
 
 
@@ -82,26 +82,26 @@ def test_all_that_is_held_is_closed_once_whatever_fails(caplog: pytest.LogCaptur
     holdings = Holdings()
     things = [Thing(), Thing(ValueError("broken")), Thing()]
     for thing in things:
-        holdings.own(thing, "things", 9)
+        holdings.register(thing, "things", 9)
     with caplog.at_level(logging.ERROR):
         holdings.close()
         holdings.close()
     assert [thing.closed for thing in things] == [1, 1, 1]
     assert [record.getMessage() for record in caplog.records] == ["error while closing what a connection held: broken"]
     with refused("the connection is closed: nothing can be opened"):
-        holdings.own(Thing(), "things", 9)
+        holdings.register(Thing(), "things", 9)
 
 
 def test_who_belongs_to_another_counts_with_him() -> None:
     maker = Holdings()
     made = Holdings(maker)
     thing = Thing()
-    made.own(thing, "things", 1)
+    made.register(thing, "things", 1)
     with refused("too many things"):
-        maker.own(Thing(), "things", 1)
+        maker.register(Thing(), "things", 1)
     made.close()
     assert thing.closed == 1
-    maker.own(Thing(), "things", 1)
+    maker.register(Thing(), "things", 1)
 
 
 # ---------------------------------------------------------------- of lobbies
@@ -114,7 +114,7 @@ def test_what_a_connection_holds_is_closed_behind_its_finally_clauses(kernel: Ke
             assert kernel.world.global_.slots["said"] == 1.0
 
     lobby, thing = kernel.open_lobby(), Told()
-    lobby.holdings.own(thing, "things", 1)
+    lobby.holdings.register(thing, "things", 1)
     kernel.run_text(lobby, "var Global.said = 0|; detach({ try { sleep(1h) } finally { Global.said = 1 } });", 1.0)
     end(kernel, lobby)
     assert thing.closed == 1
@@ -131,7 +131,7 @@ def test_a_connection_that_is_gone_opens_nothing_any_more(kernel: Kernel) -> Non
 
 def test_what_jobs_without_a_lobby_hold_stays(kernel: Kernel) -> None:
     thing = Thing()
-    kernel.world.holdings.own(thing, "things", 1)
+    kernel.world.holdings.register(thing, "things", 1)
     end(kernel, kernel.open_lobby())
     assert thing.closed == 0
 
@@ -141,7 +141,7 @@ def test_a_lobby_that_was_created_holds_with_its_maker(kernel: Kernel) -> None:
     kernel.run_text(lobby, "var l = Lobby.create|;")
     made = next(one for one in kernel.programs.lobbies if one.maker is lobby)
     thing = Thing()
-    made.holdings.own(thing, "things", 1)
+    made.holdings.register(thing, "things", 1)
     with refused("too many things"):
         lobby.holdings.check("things", 1)
     end(kernel, lobby)
@@ -153,26 +153,26 @@ def test_a_client_that_a_program_makes_belongs_to_who_runs_the_program(kernel: K
     lobby, other, client, later = (kernel.open_lobby("127.0.0.1") for _ in range(4))
     ended = []
     client.on_quit = lambda: ended.append("client")
-    lobby.holdings.own(Thing(), "sockets", 2, lambda: ADDRESS)
-    other.holdings.own(Thing(), "sockets", 2, lambda: ("127.0.0.1", 40_001))
-    client.came_from(ADDRESS)
-    later.came_from(("127.0.0.2", 40_000))
-    client.holdings.own(Thing(), "sockets", 2)
+    lobby.holdings.register(Thing(), "sockets", 2, lambda: ADDRESS)
+    other.holdings.register(Thing(), "sockets", 2, lambda: ("127.0.0.1", 40_001))
+    client.find_maker(ADDRESS)
+    later.find_maker(("127.0.0.2", 40_000))
+    client.holdings.register(Thing(), "sockets", 2)
     assert (client.maker, later.maker) == (lobby, None)
     with refused("too many sockets"):
-        client.holdings.own(Thing(), "sockets", 2)
+        client.holdings.register(Thing(), "sockets", 2)
     end(kernel, lobby)
     assert (ended, client.connected, other.connected) == (["client"], False, True)
 
 
 def test_who_can_stop_nothing_any_more_moves_nothing_by_others(kernel: Kernel) -> None:
     lobby, client = kernel.open_lobby(), kernel.open_lobby("127.0.0.1")
-    lobby.holdings.own(Thing(), "sockets", 1, lambda: ADDRESS)
-    client.came_from(ADDRESS)
+    lobby.holdings.register(Thing(), "sockets", 1, lambda: ADDRESS)
+    client.find_maker(ADDRESS)
     kernel.run_text(client, "var l = Lobby.create|;")
     gone: list[Lobby] = []
     kernel.world.client_gone.append(gone.append)
-    lobby.lose_command()
+    lobby.revoke_command()
     assert len(gone) == 3
     assert client in gone
     assert not client.in_command
@@ -183,7 +183,7 @@ def test_the_lobbies_that_a_connection_makes_are_bounded(kernel: Kernel) -> None
     lobby.feed(b"var made = []|; for (64) made << Lobby.create|; made[0].create; made.size; made[0].quit|;"
                b" sleep(1s); made << Lobby.create|; made.size;\n")  # fmt: skip
     kernel.scheduler.run_simulated()
-    said = [line.partition("] ")[2] for line in lobby.output.take().decode().splitlines()]
+    said = [line.partition("] ")[2] for line in lobby.output.take_bytes().decode().splitlines()]
     assert said[0].endswith("create: too many lobbies: this connection has 64; close one")
     assert said[1:] == ["64", "65"]
     end(kernel, lobby)

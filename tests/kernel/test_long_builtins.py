@@ -47,7 +47,7 @@ def kernel() -> Iterator[Kernel]:
 
 def lines(lobby: Lobby) -> list[str]:
     """What a lobby was told, without time stamps."""
-    return [line[:1] + line[9:] for line in lobby.output.take().decode("latin-1").splitlines()]
+    return [line[:1] + line[9:] for line in lobby.output.take_bytes().decode("latin-1").splitlines()]
 
 
 def play(kernel: Kernel, text: str) -> tuple[list[str], float, int]:
@@ -177,7 +177,7 @@ def test_others_are_answered_meanwhile(kernel: Kernel, text: str, answer: str | 
 
 
 def test_what_is_usual_is_done_in_one_go(kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(slices, "AIR", -1.0)
+    monkeypatch.setattr(slices, "TIME_SLICE_S", -1.0)
     lobby = kernel.open_lobby()
     lines(lobby)
     lobby.feed(b"var Global.turns = 0|; every (0) { turns += 1 },")
@@ -194,7 +194,7 @@ def test_what_is_usual_is_done_in_one_go(kernel: Kernel, monkeypatch: pytest.Mon
 @pytest.fixture
 def busy(kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> Kernel:
     """A kernel in which what takes long gives way at each slice."""
-    monkeypatch.setattr(slices, "AIR", -1.0)
+    monkeypatch.setattr(slices, "TIME_SLICE_S", -1.0)
     return kernel
 
 
@@ -223,8 +223,8 @@ def test_a_condition_that_takes_long_depends_on_what_it_read_only(busy: Kernel) 
 
 def test_a_sort_in_slices_is_pythons_sort(busy: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(slices, "give_way", lambda world: None)
-    monkeypatch.setattr(slices, "RUN", 64)
-    monkeypatch.setattr(slices, "SLICE", 8)
+    monkeypatch.setattr(slices, "SORT_RUN_SIZE", 64)
+    monkeypatch.setattr(slices, "CHECK_INTERVAL", 8)
     chance = random.Random(2)
     for size in (0, 1, 63, 64, 65, 128, 1000, 5000):
         for kinds in (1, 3, 50, 10**9):
@@ -239,7 +239,7 @@ def test_a_sort_in_slices_is_pythons_sort(busy: Kernel, monkeypatch: pytest.Monk
 
 def test_searching_in_slices_finds_what_python_finds(busy: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(searching, "give_way", lambda world: None)
-    monkeypatch.setattr(searching, "TEXT", 7)
+    monkeypatch.setattr(searching, "TEXT_SLICE_LENGTH", 7)
     chance = random.Random(3)
     for _ in range(2000):
         text = "".join(chance.choices("ab,", k=chance.randrange(60)))

@@ -28,7 +28,7 @@ def kernel() -> Iterator[Kernel]:
 
 def lines(lobby: Lobby) -> list[str]:
     """What a lobby was told, without time stamps."""
-    return [line[:1] + line[9:] for line in lobby.output.take().decode("latin-1").splitlines()]
+    return [line[:1] + line[9:] for line in lobby.output.take_bytes().decode("latin-1").splitlines()]
 
 
 def play(
@@ -125,7 +125,7 @@ def test_what_waits_is_counted_and_read_when_its_turn_comes(kernel: Kernel) -> N
     kernel.run()
     assert lobby.shell.waiting == 8000
     other = kernel.open_lobby()
-    kernel.world.ops.put(kernel.world.global_, "e", lobby.slots["e"])
+    kernel.world.ops.put_slot(kernel.world.global_, "e", lobby.slots["e"])
     other.feed(b"e!;")
     kernel.run()
     assert runs(kernel, lobby, b"n;") == ["[] 1", "[] 1000"]
@@ -155,7 +155,7 @@ def begin(kernel: Kernel, text: str) -> Lobby:
     lobby.feed(text.encode())
     for _ in range(3):
         kernel.run()
-    assert lobby.output.take() == b""
+    assert lobby.output.take_bytes() == b""
     return lobby
 
 
@@ -189,7 +189,7 @@ def test_a_client_that_is_gone_in_the_midst_of_it(kernel: Kernel, text: str) -> 
         kernel.run()
     assert len(kernel.scheduler.jobs) == jobs
     assert runs(kernel, kernel.open_lobby(), b"6 * 7;") == ["[] 42"]
-    assert not COLLECTOR.works()
+    assert not COLLECTOR.is_busy()
 
 
 def test_a_stop_of_the_connection_ends_the_statement_only(kernel: Kernel) -> None:
@@ -234,7 +234,7 @@ def test_when_idle_waits_for_what_waits(kernel: Kernel) -> None:
 
 
 def test_a_refused_statement_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reader, "MOST_BYTES", 10_000)
+    monkeypatch.setattr(reader, "MAX_BYTES", 10_000)
     made = reader.Reader()
     (refused,) = made.feed(b'f("' + b"a" * 20_000)
     assert isinstance(refused, reader.SyntaxProblem)
@@ -242,7 +242,7 @@ def test_a_refused_statement_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> Non
     for _ in range(100):
         assert made.feed(b"; b" * 10_000) == []
     lexer = made._lexer
-    assert sum(map(len, lexer._text)) + sum(map(len, lexer._parts)) + len(lexer.rest[0]) < 50_000
+    assert sum(map(len, lexer._text)) + sum(map(len, lexer._parts)) + len(lexer.unread_input[0]) < 50_000
     (item,) = made.feed(b'", 1); 3;')
     assert isinstance(item, reader.Statement)
     assert item.text == "3;"

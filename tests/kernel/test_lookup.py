@@ -13,6 +13,7 @@ from urbihw.kernel import Kernel
 from urbihw.kernel.runtime.lookup import NO_ANSWERS
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.record import lineage
+from urbihw.kernel.runtime.spelling import MAX_LENGTH, nearest
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.clock import SimClock
 
@@ -60,7 +61,7 @@ def test_what_is_remembered_is_what_a_search_finds(world: World, seed: int) -> N
                 made.set_protos(chance.sample(objects, min(len(objects), chance.randint(1, 4))))
             objects.append(made)
         elif kind == 1:
-            world.ops.put(target, name, float(number))
+            world.ops.put_slot(target, name, float(number))
         elif kind == 2:
             world.ops.remove_slot(target, name)
         elif kind == 3 and chance.random() < 0.3:
@@ -81,7 +82,7 @@ def test_prototypes_may_go_round_in_a_circle(world: World) -> None:
     ring = chain(first, 5)
     first.set_protos([ring])
     assert ring.find("a") is None
-    world.ops.put(first, "a", 1.0)
+    world.ops.put_slot(first, "a", 1.0)
     assert ring.find("a") is first
     first.set_protos([ring, world.object])
     assert ring.clone().find("clone") is world.object
@@ -91,7 +92,7 @@ def test_deep_chains(world: World) -> None:
     root = world.object.clone()
     deep = chain(root, DEEP)
     assert deep.find("missing") is None
-    world.ops.put(root, "missing", 1.0)
+    world.ops.put_slot(root, "missing", 1.0)
     assert deep.find("missing") is root
     world.ops.remove_slot(root, "missing")
     assert deep.find("missing") is None
@@ -100,7 +101,7 @@ def test_deep_chains(world: World) -> None:
 def test_the_cost_does_not_grow_with_depth(world: World) -> None:
     """Once somebody has asked, whoever derives from anywhere in the chain asks few others."""
     root = world.object.clone()
-    world.ops.put(root, "foo", 1.0)
+    world.ops.put_slot(root, "foo", 1.0)
     objects = [root]
     for _ in range(5_000):
         objects.append(objects[-1].clone())
@@ -111,7 +112,7 @@ def test_the_cost_does_not_grow_with_depth(world: World) -> None:
         CountingDict.asked = 0
         assert obj.find("foo") is root
         assert CountingDict.asked < 40
-    world.ops.put(objects[2000], "other", 1.0)  # no answer for foo is forgotten
+    world.ops.put_slot(objects[2000], "other", 1.0)  # no answer for foo is forgotten
     CountingDict.asked = 0
     objects[-1].find("foo")
     assert CountingDict.asked < 40
@@ -119,7 +120,7 @@ def test_the_cost_does_not_grow_with_depth(world: World) -> None:
 
 def test_many_prototypes_are_searched_once(world: World) -> None:
     protos = [world.object.clone() for _ in range(2_000)]
-    world.ops.put(protos[-1], "foo", 1.0)
+    world.ops.put_slot(protos[-1], "foo", 1.0)
     wide = world.object.clone()
     wide.set_protos(protos)
     assert wide.find("foo") is protos[-1]
@@ -148,3 +149,10 @@ def test_a_number_as_prototype_may_get_slots_later(world: World) -> None:
     assert child.find("foo") is None
     world.set_slot(number, "foo", 1.0)
     assert world.ops.send0(child, "foo") == 1.0
+
+
+def test_long_names_have_no_suggestion_since_to_compare_them_takes_seconds() -> None:
+    name = "x" * MAX_LENGTH
+    assert nearest(name, [name[:-1] + "y"]) == name[:-1] + "y"
+    assert nearest(name + "x", [name + "y"]) == ""
+    assert nearest("y" * 100_000, ["x" * 100_000]) == ""

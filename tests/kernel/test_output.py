@@ -28,14 +28,14 @@ class Reader:
 
     def flush(self) -> None:
         """The end of a round."""
-        self.waiting += self.lobby.output.take()
+        self.waiting += self.lobby.output.take_bytes()
         self.most = max(self.most, len(self.waiting))
-        self.lobby.output.handed_on()
+        self.lobby.output.update_unread()
 
     def read(self, size: int) -> None:
         """Read that much."""
         self.heard, self.waiting = self.heard + self.waiting[:size], self.waiting[size:]
-        self.lobby.output.handed_on()
+        self.lobby.output.update_unread()
         self.kernel.run()
 
     def say(self, text: str) -> None:
@@ -78,7 +78,7 @@ def test_what_others_say_closes_it_when_the_limit_is_passed() -> None:
     assert not reader.given_up
     assert kernel.run_text(other, 'for| (var i: 500) wall("x" * 100) | "done";').endswith('"done"\n')
     assert reader.given_up and reader.given_up[0] <= LIMIT
-    assert len(reader.waiting) + len(reader.lobby.output.take()) <= LIMIT
+    assert len(reader.waiting) + len(reader.lobby.output.take_bytes()) <= LIMIT
     assert not reader.lobby.output.open
 
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 from urbihw.kernel import Kernel
+from urbihw.kernel.runtime.arguments import annotated_type
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.clock import SimClock
@@ -25,3 +28,19 @@ def test_each_of_many_arguments_is_checked_and_numbered() -> None:
     many = ", ".join(["1"] * 80)
     assert "a80" in kernel.run_text(lobby, f'total("a", {many});')
     assert "argument 82" in kernel.run_text(lobby, f'total("a", {many}, "b");')
+
+
+def test_the_content_of_a_binary_is_no_part_of_an_error() -> None:
+    kernel = Kernel(SimClock())
+    said = kernel.run_text(kernel.open_lobby(), 'var b = BIN 10 jpeg 3 4;0123456789; "a".split(b); sleep(b);')
+    assert "unexpected BIN 10 jpeg 3 4 for argument 1, expected a String" in said
+    assert "unexpected BIN 10 jpeg 3 4 for argument 1, expected a Float" in said
+    assert said.count("0123456789") == 1  # the value itself
+
+
+def test_a_class_that_the_module_does_not_have_is_named_when_the_built_in_is_made() -> None:
+    def lost(world: World, this: Any, thing: Nowhere) -> None:  # type: ignore[name-defined]  # noqa: F821
+        """Takes what nobody knows."""
+
+    with pytest.raises(NameError, match="no class Nowhere for thing"):
+        annotated_type(lost, "thing")

@@ -31,7 +31,7 @@ class Talk:
 
     def heard(self, lobby: Lobby) -> list[str]:
         """What a connection was told since the last look, without time stamps."""
-        lines = lobby.output.take().decode("latin-1").splitlines()
+        lines = lobby.output.take_bytes().decode("latin-1").splitlines()
         return [line[:1] + line[9:] if line[9:10] in ":]" and line[:1] == "[" else line for line in lines]
 
 
@@ -215,7 +215,7 @@ ENDLESS = {
 def test_endless_recursion_ends_that_job_only(talk: Talk, caplog: pytest.LogCaptureFixture, kind: str) -> None:
     setup, start = ENDLESS[kind]
     jobs, timers = len(talk.kernel.scheduler.jobs), len(talk.kernel.scheduler.timers)
-    talk.kernel.scheduler.most_jobs = 2000
+    talk.kernel.scheduler.max_total_jobs = 2000
     talk.say(setup)
     answer = talk.say(start)
     told = [line for line in answer if "called from" not in line]

@@ -53,12 +53,12 @@ class Stage:
     def newcomer(self) -> tuple[list[str], list[str]]:
         """What a new connection is told, and what it is answered."""
         lobby = self.kernel.open_lobby("127.0.0.1")
-        told = [STAMP.sub("[", line) for line in lobby.output.take().decode("latin-1").splitlines()]
+        told = [STAMP.sub("[", line) for line in lobby.output.take_bytes().decode("latin-1").splitlines()]
         answers = self.say(lobby, WHOLE)
         lobby.close()
         self.kernel.scheduler.run_simulated(self.kernel.clock.now() + 1)
-        self.innocent.output.take()
-        self.saboteur.output.take()
+        self.innocent.output.take_bytes()
+        self.saboteur.output.take_bytes()
         return told, answers
 
     def spoil(self, action: Callable[[], Any]) -> bool:
@@ -212,9 +212,9 @@ def test_a_main_job_that_has_not_begun_is_not_ended() -> None:
 
 def test_the_jobs_of_the_server_are_not_among_those_of_programs(fresh: Stage) -> None:
     fresh.kernel.open_lobby().close()
-    fresh.world.soon(lambda: fresh.kernel.scheduler.sleep(5))
+    fresh.world.call_soon(lambda: fresh.kernel.scheduler.sleep(5))
     fresh.say(fresh.innocent, "var names = function () { System.jobs.map(closure (j) { j.name }) }|;")
-    fresh.world.soon(lambda: fresh.kernel.scheduler.sleep(20))
+    fresh.world.call_soon(lambda: fresh.kernel.scheduler.sleep(20))
     fresh.kernel.scheduler.run()
     assert fresh.say(fresh.innocent, 'names.any(closure (n) { n == "notify" || n == "disconnect" });') == ["[] false"]
     assert fresh.say(fresh.innocent, "System.aliveJobs == System.jobs.size;") == ["[] true"]
@@ -238,10 +238,10 @@ def test_those_who_hear_of_a_tag_do_not_hold_it_up(fresh: Stage) -> None:
 
 def test_a_notification_that_is_held_up_does_not_hold_up_the_next(fresh: Stage) -> None:
     scheduler, world, heard = fresh.kernel.scheduler, fresh.world, []
-    world.soon(lambda: scheduler.suspend(None))
-    world.soon(lambda: heard.append(1))
+    world.call_soon(lambda: scheduler.suspend(None))
+    world.call_soon(lambda: heard.append(1))
     scheduler.run()
-    world.soon(lambda: heard.append(2))
+    world.call_soon(lambda: heard.append(2))
     scheduler.run()
     assert heard == [1, 2]
 
@@ -404,7 +404,7 @@ def test_a_value_whose_printing_fails_is_shown_plainly_and_the_change_is_told(fr
     wanted = shown(fresh, fresh.innocent)
     fresh.say(fresh.saboteur, redefined('throw "no"'))
     newcomer = fresh.kernel.open_lobby("127.0.0.1")
-    (line,) = newcomer.output.take().decode("latin-1").splitlines()
+    (line,) = newcomer.output.take_bytes().decode("latin-1").splitlines()
     assert "*** urbihw: changed in the library: " in line
     assert line.endswith("; System.resetLibrary brings it back")
     for lobby in (newcomer, fresh.innocent):
@@ -446,16 +446,16 @@ def test_a_changed_printing_that_works_is_left_alone(fresh: Stage) -> None:
     fresh.say(fresh.saboteur, 'List.asToplevelPrintable = function () { "list" }|;')
     assert fresh.say(fresh.innocent, "[1];") == ["[] list"]
     assert fresh.say(fresh.innocent, "[1];") == ["[] list"]
-    assert fresh.world.record.reprinted
+    assert fresh.world.record.printing_changed
     fresh.say(fresh.innocent, "System.resetLibrary|;")
-    assert not fresh.world.record.reprinted
+    assert not fresh.world.record.printing_changed
 
 
 def test_a_function_that_held_everybody_up_while_printing_is_put_back(fresh: Stage) -> None:
     def hold(this: Any) -> Any:
         raise HeldTooLong("held the interpreter for more than 2 s: give way with ';' or sleep")
 
-    fresh.world.ops.put(fresh.world.object, "hold", make_primitive(fresh.world, "hold", hold, 0, 0))
+    fresh.world.ops.put_slot(fresh.world.object, "hold", make_primitive(fresh.world, "hold", hold, 0, 0))
     fresh.say(fresh.saboteur, "Float.asString = function () { hold }|; String.asString = function () { size.hold }|;")
     said = fresh.say(fresh.innocent, "echo(1); echo(1); 5;")
     assert ": held the interpreter" in said[1]
@@ -505,4 +505,4 @@ def test_the_banner_is_that_of_the_library(fresh: Stage) -> None:
     fresh.kernel.programs.quiet = False
     fresh.say(fresh.saboteur, "Lobby.banner = function () { sleep(1h); throw 3 };")
     lobby = fresh.kernel.open_lobby()
-    assert lobby.output.take().decode("latin-1").count("\n") == 11
+    assert lobby.output.take_bytes().decode("latin-1").count("\n") == 11

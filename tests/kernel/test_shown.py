@@ -6,12 +6,12 @@ import pytest
 
 from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby
-from urbihw.kernel.lobby.printing import MOST_SHOWN
+from urbihw.kernel.lobby.printing import MAX_SHOWN_LENGTH
 
 
 def said(kernel: Kernel, lobby: Lobby, text: str) -> list[str]:
     """The lines that answer, without time stamps."""
-    lobby.output.take()
+    lobby.output.take_bytes()
     return [line[:1] + line[9:] if line.startswith("[") else line for line in kernel.run_text(lobby, text).splitlines()]
 
 
@@ -22,8 +22,8 @@ def kernel() -> Kernel:
 
 def test_of_a_value_that_is_too_long_the_beginning_is_shown(kernel: Kernel) -> None:
     shown, told = said(kernel, kernel.open_lobby(), '"x" * 3000000;')
-    assert shown == '[] "' + "x" * (MOST_SHOWN - 1)
-    assert told == f"[:error] !!! of a value of 3000002 characters only {MOST_SHOWN} are shown"
+    assert shown == '[] "' + "x" * (MAX_SHOWN_LENGTH - 1)
+    assert told == f"[:error] !!! of a value of 3000002 characters only {MAX_SHOWN_LENGTH} are shown"
 
 
 def test_a_binary_is_shown_whole(kernel: Kernel) -> None:

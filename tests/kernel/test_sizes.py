@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from urbihw.kernel import Kernel
-from urbihw.kernel.runtime.values import MOST_CHARACTERS, MOST_MEMBERS
+from urbihw.kernel.runtime.values import MAX_LIST_LENGTH, MAX_STRING_LENGTH
 from urbihw.kernel.server.memory import MIB
 
-CHARACTERS = f"expected a result of at most {MOST_CHARACTERS} characters"
-MEMBERS = f"expected a result of at most {MOST_MEMBERS} members"
+CHARACTERS = f"expected a result of at most {MAX_STRING_LENGTH} characters"
+MAX_SHOWN_MEMBERS = f"expected a result of at most {MAX_LIST_LENGTH} members"
 
 GROWING = {
     "sum": ('{ var s = "x"; loop| s = s + s };', CHARACTERS),
@@ -25,10 +25,10 @@ GROWING = {
     "replace": ('("x" * 100000).replace("x", "y" * 100000);', CHARACTERS),
     "assignment of a part": ('{ var s = "x" * 1000; loop| s[0] = s };', CHARACTERS),
     "format": ('{ var s = "%s" * 100; var t = "x" * 1000000; s % ([t] * 100) };', CHARACTERS),
-    "list": ("{ var l = [1]; loop| l = l + l };", MEMBERS),
-    "list in place": ("{ var l = [1]; loop| l += l };", MEMBERS),
-    "list repeated": ("[1] * 1e9;", MEMBERS),
-    "binary": ('{ var b = Binary.new("", "x"); loop| b = b + b };', f"at most {MOST_CHARACTERS} bytes"),
+    "list": ("{ var l = [1]; loop| l = l + l };", MAX_SHOWN_MEMBERS),
+    "list in place": ("{ var l = [1]; loop| l += l };", MAX_SHOWN_MEMBERS),
+    "list repeated": ("[1] * 1e9;", MAX_SHOWN_MEMBERS),
+    "binary": ('{ var b = Binary.new("", "x"); loop| b = b + b };', f"at most {MAX_STRING_LENGTH} bytes"),
 }
 
 
@@ -42,7 +42,7 @@ def said(text: str, seconds: float = 0.0) -> str:
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         kernel.scheduler.run()
-        data = bytes(lobby.output.take())
+        data = bytes(lobby.output.take_bytes())
         if data:
             return data.decode("latin-1")
         time.sleep(0.005)
@@ -58,7 +58,7 @@ def test_nothing_grows_without_bound_at_one_stroke(kind: str) -> None:
 
 
 def test_what_is_as_long_as_may_be_is_made() -> None:
-    assert said(f'("x" * {MOST_CHARACTERS}).size;').split() == ["[00000000]", str(MOST_CHARACTERS)]
+    assert said(f'("x" * {MAX_STRING_LENGTH}).size;').split() == ["[00000000]", str(MAX_STRING_LENGTH)]
 
 
 def test_a_device_without_end_is_not_read_without_end() -> None:
@@ -68,7 +68,7 @@ def test_a_device_without_end_is_not_read_without_end() -> None:
 def test_a_large_file_is_not_loaded(tmp_path: Path) -> None:
     path = tmp_path / "large.u"
     with path.open("wb") as file:
-        file.truncate(MOST_CHARACTERS + 1)
+        file.truncate(MAX_STRING_LENGTH + 1)
     assert "file too large" in said(f'load("{path}");')
     assert "file not found" in said('load("/dev/zero");')
 
@@ -84,7 +84,7 @@ def test_a_file_that_cannot_be_read_is_an_error(text: str) -> None:
 def test_a_line_without_end_comes_in_pieces(tmp_path: Path) -> None:
     path = tmp_path / "line"
     with path.open("wb") as file:
-        file.truncate(MOST_CHARACTERS)
+        file.truncate(MAX_STRING_LENGTH)
     answer = said(f'InputStream.new(File.new("{path}")).getLine.size;')
     assert answer.split()[1] == str(1024 * 1024)
 

@@ -9,7 +9,7 @@ import pytest
 from urbihw.kernel import Kernel
 from urbihw.kernel.compiler import Unit, compile_node
 from urbihw.kernel.lobby import templates
-from urbihw.kernel.lobby.templates import TemplateUse, skeleton
+from urbihw.kernel.lobby.templates import MAX_SKELETON_LENGTH, MAX_TEMPLATE_TEXT, TemplateUse, skeleton
 from urbihw.kernel.sched.clock import SimClock
 
 
@@ -26,7 +26,7 @@ class Console:
         """What is answered."""
         self.lobby.feed(text.encode("latin-1"))
         self.kernel.scheduler.run_simulated(self.kernel.clock.now() + 0.01)
-        return self.lobby.output.take().decode("latin-1")
+        return self.lobby.output.take_bytes().decode("latin-1")
 
 
 @pytest.mark.parametrize(("text", "bones", "literals"), [
@@ -41,12 +41,24 @@ def test_the_skeleton_of_a_statement(text: str, bones: str, literals: list[str])
 
 @pytest.mark.parametrize("text", [
     "f();", "{ 1 };", 'f("a\\n");', 'f("a)(1;', "f(1); // one", "f(1 /* one */);", "f('1');", "f(1" + " " * 300 + ");",
+    "BIN 1 e2;a",
 ])
 def test_what_is_too_intricate_has_none(text: str) -> None:
     assert skeleton(text) is None
 
 
+def test_long_data_counts_by_what_is_to_be_compiled() -> None:
+    numbers = "f([" + ", ".join(["3.14159"] * 80) + "]);"
+    assert len(numbers) > MAX_SKELETON_LENGTH
+    assert skeleton(numbers) == ("f([" + ", ".join(["\0"] * 80) + "]);\1" + "n" * 80, ["3.14159"] * 80)
+    assert skeleton('f("' + "x" * 5000 + '");') == ("f(\0);\1s", ['"' + "x" * 5000 + '"'])
+    assert skeleton("f([" + ", ".join(["1"] * 200) + "]);") is None
+    assert skeleton('f("' + "x" * MAX_TEMPLATE_TEXT + '");') is None
+
+
 SESSIONS = [
+    [f"[{', '.join(str(begin + 0.5 + index) for index in range(70))}].size + {begin};" for begin in (1, 100, 2000, 7)],
+    [f'"{letter * 2000}".size + {number};' for number, letter in enumerate("abcd")],
     ["echo(1);", "echo(2);", "echo(2.5);", "echo(1e3);"],
     ['"a" + 1;', '"b" + 2;', '"c" + 3;'],
     ["var x1 = 1;", "var x2 = 2;", "var y = 3;", "var y = 4;", "var y = 5;", "y;"],
@@ -123,6 +135,12 @@ def test_floods_of_data_leave_nothing_behind() -> None:
 def test_what_is_remembered_is_bounded() -> None:
     console = Console()
     programs = console.kernel.programs
-    for number in range(templates.SIZE + 50):
+    for number in range(templates.MAX_TEMPLATES + 50):
         console.say(f"var v{number} = [{number}]|; v{number}x.g(1)|; v{number}x.g(2)|;")
-    assert len(programs.read) <= templates.SIZE and len(programs.read._templates) <= templates.SIZE
+    assert len(programs.read) <= templates.MAX_TEMPLATES and len(programs.read._templates) <= templates.MAX_TEMPLATES
+
+
+def test_binary_data_is_never_taken_for_literals() -> None:
+    console, plain = Console(), Console(with_templates=False)
+    for text in ["BIN 1e2;aaaa;", "BIN 1e2;aaaa;", "BIN 1 e2;abbb;", "BIN 1;abbb;"] * 2:
+        assert console.say(text) == plain.say(text)

@@ -36,7 +36,7 @@ from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.sched.signals import JobKilled
 
-PATIENCE = 3600.0
+TIMEOUT_S = 3600.0
 """Simulated seconds a unit may take."""
 
 EFFORT = 10.0
@@ -150,7 +150,7 @@ class Player:
                 outcomes.append(Outcome(unit, (), f"not run: {stuck}"))
                 continue
             ended = self.run(lobby, unit.typed)
-            answered = tuple(_lines(lobby.output.take()))
+            answered = tuple(_lines(lobby.output.take_bytes()))
             problem = compare(unit.expected, answered, transcript.timed)
             if ended:
                 stuck = f'the unit in line {unit.line} ("{unit.title}") {ended}'
@@ -163,7 +163,7 @@ class Player:
     def run(self, lobby: Lobby, typed: str) -> str:
         """Feed a text and let time pass until its last statement is over; what went wrong with that, or nothing."""
         idle: list[bool] = []
-        limit = self.clock.now() + PATIENCE
+        limit = self.clock.now() + TIMEOUT_S
         lobby.feed(typed.encode("latin-1"))
         lobby.shell.when_idle(lambda: idle.append(True))
         while True:
@@ -178,7 +178,7 @@ class Player:
                 self._posted.clear()
                 continue
             if deadline > limit:
-                return f"takes more than {PATIENCE:g} s of simulated time"
+                return f"takes more than {TIMEOUT_S:g} s of simulated time"
             self.clock.idle(deadline)
 
     def reason_to_skip(self, transcript: Transcript) -> str:
@@ -194,7 +194,7 @@ class Player:
 
     def _ask(self, lobby: Lobby, question: str) -> str:
         self.run(lobby, question)
-        return lobby.output.take().decode("latin-1").partition("] ")[2].strip()
+        return lobby.output.take_bytes().decode("latin-1").partition("] ")[2].strip()
 
     def _run_instant(self) -> tuple[float | None, bool]:
         """Run what is ready now: when to go on, and whether it came to an end by itself."""

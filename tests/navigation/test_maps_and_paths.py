@@ -11,8 +11,8 @@ from urbihw.navigation import maps
 from urbihw.navigation.drive import Limits, State
 from urbihw.navigation.follow import BLOCKED_TIMEOUT_S, PathFollower
 from urbihw.navigation.frames import compose, frame_of
-from urbihw.navigation.grid import MOST_CELLS, Grid
-from urbihw.navigation.localize import CELL, match
+from urbihw.navigation.grid import MAX_CELLS, Grid
+from urbihw.navigation.localize import CELL, match_scan
 from urbihw.navigation.planner import NoPath, plan
 from urbihw_fakes.p3dx.world import World
 
@@ -142,7 +142,7 @@ def test_distances_from_walls() -> None:
 
 def test_a_huge_map_gets_larger_cells() -> None:
     grid = Grid(0, 0, 400, 100, 0.1)
-    assert grid.width * grid.height < MOST_CELLS * 1.02
+    assert grid.width * grid.height < MAX_CELLS * 1.02
     assert grid.cell > 0.4
     grid.block_box(-500, -500, 500, -400)
     grid.block_box(-500, 40, 500, 50)
@@ -278,7 +278,7 @@ def test_a_scan_says_where_the_robot_is(off: tuple[float, float, float]) -> None
         walls.block_line(*wall)
     truth = (0.5, 0.5, 0.4)
     guess = (truth[0] + off[0], truth[1] + off[1], truth[2] + off[2])
-    found = match(walls, guess, scan(truth), 0.021)
+    found = match_scan(walls, guess, scan(truth), 0.021)
     assert math.dist(found.pose[:2], truth[:2]) < 0.04
     assert found.pose[2] == pytest.approx(truth[2], abs=0.02)
     assert found.score > 0.8
@@ -288,8 +288,8 @@ def test_a_scan_of_another_place_does_not_fit() -> None:
     walls = Grid(-2, -3, 6, 3, CELL)
     for wall in World.room().walls:
         walls.block_line(*wall)
-    assert match(walls, (0.0, 0.0, 0.0), scan((4.5, 1.0, 2.0)), 0.021).score < 0.5
-    assert match(walls, (0.0, 0.0, 0.0), [], 0.021).score == 0
+    assert match_scan(walls, (0.0, 0.0, 0.0), scan((4.5, 1.0, 2.0)), 0.021).score < 0.5
+    assert match_scan(walls, (0.0, 0.0, 0.0), [], 0.021).score == 0
 
 
 def test_frames() -> None:

@@ -7,6 +7,7 @@ platform has its own `<name>_lab.py` with a subclass of ``RobotLab`` called ``La
 from __future__ import annotations
 
 import contextlib
+import threading
 from collections.abc import Callable, Iterable, Mapping
 from multiprocessing import Pipe
 from types import SimpleNamespace
@@ -110,6 +111,9 @@ class RobotLab:
 
     def thought(self) -> bool:
         """Wait for threads of the platform, which know nothing of simulated time; true."""
+        for thread in threading.enumerate():
+            if thread.name == "planner":
+                thread.join(20)
         return True
 
     @classmethod
@@ -128,13 +132,13 @@ class RobotLab:
 
     def heard(self) -> str:
         """What the client reads, without the time stamps."""
-        return _unstamped(self.lobby.output.take())
+        return _unstamped(self.lobby.output.take_bytes())
 
     def look(self, text: str) -> str:
         """The value of an expression, as a second client reads it at once, whatever the first is waiting for."""
         self.kernel.feed(self.observer, text.encode("latin-1") + b";")
         self.run(0)
-        return _unstamped(self.observer.output.take())
+        return _unstamped(self.observer.output.take_bytes())
 
     def number(self, text: str) -> float:
         """The value of an expression that is a number."""

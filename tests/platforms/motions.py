@@ -134,7 +134,7 @@ class Remote:
         busy = True
         while busy:
             self._devices.run()
-            there, back = b"".join(self._there), self.lobby.output.take()
+            there, back = b"".join(self._there), self.lobby.output.take_bytes()
             self._there.clear()
             busy = bool(there or back)
             self.lobby.feed(there)

@@ -8,6 +8,7 @@ from typing import Any
 
 from lab import RobotLab
 from motions import Kind, Motion, Numbers
+from paths import on_map
 
 from urbihw.buses.link import Context
 from urbihw.buses.pipe import PipeEnd
@@ -64,8 +65,10 @@ def _body(lab: Lab) -> tuple[Numbers, Numbers]:
     return tuple(math.radians(one.speed) for one in motors), tuple(math.radians(one.position) for one in motors)
 
 
+_PATH = "nxt.moveTo([5, 1, 90deg]);"
+
 MOTION = Motion(
-    make=lambda: Lab.ready(TriBot(4.0)),
+    make=lambda: Lab.ready(TriBot(10.0)),
     look=_body,
     slot="nxt",
     unplug=lambda lab: lab.unplug(),
@@ -84,6 +87,8 @@ MOTION = Motion(
         ),
         "go": Kind("robot.go(2);", 3.0, error=True),
         "turn": Kind("robot.turn(20);", 0.5, error=True),
+        "planner": Kind(_PATH, 3.0, lead=3.0, ready=on_map("nxt")),
+        "planner that plans": Kind(_PATH, 3.0, lead=0.0, ready=on_map("nxt")),
         "remote": Kind("wheelL.speed = 50", 5.0, remote=True),
         "remote goal": Kind("claw.val = 100000", 5.0, remote=True),
     },

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -117,13 +116,6 @@ class Lab(RobotLab):
         laser = SimpleNamespace(unplug=self.laser_line.end.unplug, plug=self.laser_line.end.replug)
         words = commands(self.kit, self.bus_clock.now, laser)
         return self.console_of(self.kit.robot, self.robot_line.end, words)
-
-    def thought(self) -> bool:
-        """See ``RobotLab``."""
-        for thread in threading.enumerate():
-            if thread.name == "planner":
-                thread.join(20)
-        return True
 
     def where(self) -> tuple[float, float, float]:
         """Where the robot truly is."""

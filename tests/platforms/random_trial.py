@@ -191,7 +191,7 @@ class Trial(Scene):
         self.slowest_rest = 0.0
         self.checking = False
         super().__init__(motion_of(platform), Kind("", 0.0, make=self.plant.make), folder, [])
-        self.lab.robot._heard = partial(self.hear, self.lab.robot._heard)
+        self.lab.robot._handle_message = partial(self.hear, self.lab.robot._handle_message)
         self.control = self.lab.kernel.open_lobby()
         self.clients = {0: self.lab.lobby, 1: self.lab.observer}
         self.watch_master()
@@ -333,7 +333,7 @@ class Trial(Scene):
     def listen(self) -> None:
         """The programs must be right: what the clients read tells."""
         for number, lobby in (*self.clients.items(), (-1, self.control)):
-            for line in lobby.output.take().decode("latin-1").splitlines():
+            for line in lobby.output.take_bytes().decode("latin-1").splitlines():
                 if "!!!" in line and "called from" not in line:
                     self.note(f"  client {number} reads {line}")
                     self.holds(not _WRONG.search(line), f"a program of this test is wrong: {line}")

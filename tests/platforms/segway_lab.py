@@ -6,6 +6,7 @@ from typing import Any
 
 from lab import SpeakingLab
 from motions import Kind, Motion, Numbers
+from paths import on_map
 
 from urbihw_fakes.can.device import CanDevice, Codec
 from urbihw_fakes.can.records import Records
@@ -58,6 +59,8 @@ def _body(lab: Lab) -> tuple[Numbers, Numbers]:
     return (body.speed, body.turn), (body.forward, body.yaw)
 
 
+_PATH = "segway.moveTo([5, 1, 90deg]);"
+
 MOTION = Motion(
     make=lab,
     look=_body,
@@ -79,6 +82,8 @@ MOTION = Motion(
         ),
         "go": Kind("robot.go(2);", 0.15, error=True),
         "turn by an angle": Kind("robot.turn(20);", 0.3, error=True),
+        "planner": Kind(_PATH, 0.2, lead=3.0, ready=on_map("segway")),
+        "planner that plans": Kind(_PATH, 0.2, lead=0.0, ready=on_map("segway")),
         "remote": Kind("rmp.forwardSpeed = 0.5", 0.4, remote=True),
     },
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""A driver of an RMP, the base in software, and a bus between them, in simulated time: no worker, no kernel."""
+"""A driver of an RMP, the simulated base, and a bus between them, in simulated time: no worker, no kernel."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class RigPort(CanPort):
         if self.full:
             raise BusTimeout("full")
         self.sent.append((self.clock.now(), frame))
-        self.base.hear(CanFrame(frame.id, frame.data), self.clock.now())
+        self.base.receive_frame(CanFrame(frame.id, frame.data), self.clock.now())
 
     def receive(self, limit: int, deadline: float) -> list[Frame]:
         if self.dead:

@@ -173,9 +173,9 @@ def test_statistics_and_status() -> None:
 
 def test_the_sign_of_life_is_sent_by_the_kernel() -> None:
     lab = Lab.ready()
-    lab.sent(m.Alive)
+    lab.sent(m.Heartbeat)
     lab.run(2.05)
-    assert len(lab.sent(m.Alive)) == 4
+    assert len(lab.sent(m.Heartbeat)) == 4
 
 
 def test_closing_lets_go_and_twice_is_fine() -> None:

@@ -1,4 +1,4 @@
-"""Drives after CiA 402 as urbiscript sees them, against one in software in simulated time."""
+"""Drives after CiA 402 as urbiscript sees them, against a simulated one in simulated time."""
 
 from __future__ import annotations
 

@@ -9,7 +9,8 @@ import pytest
 from bioloid_lab import Lab as Bioloid
 from cia402_lab import Lab as Drives
 
-from urbihw.platforms.devicelog import ALIKE, BACK, LOST, PERIOD, QUIET, SAME, DeviceLog, together
+from urbihw.platforms.devicelog import BACK, GATHER_S, LOST, MAX_ALIKE, MAX_SAME, DeviceLog, join_names
+from urbihw.repeats import PERIOD
 
 Lines = Callable[[], list[str]]
 
@@ -57,11 +58,11 @@ class _Collector(logging.Handler):
 
 def test_one_device_is_told_as_it_always_was() -> None:
     bench = Bench()
-    bench.log.tell(LOST, "motor 6", "does not answer")
+    bench.log.log_event(LOST, "motor 6", "does not answer")
     assert bench.lines == []
-    bench.run(QUIET)
+    bench.run(GATHER_S)
     assert bench.lines == ["motor 6 is lost: does not answer"]
-    bench.log.tell(BACK, "motor 6")
+    bench.log.log_event(BACK, "motor 6")
     bench.run(1)
     assert bench.lines[1:] == ["motor 6 is back"]
 
@@ -69,7 +70,7 @@ def test_one_device_is_told_as_it_always_was() -> None:
 def test_many_devices_are_one_line() -> None:
     bench = Bench()
     for number in (*range(1, 19), 100):
-        bench.log.tell(LOST, f"{'motor' if number < 100 else 'sensor'} {number}", "does not answer")
+        bench.log.log_event(LOST, f"{'motor' if number < 100 else 'sensor'} {number}", "does not answer")
         bench.run(0.05)
     bench.run(1)
     assert bench.lines == ["19 devices are lost: motor 1-18, sensor 100 (does not answer)"]
@@ -77,10 +78,10 @@ def test_many_devices_are_one_line() -> None:
 
 def test_reasons_that_differ_are_not_told_for_one_of_them() -> None:
     bench = Bench()
-    bench.log.tell(LOST, "motor 1", "1 says {nothing}")
-    bench.log.tell(LOST, "motor 2", "2 says nothing")
+    bench.log.log_event(LOST, "motor 1", "1 says {nothing}")
+    bench.log.log_event(LOST, "motor 2", "2 says nothing")
     bench.run(1)
-    bench.log.tell(LOST, "motor 1", "1 says {nothing}")
+    bench.log.log_event(LOST, "motor 1", "1 says {nothing}")
     bench.run(1)
     assert bench.lines == ["2 devices are lost: motor 1-2", "motor 1 is lost: 1 says {nothing}"]
 
@@ -88,16 +89,16 @@ def test_reasons_that_differ_are_not_told_for_one_of_them() -> None:
 def test_a_row_without_end_is_told_all_the_same() -> None:
     bench = Bench()
     for number in range(40):
-        bench.log.tell(LOST, f"motor {number}", "x")
+        bench.log.log_event(LOST, f"motor {number}", "x")
         bench.run(0.1)
     assert [line.partition(" ")[0] for line in bench.lines] == ["20", "20"]
 
 
 def test_what_happened_last_is_told_last() -> None:
     bench = Bench()
-    bench.log.tell(LOST, "motor 1", "x")
-    bench.log.tell(BACK, "motor 1")
-    bench.log.tell(LOST, "motor 1", "y")
+    bench.log.log_event(LOST, "motor 1", "x")
+    bench.log.log_event(BACK, "motor 1")
+    bench.log.log_event(LOST, "motor 1", "y")
     bench.run(1)
     assert bench.lines == ["motor 1 is back", "motor 1 is lost: y"]
 
@@ -105,15 +106,15 @@ def test_what_happened_last_is_told_last() -> None:
 def test_a_flapping_device_gets_a_few_lines_and_a_number() -> None:
     bench = Bench()
     for _ in range(80):
-        bench.log.tell(LOST, "motor 6", "does not answer")
+        bench.log.log_event(LOST, "motor 6", "does not answer")
         bench.run(0.35)
-        bench.log.tell(BACK, "motor 6")
+        bench.log.log_event(BACK, "motor 6")
         bench.run(0.35)
     bench.run(2 * PERIOD)
-    assert len(bench.lines) <= 2 * (SAME + 1)
+    assert len(bench.lines) <= 2 * (MAX_SAME + 1)
     assert "motor 6 is lost: does not answer (77 times more)" in bench.lines
     assert bench.pending == 0
-    bench.log.tell(LOST, "motor 6", "does not answer")
+    bench.log.log_event(LOST, "motor 6", "does not answer")
     bench.run(1)
     assert bench.lines[-1] == "motor 6 is lost: does not answer"
 
@@ -123,26 +124,26 @@ def test_a_flapping_device_does_not_silence_another() -> None:
     for _ in range(10):
         bench.log.warning("%s %d: %s", "motor", 6, "overheating")
     bench.log.warning("%s %d: %s", "motor", 7, "overheating")
-    assert bench.lines == ["motor 6: overheating"] * SAME + ["motor 7: overheating"]
+    assert bench.lines == ["motor 6: overheating"] * MAX_SAME + ["motor 7: overheating"]
 
 
 def test_lines_that_differ_in_a_value_are_counted_together() -> None:
     bench = Bench()
     for number in range(1000):
         bench.log.warning("motor 6: val not written: %d is too much", number)
-    assert len(bench.lines) == ALIKE
-    assert bench.pending <= ALIKE + 1
+    assert len(bench.lines) == MAX_ALIKE
+    assert bench.pending <= MAX_ALIKE + 1
     bench.run(PERIOD)
-    assert bench.lines[ALIKE:] == ["and 970 lines more of the kind: motor 6: val not written: %d is too much"]
+    assert bench.lines[MAX_ALIKE:] == ["and 970 lines more of the kind: motor 6: val not written: %d is too much"]
 
 
 def test_closing_tells_what_waits() -> None:
     bench = Bench()
-    bench.log.tell(LOST, "motor 6", "x")
+    bench.log.log_event(LOST, "motor 6", "x")
     for _ in range(5):
         bench.log.info("again")
     bench.log.close()
-    assert bench.lines == ["again"] * SAME + ["motor 6 is lost: x", "again (2 times more)"]
+    assert bench.lines == ["again"] * MAX_SAME + ["motor 6 is lost: x", "again (2 times more)"]
     assert bench.pending == 0
 
 
@@ -156,7 +157,7 @@ def test_closing_tells_what_waits() -> None:
     ],
 )
 def test_names_in_short(names: list[str], words: str) -> None:
-    assert together(names) == words
+    assert join_names(names) == words
 
 
 # ---------------------------------------------------------------- robots
@@ -190,14 +191,14 @@ def test_a_flapping_servo_does_not_fill_the_log(caplog: pytest.LogCaptureFixture
         lab.run(0.6)
         lab.kit.power_on(lab.bus_clock.now(), 6)
         lab.run(0.9)
-    assert len(caplog.records) <= 2 * SAME
+    assert len(caplog.records) <= 2 * MAX_SAME
     lab.robot.close()
     assert any("is lost" in record.getMessage() and "times more)" in record.getMessage() for record in caplog.records)
 
 
 def test_drives_without_power(caplog: pytest.LogCaptureFixture) -> None:
     lab = Drives.ready()
-    lab.robot.log.tell(LOST, "drive 5", "x")
-    lab.robot.log.tell(LOST, "drive 6", "x")
+    lab.robot.log.log_event(LOST, "drive 5", "x")
+    lab.robot.log.log_event(LOST, "drive 6", "x")
     lab.run(1)
     assert "2 devices are lost: drive 5-6 (x)" in caplog.text

@@ -14,7 +14,7 @@ from urbihw.buses.errors import LinkGone, Unavailable
 from urbihw.buses.link import Context, Link
 from urbihw.buses.pipe import PipeEnd
 from urbihw.platforms.nxt.driver import NxtDriver
-from urbihw.platforms.nxt.exchange import STRIKES
+from urbihw.platforms.nxt.exchange import MAX_MISSED_REPLIES
 from urbihw_fakes.nxt.stream import NxtDevice
 from urbihw_fakes.nxt.tribot import TriBot
 
@@ -191,7 +191,7 @@ def test_a_brick_that_falls_silent_is_gone_after_some_tries(rig: Rig) -> None:
     rig.driver.watch(m.Watch("A", ("rotation",), 0.0), rig.clock.now())
     rig.device.faults.start("silence")
     with pytest.raises(LinkGone, match="the brick does not answer any more; is it switched off"):
-        rig.run(int(STRIKES * 1.6 / TICK))
+        rig.run(int(MAX_MISSED_REPLIES * 1.6 / TICK))
 
 
 def test_a_brick_that_was_off_too_shortly_to_be_missed_has_forgotten_its_motors(rig: Rig) -> None:
@@ -296,7 +296,7 @@ def test_what_we_had_moved_is_stopped_when_the_link_is_back(rig: Rig) -> None:
     assert aim(rig, B_power=30) == []
     rig.take_sent()
     rig.attach()
-    rig.driver.rest()
+    rig.driver.stop_on_reconnect()
     assert rig.take_sent()[-2:] == [STOPS[0][1], "80 0c"]
     rig.run(3)
     assert [motor.power for motor in rig.brick.motors] == [0, 0, 0]

@@ -245,7 +245,7 @@ def test_closing_lets_go_and_twice_is_fine() -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"speed": 3}, "options.speed: no such option; there are: layout, battery_empty, battery_full"),
+        ({"speed": 3}, "options.speed: no such option; there are: .*, track, layout, battery_empty, battery_full"),
         ({"layout": 3}, "options.layout: wants a text, not 3"),
         ({"battery_empty": 9.0}, "options.battery_empty: 9 must be fewer volts than battery_full, 8"),
     ],

@@ -12,7 +12,7 @@ from lab import RobotLab
 
 from urbihw.buses import messages as m
 from urbihw.kernel.runtime.object import Obj
-from urbihw.kernel.uobject.owed import owe_robot
+from urbihw.kernel.uobject.protection import protect_robot
 from urbihw.platforms import find, folders
 
 APART = 0.1
@@ -26,7 +26,7 @@ class Stage:
         module = importlib.import_module(f"{platform}_lab")
         self.lab: RobotLab = module.lab() if hasattr(module, "lab") else module.Lab.ready()
         self.slot = find(platform).slot
-        owe_robot(self.lab.robot, self.slot)
+        protect_robot(self.lab.robot, self.slot)
         self.lab.kernel.complete()
         self.world = self.lab.kernel.world
         self.sent: list[m.ToWorker] = []
@@ -39,7 +39,7 @@ class Stage:
         lab.clock.advance(APART)
         lab.kernel.feed(lab.observer, text.encode())
         lab.kernel.scheduler.run_simulated(lab.clock.now())
-        return lab.observer.output.take().decode()
+        return lab.observer.output.take_bytes().decode()
 
     def spoil(self, action: Callable[[], Any]) -> None:
         """Let the saboteur do something."""
@@ -62,7 +62,7 @@ class Stage:
     def mended(self) -> list[str]:
         """What a new connection is told, without time stamps."""
         lobby = self.lab.kernel.open_lobby()
-        told = [line.partition("] ")[2] for line in lobby.output.take().decode().splitlines()]
+        told = [line.partition("] ")[2] for line in lobby.output.take_bytes().decode().splitlines()]
         lobby.close()
         self.lab.kernel.scheduler.run_simulated(self.lab.clock.now())
         return told
@@ -117,7 +117,7 @@ def test_no_statement_takes_the_stop_away(stage: Stage) -> None:
         lab, text = stage.lab, text.replace("SLOT", stage.slot)
         lab.kernel.feed(lab.lobby, f"{text};".encode())
         lab.kernel.scheduler.run_simulated(lab.clock.now())
-        lab.lobby.output.take()
+        lab.lobby.output.take_bytes()
         wrong += [f"{text}: {harm}" for harm in stage.harm()]
         stage.mended()
     assert wrong == []

@@ -158,7 +158,7 @@ def test_a_controller_out_of_step_is_counted_in_again() -> None:
 
 def test_old_firmware_tells_no_configuration() -> None:
     kit = Kit(World())
-    kit.robot._obey = lambda heard, now: []  # type: ignore[method-assign]
+    kit.robot._execute_command = lambda heard, now: []  # type: ignore[method-assign]
     bench, _ = robot(kit)
     (found,) = bench.attach()
     assert isinstance(found, Found)
@@ -240,9 +240,9 @@ def test_motors_that_come_back_bring_no_speed_with_them() -> None:
     bench, kit = ready()
     bench.aim("vel", 200)
     bench.run(1.0)
-    kit.robot.press(True)
+    kit.robot.press_stop_button(True)
     bench.run(0.5)
-    kit.robot.press(False)
+    kit.robot.press_stop_button(False)
     bench.ask("write", "enable", 1)
     bench.run(1.0)
     assert kit.body.motors and not kit.body.moving
@@ -251,7 +251,7 @@ def test_motors_that_come_back_bring_no_speed_with_them() -> None:
 def test_a_pressed_button_is_told() -> None:
     bench, kit = robot()
     bench.attach()
-    kit.robot.press(True)
+    kit.robot.press_stop_button(True)
     bench.ask("write", "enable", 1)
     (answer,) = [message for message in bench.run(3.0) if isinstance(message, Reply)]
     assert not answer.ok and "STOP button" in answer.error
@@ -497,8 +497,8 @@ def test_no_laser_answers() -> None:
 
 def test_a_laser_that_refuses_says_so() -> None:
     bench, kit = laser()
-    obey: Callable[[bytes, float], list[bytes]] = kit.laser._obey
-    kit.laser._obey = lambda payload, now: [b"\x92"] if payload[0] == 0x3B else obey(payload, now)  # type: ignore[method-assign]
+    obey: Callable[[bytes, float], list[bytes]] = kit.laser._execute_command
+    kit.laser._execute_command = lambda payload, now: [b"\x92"] if payload[0] == 0x3B else obey(payload, now)  # type: ignore[method-assign]
     with pytest.raises(Unavailable, match="refused 3B B4 00 64 00"):
         bench.attach()
 

@@ -170,7 +170,7 @@ def test_laser(lab: Lab) -> None:
     assert 0 < lab.number("P3dx.body.laser.laserDistanceMin") < 0.1
     assert lab.number("time - P3dx.body.laser.lastCaptureTimestamp") < 0.5
     # The first value is the one at angleMax, to the left: the door's side of the wall is farther than the crate's.
-    lab.kit.body.place(0.0, 2.0, 0.0)
+    lab.kit.body.set_pose(0.0, 2.0, 0.0)
     lab.run(1)
     assert lab.number("P3dx.body.laser.val[0]") == pytest.approx(1.0, abs=0.01)
     assert lab.number("P3dx.body.laser.val[180]") == pytest.approx(5.0, abs=0.01)

@@ -241,7 +241,7 @@ def test_scans_need_the_laser(tmp_path: Path) -> None:
 def test_a_robot_that_is_not_at_home_is_lost(tmp_path: Path) -> None:
     lab = Lab.ready(localization="scan")
     path = lab.write_map(tmp_path)
-    lab.kit.body.place(4.5, 1.0, 2.0)
+    lab.kit.body.set_pose(4.5, 1.0, 2.0)
     lab.say("P3dx.body.laser.load = 1;", 2)
     lab.say(EVENTS)
     lab.say(f'P3dx.planner.mapFileName = "{path}";')
@@ -255,7 +255,7 @@ def test_a_robot_that_is_carried_away_is_lost_and_stands(tmp_path: Path) -> None
     lab = ready(tmp_path, localization="scan")
     send(lab, "[5, 0, 0]")
     lab.run(2)
-    lab.kit.body.place(4.5, -1.5, 2.0)
+    lab.kit.body.set_pose(4.5, -1.5, 2.0)
     lab.run(6)
     assert sorted(lab.heard().splitlines()) == ["*** lost", "*** path 2"]
     assert not lab.kit.body.moving

@@ -191,12 +191,12 @@ def test_a_robot_whose_packets_are_all_damaged_stops_and_comes_back_standing(cap
 def test_the_stop_button_ends_everything_and_is_told(caplog: pytest.LogCaptureFixture) -> None:
     lab = driving()
     lab.say("P3dx.body.x.speed = 0.3;", 2)
-    lab.kit.robot.press(True)
+    lab.kit.robot.press_stop_button(True)
     lab.run(1)
     assert lab.say("P3dx.body.stopButton; P3dx.body.load;") == "true\n0"
     lab.say("P3dx.body.load = 1;", 3)
     assert "STOP button" in warnings(caplog)[0]
-    lab.kit.robot.press(False)
+    lab.kit.robot.press_stop_button(False)
     lab.say("P3dx.body.load = 1;", 1)
     assert lab.kit.body.motors and not lab.kit.body.moving
 
@@ -273,7 +273,7 @@ def test_the_laser_of_mobilesim_comes_over_the_robots_line() -> None:
     lab = NoLaser.ready(Kit(settings=Settings(serial="SIM", name="MobileSim")))
     lab.say("P3dx.body.laser.load = 1;", 1)
     assert lab.look("P3dx.body.laser.val.size") == "181"
-    lab.kit.body.place(0.0, 2.0, 0.0)
+    lab.kit.body.set_pose(0.0, 2.0, 0.0)
     lab.run(0.5)
     assert lab.number("P3dx.body.laser.val[0]") == pytest.approx(1.0, abs=0.01)
     assert lab.number("P3dx.body.laser.angleMax") == pytest.approx(math.pi / 2, abs=1e-4)

@@ -130,11 +130,11 @@ def test_sip_c_ends_where_old_firmware_ends() -> None:
 
 def test_position_wraps_the_short_way() -> None:
     odometer = sip.Odometer()
-    odometer.take(sip.parse(body("reply-sip-a")))
-    odometer.take(sip.parse(body("reply-sip-b")))
+    odometer.add_sip(sip.parse(body("reply-sip-a")))
+    odometer.add_sip(sip.parse(body("reply-sip-b")))
     assert (odometer.x, odometer.y, odometer.theta) == (-2, 100, -1024)
     odometer.restart()
-    odometer.take(sip.parse(body("reply-sip-c")))
+    odometer.add_sip(sip.parse(body("reply-sip-c")))
     assert (odometer.x, odometer.y, odometer.theta) == (-2, 100, -1024)
 
 

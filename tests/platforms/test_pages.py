@@ -1,4 +1,4 @@
-"""What README and docs show of the robots, played against the robots in software in simulated time."""
+"""What README and docs show of the robots, played against the simulated robots in simulated time."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Windows:
         lobby.shell.when_idle(lambda: idle.append(True))
         self.lab.run(0)
         self.lab.until(lambda: self.lab.thought() and bool(idle), patience=120)
-        return lobby.output.take()
+        return lobby.output.take_bytes()
 
     def happen(self, words: str) -> None:
         """Do something to the robot; a person takes some time from one window to the other."""

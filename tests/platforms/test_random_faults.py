@@ -177,7 +177,7 @@ class Fate:
         def look() -> None:
             if trial.missed and not trial.linked:
                 trial.faulty["link"] = trial.now()
-            elif not trial.missed:
+            elif not trial.missed and trial.linked:
                 trial.note("nobody has missed the link")
                 trial.down = {device: down and before[device] for device, down in trial.down.items()}
 

@@ -1,4 +1,4 @@
-"""The worker's half of an RMP against the base in software: commands and their times, counters, orders, faults."""
+"""The worker's half of an RMP against the simulated base: commands and their times, counters, orders, faults."""
 
 from __future__ import annotations
 
@@ -276,11 +276,11 @@ def test_a_line_opened_in_the_middle_of_a_cycle_waits_for_a_beginning() -> None:
     base = SegwayRmp()
     frames = [Frame(*frame) for step in range(3) for _, frame in base.tick(step / 100)]
     for frame in frames[3:8]:
-        monitor.take(frame, 0.0)
+        monitor.add_frame(frame, 0.0)
     assert monitor.cycle_at is None
     assert monitor.latest == {}
     for frame in frames[8:]:
-        monitor.take(frame, 0.01)
+        monitor.add_frame(frame, 0.01)
     assert monitor.cycle_at == 0.01
     assert not monitor.old
 
@@ -509,7 +509,7 @@ def test_samples_carry_the_time_of_the_worker() -> None:
 
 def test_counters_run_through_their_wrap() -> None:
     rig = Rig()
-    rig.base.preset(forward=0x7FFFFFFF - 1000, left=-5)
+    rig.base.preset_integrators(forward=0x7FFFFFFF - 1000, left=-5)
     rig.run(0.1)
     assert rig.values()["left"] == -5
     before = rig.values()["forward"]
@@ -523,7 +523,7 @@ def test_counters_run_through_their_wrap() -> None:
 
 def test_a_reset_is_believed_after_it_has_settled() -> None:
     rig = Rig()
-    rig.base.preset(forward=1000, yaw=2000, left=3000, right=4000)
+    rig.base.preset_integrators(forward=1000, yaw=2000, left=3000, right=4000)
     rig.run(0.1)
     assert rig.ask("write", "reset", p.ALL_INTEGRATORS, SETTLING + 0.1).ok
     rig.run(0.1)
@@ -535,8 +535,8 @@ def test_a_reset_is_believed_after_it_has_settled() -> None:
 
 def test_counters_that_the_base_does_not_reset_begin_anew_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     rig = Rig()
-    monkeypatch.setattr(rig.base, "_reset", lambda mask: None)
-    rig.base.preset(forward=1000, yaw=2000)
+    monkeypatch.setattr(rig.base, "_reset_integrators", lambda mask: None)
+    rig.base.preset_integrators(forward=1000, yaw=2000)
     rig.run(0.1)
     rig.ask("write", "reset", 8)
     rig.run(0.1)
@@ -647,7 +647,7 @@ def test_orders_end_with_the_base_the_link_and_a_stop() -> None:
         ({"rate": 100.0}, "every 20 to 50 ms"),
         ({"rate": 10.0}, "every 20 to 50 ms"),
         ({"rate": 50.0, "options": {"model": "300"}}, "one of 50, 100, 200, 400"),
-        ({"rate": 50.0, "options": {"colour": 1}}, "options.colour: no such option; there is: model"),
+        ({"rate": 50.0, "options": {"colour": 1}}, "options.colour: no such option; there are: .*, model"),
     ],
 )
 def test_settings_without_sense(settings: dict[str, float], words: str) -> None:

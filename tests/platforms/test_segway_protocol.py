@@ -165,10 +165,10 @@ def test_whatever_comes_nothing_breaks() -> None:
     for step in range(300):
         piece = bytes(chance.choice(b"\xf0\x55\xaa\x00\x80\xff") for _ in range(chance.randrange(200)))
         for frame in reader.feed(piece + GOOD[: chance.randrange(len(GOOD) + 1)]):
-            monitor.take(frame, step / 100)
-        monitor.take(Frame(chance.randrange(0x800), chance.randbytes(chance.randrange(9))), step / 100)
+            monitor.add_frame(frame, step / 100)
+        monitor.add_frame(Frame(chance.randrange(0x800), chance.randbytes(chance.randrange(9))), step / 100)
     for identifier in range(0x400, 0x408):
-        monitor.take(Frame(identifier, chance.randbytes(8)), 4.0)
+        monitor.add_frame(Frame(identifier, chance.randbytes(8)), 4.0)
     assert monitor.heard_at == 4.0
 
 

@@ -188,3 +188,26 @@ def test_an_emergency_stop_counts_from_the_statement_on_and_stop_is_no_error_und
     assert lab.base.body.speed == pytest.approx(0.0, abs=0.01)
     assert lab.say("segway.estop = false; segway.estop; rmp.forwardSpeed = 0.3;", 2.0) == "false\nfalse\n0.3"
     assert lab.base.body.speed == pytest.approx(0.3, abs=0.02)
+
+
+@pytest.mark.parametrize("stop", STOPS)
+def test_a_handler_of_at_sync_that_waits_for_another_does_not_move_after_a_stop(stop: str) -> None:
+    lab = Bioloid.ready()
+    lab.say(
+        "var Global.e = Event.new|; at sync (e?) { sleep(0.8s) }; at sync (e?) { motor6.val = 60deg }; { e! },", 0.2
+    )
+    lab.say(stop, 0.1)
+    lab.say("bioloid.estop = false;", 0.1)
+    assert way(lab, 2.0, horn(lab)) < 3
+
+
+@pytest.mark.parametrize("end", ["stop", "block"])
+def test_at_sync_whose_tag_is_stopped_while_another_handler_runs_does_not_begin(end: str) -> None:
+    lab = Bioloid.ready()
+    lab.say(
+        "var Global.e = Event.new|; at sync (e?) { sleep(0.8s) };"
+        " var tg = Tag.new|; tg: at sync (e?) { motor6.val = 60deg }; { e! },",
+        0.2,
+    )
+    lab.say(f"tg.{end};", 0.1)
+    assert way(lab, 2.0, horn(lab)) < 3

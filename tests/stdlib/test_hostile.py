@@ -94,7 +94,7 @@ class Bench:
         assert made, f"{this} failed: {words[0]}"
         if isinstance(made[0], Lobby) and made[0] is not self.lobby:
             made[0].close()
-        return words[0] + self.lobby.output.take().decode("latin-1")
+        return words[0] + self.lobby.output.take_bytes().decode("latin-1")
 
 
 def arguments(function: Primitive) -> Iterator[tuple[str, ...]]:

@@ -11,11 +11,11 @@ import pytest
 
 from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby
-from urbihw.kernel.stdlib import aside
+from urbihw.kernel.stdlib import worker_thread
 from urbihw.kernel.stdlib.matcher import Matcher
-from urbihw.kernel.stdlib.regexp import LIMIT, LONGEST, SHORT
+from urbihw.kernel.stdlib.regexp import MATCH_TIMEOUT_S, MAX_EXPRESSION_LENGTH, MAX_QUICK_LENGTH
 
-PATIENCE = 20.0
+TIMEOUT_S = 20.0
 ENDLESS = '"(a+)+$"'
 TEXT = '"a" * 60 + "b"'
 TOOK = "regular expression `(a+)+$' took more than 1 s"
@@ -37,10 +37,10 @@ class Talk:
         return self.heard(lobby)
 
     def heard(self, lobby: Lobby) -> str:
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + TIMEOUT_S
         while time.monotonic() < end:
             self.kernel.run()
-            line = lobby.output.take().decode()
+            line = lobby.output.take_bytes().decode()
             if line:
                 return line.rstrip("\n").partition("] ")[2]
             time.sleep(0.001)
@@ -49,12 +49,12 @@ class Talk:
 
 @pytest.fixture
 def talk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Talk]:
-    monkeypatch.setattr(aside, "REST", 0.2)
+    monkeypatch.setattr(worker_thread, "IDLE_TIMEOUT_S", 0.2)
     made = Talk()
     yield made
     made.kernel.close()
-    end = time.monotonic() + PATIENCE
-    while any(thread.name == "urbihw-aside" for thread in threading.enumerate()):
+    end = time.monotonic() + TIMEOUT_S
+    while any(thread.name == "urbihw-worker" for thread in threading.enumerate()):
         assert time.monotonic() < end
         time.sleep(0.01)
 
@@ -62,7 +62,7 @@ def talk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Talk]:
 def test_a_match_without_end_is_an_error_that_names_it(talk: Talk) -> None:
     began = time.monotonic()
     assert talk.ask(f"Regexp.new({ENDLESS}).match({TEXT});") == f"!!! 1.1-42: match: {TOOK}"
-    assert time.monotonic() - began < LIMIT + 5
+    assert time.monotonic() - began < MATCH_TIMEOUT_S + 5
     assert talk.ask("40 + 2;") == "42"
 
 
@@ -70,7 +70,7 @@ def test_others_are_answered_meanwhile(talk: Talk) -> None:
     talk.lobby.feed(f"Regexp.new({ENDLESS}).match({TEXT});".encode())
     for _ in range(3):
         assert talk.ask("6 * 7;", talk.other) == "42"
-    assert talk.lobby.output.take() == b""
+    assert talk.lobby.output.take_bytes() == b""
     assert TOOK in talk.heard(talk.lobby)
 
 
@@ -83,7 +83,7 @@ def test_the_error_can_be_caught_and_what_was_found_before_stays(talk: Talk) -> 
 
 def test_a_long_text_gives_what_a_short_one_does(talk: Talk) -> None:
     talk.lobby.feed(b'var r = Regexp.new("(b)(x)?(c)")|; function after (n) { "a" * n + "bc" }|;')
-    for size in (1, SHORT - 2, SHORT - 1, 10 * SHORT):
+    for size in (1, MAX_QUICK_LENGTH - 2, MAX_QUICK_LENGTH - 1, 10 * MAX_QUICK_LENGTH):
         assert talk.ask(f"[r.match(after({size})), r.matches, r.hasNot(after({size}))];") == (
             '[true, ["bc", "b", "", "c"], false]'
         )
@@ -106,7 +106,7 @@ def test_one_who_fills_the_queue_keeps_nobody_else_waiting(talk: Talk) -> None:
     talk.kernel.run()
     began = time.monotonic()
     assert talk.ask('Regexp.new("b").match("a" * 10000 + "b");', talk.other) == "true"
-    assert time.monotonic() - began < 2 * LIMIT + 5
+    assert time.monotonic() - began < 2 * MATCH_TIMEOUT_S + 5
 
 
 def test_a_job_that_is_stopped_waits_no_more(talk: Talk) -> None:
@@ -125,8 +125,8 @@ def test_in_simulated_time_it_is_the_same() -> None:
 
 
 def test_expressions_that_are_long_themselves_are_refused(talk: Talk) -> None:
-    assert talk.ask(f'Regexp.new("a" * {LONGEST + 1});').endswith("...': too complex")
-    assert talk.ask(f'Regexp.new("a" * {LONGEST}).match("a");') == "false"
+    assert talk.ask(f'Regexp.new("a" * {MAX_EXPRESSION_LENGTH + 1});').endswith("...': too complex")
+    assert talk.ask(f'Regexp.new("a" * {MAX_EXPRESSION_LENGTH}).match("a");') == "false"
 
 
 @pytest.fixture

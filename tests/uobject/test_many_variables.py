@@ -21,6 +21,6 @@ def test_others_have_a_turn_while_variables_are_made() -> None:
     kernel.run_text(lobby, "var u = UObject.new|; var Global.made = 0|;")
     other.feed(b"sleep(1s); echo(Global.made);\n")
     kernel.run_text(lobby, 'sleep(500ms); for| (var i : 1000) { UVar.new(u, "v" + i) | Global.made += 1 };')
-    (seen,) = other.output.take().decode().splitlines()
+    (seen,) = other.output.take_bytes().decode().splitlines()
     assert 0 < float(seen.rpartition(" ")[2]) < 900
     assert kernel.run_text(lobby, "Global.made;").endswith(" 1000\n")

@@ -91,7 +91,7 @@ def test_sensing_drives_conditions_and_changed(bench: Bench) -> None:
     for value in (40.0, 60.0, 60.0, 30.0):
         bench.lamp.warmth.sense(value)
         bench.kernel.scheduler.run_simulated(0)
-    heard = [line.partition("] ")[2] for line in bench.lobby.output.take().decode().splitlines()]
+    heard = [line.partition("] ")[2] for line in bench.lobby.output.take_bytes().decode().splitlines()]
     assert sorted(heard) == ["*** cool", "*** hot", "*** new", "*** new", "*** new"]
 
 
@@ -111,6 +111,22 @@ def test_events_carry_devices(bench: Bench) -> None:
     bench.say("at (lamp.broken?(var who, var why)) echo(why + (who === lamp).asString);")
     bench.lamp.broken.emit(bench.lamp, "burnt ")
     assert "*** burnt true" in bench.say("")
+
+
+@pytest.mark.parametrize("condition", ["lamp.val->changed?", "lamp.val > 3"])
+def test_a_variable_is_followed_while_somebody_hears_of_its_changes(bench: Bench, condition: str) -> None:
+    val = bench.lamp.val
+    assert not val.has_subscribers
+    bench.say('lamp.val; lamp.val->changed; var Global.follow = Tag.new("follow");')
+    assert not val.has_subscribers
+    bench.say(f"follow: at ({condition}) 1;")
+    assert val.has_subscribers
+    bench.say("follow.stop;")
+    assert not val.has_subscribers
+    callback = val.notify_change(lambda: None)
+    assert val.has_subscribers
+    val.unnotify(callback)
+    assert not val.has_subscribers
 
 
 def test_update_runs_periodically_until_destroyed(bench: Bench) -> None:

@@ -26,7 +26,7 @@ class Console:
         said = b""
         for _ in range(500):
             self.kernel.run()
-            said += self.lobby.output.take()
+            said += self.lobby.output.take_bytes()
             if said.count(b"\n") >= lines:
                 break
             time.sleep(0.01)

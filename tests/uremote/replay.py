@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from urbihw.kernel import Kernel
-from urbihw.kernel.runtime.world import UID_BASE, UID_STEP
+from urbihw.kernel.runtime.identifiers import UID_BASE, UID_STEP
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.uobject.registry import registry_of
 
@@ -161,7 +161,8 @@ class Replay:
 
     def __init__(self) -> None:
         self.kernel = Kernel(SimClock())
-        self.kernel.world._numbered = (0x100000000000 - UID_BASE) // UID_STEP  # addresses as long as the recorded ones
+        # Addresses as long as the recorded ones.
+        self.kernel.world.identifiers.count = (0x100000000000 - UID_BASE) // UID_STEP
         self.registry = registry_of(self.kernel.world)
         self.remote = self.kernel.open_lobby("127.0.0.1")
         self.user = self.kernel.open_lobby("127.0.0.1")
@@ -182,8 +183,8 @@ class Replay:
             text = step.text.replace("obj_0xADDRADDRADDR", self._unnamed(got))
             (self.remote if step.kind == "R" else self.user).feed(text.encode("latin-1"))
             self.kernel.scheduler.run_simulated(self.kernel.clock.now() + 0.1)
-            got += self.remote.output.take().decode("latin-1")
-            self.said += self.user.output.take().decode("latin-1")
+            got += self.remote.output.take_bytes().decode("latin-1")
+            self.said += self.user.output.take_bytes().decode("latin-1")
         return neutral(wanted), neutral(got)
 
     @staticmethod

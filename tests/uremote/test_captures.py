@@ -50,7 +50,7 @@ def test_a_program_that_is_killed_during_a_call() -> None:
     assert difference(name, wanted, got) == ""
     replay.remote.close()
     replay.kernel.scheduler.run_simulated(replay.kernel.clock.now() + 1)
-    assert b"assemble: Remote disconnected" in replay.user.output.take()
+    assert b"assemble: Remote disconnected" in replay.user.output.take_bytes()
 
 
 def test_a_second_program_with_the_same_class() -> None:

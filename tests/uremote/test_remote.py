@@ -219,7 +219,7 @@ def test_two_remotes_that_claim_one_name(caplog: pytest.LogCaptureFixture) -> No
         lobby.feed(b"".join(sent))
         sent.clear()
         place.settle()
-        second.receive(lobby.output.take())
+        second.receive(lobby.output.take_bytes())
         other.run()
     assert second.ready and second.all_taken and second.taken == ["Lamp"]
     assert place.say("Lamp.new.back(1);") == ["1"]
@@ -248,7 +248,7 @@ class Server:
         self.kernel.scheduler.run_simulated(self.kernel.clock.now() + 0.01)
 
     def heard(self) -> bytes:
-        return self.remote.output.take()
+        return self.remote.output.take_bytes()
 
     def say(self, text: str) -> list[str]:
         said = self.kernel.run_text(self.user, text, self.kernel.clock.now() + 0.01)
@@ -318,7 +318,7 @@ def test_a_remote_that_never_answers_only_keeps_its_callers() -> None:
     server = Server()
     assert server.say("timeout (1s) K.f(1); 1;") == []
     server.kernel.scheduler.run_simulated(server.kernel.clock.now() + 1.1)
-    assert b"1\n" in server.user.output.take()
+    assert b"1\n" in server.user.output.take_bytes()
     (connection,) = registry_of(server.kernel.world).connections.values()
     assert connection._pending == {}
 

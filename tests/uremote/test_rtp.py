@@ -19,15 +19,16 @@ from urbihw.kernel.uremote.frames import Update, encode
 from urbihw.kernel.uremote.rtp import (
     HEAD_SIZE,
     HEADER,
-    MOST_STREAMS,
+    MAX_STREAMS,
     PIECE,
-    SHARED,
-    SMALL,
+    SHARED_STREAM,
+    SMALL_PIECE_SIZE,
     Receiver,
     Sender,
     stream_of,
 )
-from urbihw.kernel.uremote.rtplink import MOST_WAITING, RtpLink
+from urbihw.kernel.uremote.rtplink import MAX_WAITING_SIZE, RtpLink
+from urbihw.kernel.uremote.subscriptions import RemoteSettings
 from urbihw.kernel.uremote.udp import UdpPort
 
 SECRET, SOURCE = b"12345678", 0xABCDEF01
@@ -40,7 +41,7 @@ def test_a_packet_is_rtp() -> None:
     assert first[4:8] == (180000).to_bytes(4, "big")
     assert first[8:12].hex() == "abcdef01"
     assert last[1] == 0x80 | 96  # the mark of the last piece
-    assert len(first) == HEAD_SIZE + SMALL <= 1472
+    assert len(first) == HEAD_SIZE + SMALL_PIECE_SIZE <= 1472
 
 
 def test_pieces_in_any_order_and_twice() -> None:
@@ -64,7 +65,7 @@ def test_streams_do_not_disturb_each_other() -> None:
     a, b = sender.packets(PICTURE, 0.0), sender.packets(other, 0.0)
     mixed = [packet for pair in zip(a, b, strict=False) for packet in pair] + a[len(b):]
     assert {update.name for packet in mixed for update in receiver.feed(packet)} == {"cam.val", "mic.val"}
-    assert stream_of(Update("x.y", 1.0, 0)) == stream_of(Update("z.y", "a", 0)) == SHARED != stream_of(PICTURE)
+    assert stream_of(Update("x.y", 1.0, 0)) == stream_of(Update("z.y", "a", 0)) == SHARED_STREAM != stream_of(PICTURE)
 
 
 def test_strangers_and_noise_are_left_out() -> None:
@@ -81,7 +82,7 @@ def test_strangers_and_noise_are_left_out() -> None:
     before = receiver.refused
     assert [update for packet in foreign for update in receiver.feed(packet)] == []
     assert receiver.refused == before + len(foreign)
-    assert len(receiver._streams) <= MOST_STREAMS
+    assert len(receiver._streams) <= MAX_STREAMS
 
 
 def packet(stream: int, message: int, at: int, size: int, piece: bytes) -> bytes:
@@ -90,13 +91,13 @@ def packet(stream: int, message: int, at: int, size: int, piece: bytes) -> bytes
 
 
 def test_what_is_announced_takes_no_memory_and_what_waits_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("urbihw.kernel.uremote.rtp.LIMIT", 100_000)
+    monkeypatch.setattr("urbihw.kernel.uremote.rtp.MAX_FRAME_SIZE", 100_000)
     receiver = Receiver(SECRET, SOURCE)
     for number in range(1000):
-        assert not list(receiver.feed(packet(number % 200, number, 0, 90_000, bytes(SMALL))))
+        assert not list(receiver.feed(packet(number % 200, number, 0, 90_000, bytes(SMALL_PIECE_SIZE))))
         assert sum(len(piece) for one in receiver._streams.values() for piece in one.pieces.values()) <= 100_000
     assert receiver.lost > 900
-    assert not list(receiver.feed(packet(1, 5000, 0, 100_001, bytes(SMALL)))) and receiver.refused == 1
+    assert not list(receiver.feed(packet(1, 5000, 0, 100_001, bytes(SMALL_PIECE_SIZE)))) and receiver.refused == 1
     for at in range(3000):  # a message in crumbs
         assert not list(receiver.feed(packet(2, 5000, at, 90_000, b"x")))
     assert receiver.refused == 3001
@@ -156,12 +157,12 @@ def test_packets_that_the_kernel_has_no_time_for_do_not_pile_up() -> None:
     link = RtpLink("127.0.0.1", SECRET, posted.append, lambda update: None, Network().open)
     link.to(1, SOURCE)
     for _ in range(1000):
-        link._heard([bytes(30_000)] * 64)
+        link._queue_packets([bytes(30_000)] * 64)
     assert len(posted) == 1
-    assert sum(map(len, link._waiting)) <= MOST_WAITING and link.dropped > 60_000
+    assert sum(map(len, link._waiting)) <= MAX_WAITING_SIZE and link.dropped > 60_000
     posted.pop()()
     assert link._waiting == [] and 0 < link.refused < 300
-    link._heard([b"x"])
+    link._queue_packets([b"x"])
     assert len(posted) == 1
 
 
@@ -250,7 +251,7 @@ class Setting(Remote):
     def __init__(self, rtp: bool = True) -> None:
         super().__init__()
         self.network = Network()
-        registry_of(self.server.world).open_port = self.network.open
+        self.server.world.part(RemoteSettings).open_port = self.network.open
         self.bridge.open_port = self.network.open
         if rtp:
             self.host.load_module("urbi/rtp")

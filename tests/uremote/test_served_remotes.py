@@ -36,7 +36,7 @@ class Place:
     @staticmethod
     def heard(lobby: Any) -> list[str]:
         """What it was told."""
-        return [line.partition("] ")[2] for line in lobby.output.take().decode("latin-1").splitlines()]
+        return [line.partition("] ")[2] for line in lobby.output.take_bytes().decode("latin-1").splitlines()]
 
     def make(self) -> str:
         """An instance, in the slot ``z`` of Global, with a function ``add`` and a variable ``v``; its name."""

@@ -12,8 +12,8 @@ from urbihw.kernel import Kernel
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.uobject import UObject, event, function, owned, reading, variable
 from urbihw.kernel.uobject.registry import registry_of
-from urbihw.kernel.uremote.connection import MOST_CALLS, MOST_DECLARED, Connection
-from urbihw.kernel.uremote.external import LONGEST_NAME
+from urbihw.kernel.uremote.connection import MAX_CALLS, MAX_DECLARED, Connection
+from urbihw.kernel.uremote.external import MAX_NAME_LENGTH
 
 DECLARED = (
     "class K{}|external object K|external function (1) K.f from K|"
@@ -67,7 +67,7 @@ class Company:
     @staticmethod
     def heard(lobby: Any) -> list[str]:
         """What it was told."""
-        return [line.partition("] ")[2] for line in lobby.output.take().decode("latin-1").splitlines()]
+        return [line.partition("] ")[2] for line in lobby.output.take_bytes().decode("latin-1").splitlines()]
 
     def connection(self, lobby: Any) -> Connection:
         """The remote behind a lobby."""
@@ -285,11 +285,11 @@ def test_whoever_spoils_the_event_of_ends_keeps_nobody_waiting(company: Company)
 
 
 def test_calls_that_are_never_answered_are_bounded_stoppable_and_end_with_the_connection(company: Company) -> None:
-    calls = f"var Global.t = Tag.new|; for (var i : {MOST_CALLS}) detach({{ t: K.f(1) }})|;"
+    calls = f"var Global.t = Tag.new|; for (var i : {MAX_CALLS}) detach({{ t: K.f(1) }})|;"
     company.say(company.user, calls, 1)
     connection = company.connection(company.remote)
-    assert len(connection._pending) == MOST_CALLS
-    wanted = f"f: {MOST_CALLS} calls wait for an answer of Lobby_1 (10.0.0.1) already"
+    assert len(connection._pending) == MAX_CALLS
+    wanted = f"f: {MAX_CALLS} calls wait for an answer of Lobby_1 (10.0.0.1) already"
     assert company.say(company.user, "K.f(1);")[0].endswith(wanted)
     company.say(company.user, "t.stop;")
     assert connection._pending == {}
@@ -308,8 +308,8 @@ def test_instances_that_are_never_made_are_bounded_and_those_made_too_late_are_e
     declared = f"class {name}{{}}|external object {name}|external function (0) {name}.init from {name}|;"
     assert company.say(company.remote, declared) == [f'[5, "{name}"]']
     assert company.say(company.user, f'uobjects.hasSlot("{name}");')[-1] == "false"
-    company.say(company.user, f"for (var i : {MOST_CALLS}) detach({{ K.new }})|;", 1)
-    wanted = f"{MOST_CALLS} instances wait to be made by Lobby_1 (10.0.0.1) already"
+    company.say(company.user, f"for (var i : {MAX_CALLS}) detach({{ K.new }})|;", 1)
+    wanted = f"{MAX_CALLS} instances wait to be made by Lobby_1 (10.0.0.1) already"
     assert company.say(company.user, "K.new;")[0].endswith(wanted)
     company.remote.close()
     assert company.say(company.user, "8;")[-1] == "8"
@@ -317,8 +317,8 @@ def test_instances_that_are_never_made_are_bounded_and_those_made_too_late_are_e
 
 
 def test_what_a_remote_declares_is_bounded(company: Company, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert MOST_DECLARED >= 10_000 and LONGEST_NAME < 1000
-    monkeypatch.setattr("urbihw.kernel.uremote.connection.MOST_DECLARED", 3)
+    assert MAX_DECLARED >= 10_000 and MAX_NAME_LENGTH < 1000
+    monkeypatch.setattr("urbihw.kernel.uremote.connection.MAX_DECLARED", 3)
     for number in range(3):
         company.say(company.thief, f"class X{number}{{}}|external object X{number}|;")
         company.say(company.thief, f"external event (0) X0.e{number} from X0|external var X0.v{number} from X0|;")
@@ -352,8 +352,8 @@ def test_a_message_is_never_cut_by_another_when_its_writer_waits(company: Compan
     heard = b""
     for _ in range(20):
         company.kernel.scheduler.run_simulated(company.kernel.clock.now() + 0.01)
-        heard += output.take()
-        output.handed_on()
+        heard += output.take_bytes()
+        output.update_unread()
     whole = b'[1, "K.v", BIN 3000000 k\n' + b"y" * 3000000 + b", "
     assert heard.count(whole) == 2 and heard.count(b"*** ") == 2
 
@@ -422,7 +422,7 @@ def test_a_large_value_is_made_in_turns_with_others(binary: Company) -> None:
 def test_bytes_that_wait_take_no_more_than_their_number(binary: Company, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING):
         binary.say(binary.thief, b"\x0b\x00\x0bsleep(10h);")
-        decoder: Any = binary.thief.intake.__self__._decoder  # type: ignore[attr-defined]
+        decoder: Any = binary.thief.input_handler.__self__._decoder  # type: ignore[attr-defined]
         binary.say(binary.thief, b"\x0b\x00\x01;" * 500_000)
         assert decoder.waiting == 2_000_000
         binary.say(binary.thief, b"\x63" * 100_000)

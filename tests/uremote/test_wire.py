@@ -10,8 +10,8 @@ import pytest
 
 from urbihw.kernel.uobject.binary import UBinary, UImage
 from urbihw.kernel.uremote.frames import (
-    AT_A_TIME,
-    MOST,
+    MAX_VALUES,
+    VALUES_PER_STEP,
     BadFrame,
     Decoder,
     Emit,
@@ -23,7 +23,7 @@ from urbihw.kernel.uremote.frames import (
     Update,
     encode,
 )
-from urbihw.kernel.uremote.remote import Garbage, Line, Reader, literal
+from urbihw.kernel.uremote.remote import Message, ProtocolError, Reader, literal
 
 # The examples of the reference, section 7.
 EXAMPLES = [
@@ -105,14 +105,14 @@ def test_a_large_frame_is_read_a_part_at_a_time() -> None:
     while (found := decoder.next()) is None:
         assert decoder.paused
         pauses += 1
-    assert found == frame and pauses == 5000 // AT_A_TIME
+    assert found == frame and pauses == 5000 // VALUES_PER_STEP
     assert decoder.next() is None and not decoder.paused and decoder.waiting == 0
 
 
 @pytest.mark.parametrize("value", [
     b"\x03\xff\xff\xff\xff", b"\x01\xff\xff\xff\xff", b"\x00\x00\x00\xff\xff\xff\xff",
-    b"\x03" + (MOST + 1).to_bytes(4, "big"),
-    b"\x03\x00\x00\x00\x02" + 2 * (b"\x03" + (MOST // 2).to_bytes(4, "big") + b"\x07" * (MOST // 2)),
+    b"\x03" + (MAX_VALUES + 1).to_bytes(4, "big"),
+    b"\x03\x00\x00\x00\x02" + 2 * (b"\x03" + (MAX_VALUES // 2).to_bytes(4, "big") + b"\x07" * (MAX_VALUES // 2)),
     b"\x03\x00\x00\x00\x01" * 70, b"\x01\x00\x00\x00\x01\x00\x01k" * 70, b"\x09",
 ])
 def test_lengths_are_judged_before_anything_is_kept(value: bytes) -> None:
@@ -135,7 +135,7 @@ def test_noise_never_does_more_than_be_refused() -> None:
             for _ in range(4):
                 noise = bytes(dice.choice(b'[]",=>\\x 0139.BIN\n:_aE-') for _ in range(40))
                 list(reader.feed(b"[00000001:__ExternalMessage__] " + noise))
-        except Garbage:
+        except ProtocolError:
             pass
 
 
@@ -159,7 +159,7 @@ LINES = [
 def test_lines_cut_anywhere(size: int, text: bytes, value: Any) -> None:
     data = b"[00001234] hello\n[00001235:__ExternalMessage__] " + text + b"\nnoise\n[00001236:error] !!! no\n"
     reader = Reader()
-    found: list[Line] = []
+    found: list[Message] = []
     for at in range(0, len(data), size):
         found += reader.feed(data[at : at + size])
     heads = [(line.stamp, line.channel) for line in found]
@@ -175,7 +175,7 @@ def test_what_is_no_value_is_left_out_and_the_next_line_is_read(text: bytes) -> 
 
 def test_a_line_without_end_is_garbage() -> None:
     reader = Reader(1000)
-    with pytest.raises(Garbage, match="more than 1000 bytes"):
+    with pytest.raises(ProtocolError, match="more than 1000 bytes"):
         for _ in range(100):
             list(reader.feed(b'[00000001:x] "' + b"a" * 100))
 

@@ -11,6 +11,8 @@ A bus is a url; a fake robot is just one more url::
     socket://localhost:6000      a bus behind TCP
     usb://0694:0002              a USB device with a pair of bulk endpoints, by vendor and product
     can://socketcan/can0         a CAN bus, by the interfaces of python-can: see `can`
+    spykee://192.168.1.20        a Spykee; without an address, the one that is found
+    qi://192.168.1.30            NAOqi on a Nao, port 9559
     spy:///dev/ttyUSB0           the same as without spy://, printing every byte
     pipe://name                  an in-memory pair, for tests
 """
@@ -31,6 +33,8 @@ BUSES: Final = {
     "spy": "urbihw.buses.spy:SpyLink",
     "usb": "urbihw.buses.usb:UsbLink",
     "can": "urbihw.buses.can.port:CanPort",
+    "spykee": "urbihw.platforms.spykee.link:SpykeeLink",
+    "qi": "urbihw.buses.qi.link:QiLink",
 }
 ENTRY_POINTS: Final = "urbihw.buses"  # group under which other packages add rows: name = scheme, value = module:Class
 

@@ -1,8 +1,8 @@
 """A worker as a process of its own: `python -m urbihw.buses.child FD FAMILY URL`, started by `Worker.start`.
 
-FD is the worker's end of the pipe; the first message through it is `Begin`. Ctrl-C is for the parent to decide;
-SIGTERM stops the robot and ends, and so does the end of the parent, which shows as the end of the pipe or, should
-somebody have inherited that, as another parent id.
+FD is the worker's end of the pipe; the first message through it is `Begin`. SIGINT is ignored: the parent handles
+Ctrl-C. SIGTERM stops the robot and ends the worker. So does the death of the parent, which is seen as the end of the
+pipe or, if another process has inherited the pipe, as a changed parent process id.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _sharpen_timer() -> None:
-    """Ask the kernel not to stretch our sleeps by its usual 50 us; where it cannot be asked, nothing is lost."""
+    """Set the timer slack of this process to 1 ns (the Linux default is 50 us); ignored where there is no such file."""
     with contextlib.suppress(OSError):
         Path("/proc/self/timerslack_ns").write_text("1", encoding="ascii")
 

@@ -12,12 +12,12 @@ import time
 from collections.abc import Sequence
 from typing import Protocol
 
-# A sleeping thread wakes 50 to 90 us late on Linux (timer slack); going to bed that much earlier meets the deadline.
+# A sleeping thread wakes 50 to 90 us late on Linux (timer slack); sleeping that much shorter meets the deadline.
 _WAKE_UP_DELAY = 0.00005
 
 
 class Clock(Protocol):
-    """What buses need of time: seconds on an arbitrary origin that never jumps back."""
+    """The clock interface of the buses: seconds since an arbitrary origin, never decreasing."""
 
     def now(self) -> float:
         """Return the time in seconds."""

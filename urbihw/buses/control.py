@@ -1,12 +1,12 @@
-"""The control socket of a worker: stop, emergency stop, release, state and telemetry, without the interpreter.
+"""The control socket of a worker: stop, emergency stop, release, state and telemetry, independent of the interpreter.
 
 A UNIX stream socket, mode 0660.  Each line is a JSON object, in both directions (docs/safety.md has the schema)::
 
     > {"do": "estop", "who": "the red button"}
     < {"ok": true, "do": "estop", "epoch": 4, "estop": "the red button", "link": true}
 
-Nothing here waits: the engine asks `poll` between two transactions on the wire.  A client that does not read loses
-telemetry, is told how much, and slows nobody.
+Nothing here blocks: the engine calls `poll` between two transactions on the wire.  A client that does not read loses
+telemetry and is told how many messages; it never delays the worker or another client.
 """
 
 from __future__ import annotations
@@ -26,25 +26,25 @@ from urbihw.buses.messages import DeviceState, FromWorker, Happened, Latched, Li
 
 STOP, ESTOP, RELEASE, STATE, SUBSCRIBE = "stop", "estop", "release", "state", "subscribe"
 VERBS: Final = (STOP, ESTOP, RELEASE, STATE, SUBSCRIBE)
-MOST_CLIENTS: Final = 16
+MAX_CLIENTS: Final = 16
 """Connections at a time; one more ends the oldest."""
-LONGEST_LINE: Final = 4096
-MOST_WAITING: Final = 256
+MAX_LINE_BYTES: Final = 4096
+MAX_QUEUED_LINES: Final = 256
 """Lines that wait for a subscriber; older telemetry is dropped for newer."""
 _EVENTS: Final = (Samples, DeviceState, LinkState, Happened, Stopped, Latched, Statistics)
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
-    """What a client wants: `verb` of VERBS; `who` and `why` in its own words; `client` takes the answer."""
+class ControlCommand:
+    """A command of a client: `verb` of VERBS, `who` asked, and the `client` that gets the answer."""
 
     verb: str
     who: str
     client: _Client
 
     def answer(self, state: Mapping[str, Any]) -> None:
-        """Tell the client what came of it."""
-        self.client.say({"ok": True, "do": self.verb, **state})
+        """Send the client the state after the command."""
+        self.client.send_line({"ok": True, "do": self.verb, **state})
 
 
 class _Client:
@@ -64,10 +64,10 @@ class _Client:
         """Its descriptor."""
         return self.socket.fileno()
 
-    def read(self) -> list[Order]:
-        """The orders that have come; what makes no sense is answered by an error."""
+    def read_commands(self) -> list[ControlCommand]:
+        """Return the commands that have arrived; a malformed line is answered with an error."""
         try:
-            data = self.socket.recv(LONGEST_LINE)
+            data = self.socket.recv(MAX_LINE_BYTES)
         except BlockingIOError:
             return []
         except OSError:
@@ -76,46 +76,46 @@ class _Client:
             self.close()
             return []
         *lines, self._buffer = (self._buffer + data).split(b"\n")
-        orders = [order for line in lines if line.strip() and (order := self._order(line)) is not None]
-        if len(self._buffer) > LONGEST_LINE:
-            self._complain(f"a line has {LONGEST_LINE} bytes at most")
+        orders = [order for line in lines if line.strip() and (order := self._parse_command(line)) is not None]
+        if len(self._buffer) > MAX_LINE_BYTES:
+            self._send_error(f"a line has {MAX_LINE_BYTES} bytes at most")
             self.close()
         return orders
 
-    def _order(self, line: bytes) -> Order | None:
+    def _parse_command(self, line: bytes) -> ControlCommand | None:
         try:
             wanted = json.loads(line)
         except (ValueError, RecursionError):
-            self._complain("each line must be a JSON object")
+            self._send_error("each line must be a JSON object")
             return None
         verb = wanted.get("do") if isinstance(wanted, dict) else None
         if verb not in VERBS:
-            self._complain(f'"do" must be one of {", ".join(VERBS)}')
+            self._send_error(f'"do" must be one of {", ".join(VERBS)}')
             return None
         who = " ".join(str(wanted.get("who", "control socket")).split())[:100]
-        # It goes into logs, which are read in terminals, and into a file: no control characters, no halves of others.
-        return Order(verb, "".join(each if each.isprintable() else "?" for each in who), self)
+        # The name goes into logs, which are read in terminals, and into a file: no control characters, no surrogates.
+        return ControlCommand(verb, "".join(each if each.isprintable() else "?" for each in who), self)
 
-    def _complain(self, why: str) -> None:
-        self.say({"ok": False, "error": why})
+    def _send_error(self, why: str) -> None:
+        self.send_line({"ok": False, "error": why})
 
-    def say(self, message: Mapping[str, Any]) -> None:
-        """Send a line, behind those that wait; who asks without end and never reads is let go."""
-        if len(self._waiting) > 2 * MOST_WAITING:
+    def send_line(self, message: Mapping[str, Any]) -> None:
+        """Queue a line and send what the socket takes; a client that asks and never reads is disconnected."""
+        if len(self._waiting) > 2 * MAX_QUEUED_LINES:
             self.close()
         self._waiting.append(json.dumps(message, separators=(",", ":"), default=str).encode() + b"\n")
         self.flush()
 
-    def tell(self, message: Mapping[str, Any]) -> None:
+    def send_telemetry(self, message: Mapping[str, Any]) -> None:
         """Send telemetry; when too much waits, the oldest is dropped."""
         self.flush()
-        if len(self._waiting) >= MOST_WAITING:
+        if len(self._waiting) >= MAX_QUEUED_LINES:
             self._waiting.popleft()
             self._dropped += 1
         elif self._dropped:
             message = {**message, "dropped": self._dropped}
             self._dropped = 0
-        self.say(message)
+        self.send_line(message)
 
     def flush(self) -> None:
         """Send what the socket takes."""
@@ -131,7 +131,7 @@ class _Client:
             self._rest = self._rest[sent:]
 
     def close(self) -> None:
-        """The client is gone."""
+        """Close the connection and drop its queue."""
         self.closed = True
         self._waiting.clear()
         self.socket.close()
@@ -146,7 +146,7 @@ class ControlSocket:
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_CLOEXEC)
         self._listener.setblocking(False)
         try:
-            # What a worker left that was killed; a daemon has made sure that no other serves this robot.
+            # A worker that was killed leaves its socket; the daemon ensures that no other one serves this robot.
             with contextlib.suppress(FileNotFoundError):
                 path.unlink()
             before = os.umask(0o117)
@@ -154,59 +154,63 @@ class ControlSocket:
                 self._listener.bind(str(path))
             finally:
                 os.umask(before)
-            self._listener.listen(MOST_CLIENTS)
+            made = path.lstat()
+            self._file = made.st_dev, made.st_ino
+            self._listener.listen(MAX_CLIENTS)
         except OSError as error:
             self._listener.close()
             raise Unavailable(error.errno or 0, f"there is none: {error.strerror or error}") from error
 
     def descriptors(self) -> list[int]:
-        """What to watch for news."""
+        """Return the file descriptors to wait on: the listener and its clients."""
         if any(client.closed for client in self._clients):
             self._clients = [client for client in self._clients if not client.closed]
         return [self._listener.fileno(), *(client.fileno() for client in self._clients)]
 
-    def poll(self, ready: list[int]) -> list[Order]:
-        """The orders of who is ready."""
-        orders: list[Order] = []
+    def poll(self, ready: list[int]) -> list[ControlCommand]:
+        """Return the commands of the descriptors in `ready`, accepting new clients."""
+        orders: list[ControlCommand] = []
         for client in self._clients:
             if client.fileno() in ready:
-                orders += client.read()
+                orders += client.read_commands()
         if self._listener.fileno() in ready:
             orders += self._accept()
         return orders
 
     def publish(self, message: FromWorker) -> None:
-        """Let the subscribers know."""
+        """Send an event to all subscribers."""
         if not isinstance(message, _EVENTS):
             return
         listeners = [client for client in self._clients if client.subscribed and not client.closed]
         if listeners:
             line = _as_json(message)
             for client in listeners:
-                client.tell(line)
+                client.send_telemetry(line)
 
     def close(self) -> None:
-        """Listen no more; twice is fine."""
+        """Close the listener and all clients; calling it twice is allowed."""
         if self._listener.fileno() < 0:
             return
         for client in self._clients:
             client.close()
         self._listener.close()
         with contextlib.suppress(OSError):
-            self.path.unlink()
+            there = self.path.lstat()
+            if (there.st_dev, there.st_ino) == self._file:  # else that of the next worker, or what somebody put there
+                self.path.unlink()
 
-    def _accept(self) -> list[Order]:
+    def _accept(self) -> list[ControlCommand]:
         """Let a client in; most have their order with them."""
         try:
             connection, _ = self._listener.accept()
         except OSError:
             return []
-        if len(self._clients) >= MOST_CLIENTS:
+        if len(self._clients) >= MAX_CLIENTS:
             # Whoever comes now may want to stop the robot; whoever came first has had the time to.
             self._clients.pop(0).close()
         client = _Client(connection)
         self._clients.append(client)
-        return client.read()
+        return client.read_commands()
 
 
 def _as_json(message: FromWorker) -> dict[str, Any]:
@@ -219,4 +223,6 @@ def _plain(value: Any) -> Any:
         return {str(key): _plain(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(inner) for inner in value]
+    if isinstance(value, bytes):
+        return f"{len(value)} bytes"
     return value if value is None or isinstance(value, str | int | float | bool) else str(value)

@@ -1,4 +1,4 @@
-"""What drives the wire of a protocol family: the base of all drivers, and how one is found by name."""
+"""Drivers of protocol families: the base class, and the look-up by name."""
 
 from __future__ import annotations
 
@@ -10,31 +10,31 @@ from urbihw.buses.errors import BadValue
 from urbihw.buses.link import Port
 from urbihw.buses.messages import Configure, FromWorker, Request, Targets, Watch
 
-# Protocol family of a wire -> what drives it. A family of one robot lives with it, and is named "module:Class".
+# Protocol family -> driver class. The driver of a single robot lives in its platform and is named "module:Class".
 FAMILIES: Final = {"dynamixel": "urbihw.buses.dynamixel.driver:DynamixelDriver"}
 
 
-def never() -> bool:
-    """Nothing is urgent."""
+def no_stop() -> bool:
+    """The default of `urgent`: no stop is waiting."""
     return False
 
 
 class Driver:
-    """Base of what drives the wire of a protocol family.  Methods that return a list return the messages to post.
+    """Base of the drivers of protocol families.  Methods that return a list return the messages to post.
 
-    `attach` is handed an open port and finds the devices, or raises Unavailable (nobody answers, wrong firmware), after
-    which it is tried again later; `detach` is told that the port is gone. In between come `tick`, `targets`, `watch`,
-    `request` and `safe_stop`; all but `detach` may raise LinkGone. `targets`, `watch` and `request` may also come
-    while there is no port. `configure` comes first, and again for new settings; it raises BadValue or BadSetting.
-    `errors` counts failures since `attach`. Watches must outlive the port, targets must not. `tick` should call
-    `meanwhile` when the wire is busy, must not wait for longer than a tick lasts, and gives up between two transactions
-    when `urgent()`.
+    The engine calls `configure` first, and again for new settings; it raises BadValue or BadSetting. `attach` gets an
+    open port and finds the devices; when it raises Unavailable (no answer, wrong firmware) the engine tries again
+    later. `detach` reports that the port is closed. Between the two the engine calls `tick`, `targets`, `watch`,
+    `request` and `safe_stop`; all of them may raise LinkGone. `targets`, `watch` and `request` may also be called
+    without a port. `errors` counts failures since `attach`. Watches outlive the port, targets do not. `tick` should
+    call `meanwhile` while the wire is busy, must not block for longer than a tick, and returns early between two
+    transactions when `urgent()`.
 
     Attributes:
-        slow_verbs: the requests for which the cycle rests on purpose.
-        halted: set by the driver in a tick when what it was told to do is over (the base was switched off by hand);
-            the engine then treats it as a stop, for this reason.
-        url_parameters: what may stand in the url for the robot's sake; the port is opened without.
+        slow_verbs: requests during which the cycle pauses on purpose.
+        halted: set by the driver during a tick when its motion has ended for a reason of the device (the base was
+            switched off by hand); the engine treats it as a stop with this reason.
+        url_parameters: parameters of the url that are meant for the robot; the port is opened without them.
     """
 
     slow_verbs: frozenset[str] = frozenset()
@@ -42,10 +42,10 @@ class Driver:
     halted: str = ""
 
     def configure(self, settings: Configure) -> None:
-        """Take settings.  Raises BadValue, BadSetting."""
+        """Apply settings.  Raises BadValue, BadSetting."""
         raise NotImplementedError
 
-    def expect(self, devices: tuple[Any, ...]) -> None:
+    def expect_devices(self, devices: tuple[Any, ...]) -> None:
         """Called before the first `attach` with what an earlier worker found on this wire."""
 
     def attach(self, port: Port) -> list[FromWorker]:
@@ -53,15 +53,15 @@ class Driver:
         raise NotImplementedError
 
     def detach(self) -> None:
-        """The port is gone."""
+        """Release the port, which is closed: pending targets are dropped, watches stay."""
         raise NotImplementedError
 
-    def tick(self, now: float, meanwhile: Callable[[], None], urgent: Callable[[], bool] = never) -> list[FromWorker]:
-        """One tick.  Raises LinkGone."""
+    def tick(self, now: float, meanwhile: Callable[[], None], urgent: Callable[[], bool] = no_stop) -> list[FromWorker]:
+        """Execute one tick: write targets, read what is due.  Raises LinkGone."""
         raise NotImplementedError
 
     def targets(self, message: Targets) -> list[FromWorker]:
-        """Take targets for the next tick.  Raises LinkGone."""
+        """Accept targets for the next tick.  Raises LinkGone."""
         raise NotImplementedError
 
     def watch(self, message: Watch, now: float) -> list[FromWorker]:
@@ -69,19 +69,19 @@ class Driver:
         raise NotImplementedError
 
     def request(self, message: Request) -> list[FromWorker]:
-        """Do something once.  Raises LinkGone."""
+        """Execute a request once; its `Reply` may come in a later tick.  Raises LinkGone."""
         raise NotImplementedError
 
     def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
-        """Stop the robot, or these devices, and forget their targets.  Raises LinkGone."""
+        """Stop the robot, or these devices, and drop their targets.  Raises LinkGone."""
         raise NotImplementedError
 
-    def rest(self) -> None:
-        """Called after each `attach` but the first: stop what we had set in motion.  Raises LinkGone."""
+    def stop_on_reconnect(self) -> None:
+        """Called after each `attach` but the first: stop the devices that this driver has moved.  Raises LinkGone."""
         self.safe_stop()
 
     def stop_what_moves(self) -> tuple[Any, ...]:
-        """Called after the first `attach`: stop what somebody else has set in motion, and tell which devices that were.
+        """Called after the first `attach`: stop devices that already move; return which ones these were.
 
         Raises LinkGone.
         """
@@ -95,27 +95,27 @@ class Driver:
         """Whether this request may set something in motion."""
         raise NotImplementedError
 
-    def implied(self, request: Request) -> Mapping[tuple[Any, str], Any]:
-        """The targets that a request sets past the targets, for those that can be limited."""
+    def implied_targets(self, request: Request) -> Mapping[tuple[Any, str], Any]:
+        """Return the targets that a request writes by itself, so that limits apply to them too."""
         return {}
 
     def pose(self, device: Any, item: str) -> float | None:
-        """Where the device is, in the unit of the target `item`; None if that is no place, or not known."""
+        """Return the position of a device in the unit of the target `item`; None if unknown or not a position."""
         return None
 
     def signed(self, device: Any, item: str, raw: Any) -> float:
-        """A target as a number that grows with what it asks for, for comparing it with limits; `raw_of` is its inverse.
+        """Return a raw target as a signed number, for comparison with limits; `raw_of` is the inverse.
 
-        A count is that by itself, unless it keeps its sign in a bit of its own.
+        Override it where the register has a sign bit instead of two's complement.
         """
         return float(raw)
 
     def raw_of(self, device: Any, item: str, signed: float) -> Any:
-        """See `signed`."""
+        """Return the raw target of a signed number: the inverse of `signed`."""
         return round(signed)
 
     def errors(self) -> dict[str, int]:
-        """Failures since `attach`, by kind."""
+        """Return the number of failures since `attach`, by kind."""
         raise NotImplementedError
 
 

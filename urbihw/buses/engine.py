@@ -1,78 +1,77 @@
-"""The loop of a worker: one wire, its link, its ticks, its master, and the authority over motion.
+"""The loop of a worker: one wire, its link, its ticks, the supervision of its master, and the authority over motion.
 
-The same code in a thread and in a process.  One step of the loop:
-  1. take what the parent and the control socket want; stops are obeyed first;
-  2. has the parent been silent for too long? then stop the robot, once;
-  3. is the link down? then try to open it, not too often;
-  4. one tick of the driver, then the one-off requests;
-  5. once a second, statistics; ten times a second, a sign of life;
-  6. wait until the next tick. Ticks are absolute deadlines; those that could not be met are skipped and counted.
+The same code runs in a thread and in a process.  One step of the loop:
+  1. receive messages of the parent and commands of the control socket; stops are executed first;
+  2. if the parent has been silent for too long, stop the robot, once;
+  3. if the link is down, try to open it, with back-off;
+  4. one tick of the driver, then the pending requests;
+  5. statistics once a second, a heartbeat ten times a second;
+  6. wait until the next tick. Ticks have absolute deadlines; missed ones are skipped and counted.
 
-A stop does not wait for its turn: the wait of 6. ends when something comes, and a driver looks (`urgent`) between two
-transactions and gives its tick up.
+A stop does not wait for the next step: the wait of 6. ends when a message arrives, and a driver calls `urgent` between
+two transactions and returns early from its tick.
 
-The loop ends when the pipe ends or when it is asked to from outside (SIGTERM, parent gone), always with a safe stop.
+The loop ends when the pipe is closed or on request (SIGTERM, death of the parent), always with a safe stop.
 """
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
 from urbihw import buses
-from urbihw.buses.authority import Authority
-from urbihw.buses.backoff import BackOff
-from urbihw.buses.control import ESTOP, RELEASE, STOP, SUBSCRIBE, ControlSocket, Order
+from urbihw.backoff import BackOff
+from urbihw.buses.authority import MotionAuthority
+from urbihw.buses.control import ESTOP, RELEASE, SUBSCRIBE, ControlSocket
+from urbihw.buses.counter import StatisticsCounter
 from urbihw.buses.driver import Driver
 from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
 from urbihw.buses.gate import Gate
-from urbihw.buses.link import Context, Port, take_off
+from urbihw.buses.inbox import Inbox
+from urbihw.buses.link import Context, Port, split_parameters
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import (
-    Alive,
     Begin,
     Configure,
     DeviceState,
     EmergencyStop,
     Ended,
     FromWorker,
+    Heartbeat,
     Latched,
     Limits,
     LinkState,
-    Pulse,
     Refused,
     Release,
     Reply,
     Request,
     Samples,
-    Statistics,
     Stop,
     Stopped,
     Targets,
     ToWorker,
     Watch,
+    WorkerHeartbeat,
 )
 from urbihw.buses.ticker import Ticker
 
-_FIRST_BACK_OFF = 0.2
-_LAST_BACK_OFF = 2.0
-_STATISTICS_PERIOD = 1.0
-# With less than this until the next tick, posting waits until the wire is busy again.
-_TIME_TO_POST = 0.0005
+_FIRST_BACK_OFF_S = 0.2
+_LAST_BACK_OFF_S = 2.0
+_STATISTICS_PERIOD_S = 1.0
+# With less than this left until the next tick, messages are posted during that tick, while the wire is busy.
+_TIME_TO_POST_S = 0.0005
 
 
-PULSE_PERIOD: Final = 0.1
-PULSE_ALLOWANCE: Final = 0.4
-"""Seconds in which a worker that works is heard of again."""
-SLOW_ALLOWANCE: Final = 20.0
-"""The same while it opens its link, finds the devices, or does one of the slow requests of its driver."""
-_URGENT = (Stop, EmergencyStop)
+HEARTBEAT_PERIOD_S: Final = 0.1
+HEARTBEAT_ALLOWANCE_S: Final = 0.4
+"""Seconds within which a healthy worker sends its next heartbeat."""
+SLOW_ALLOWANCE_S: Final = 20.0
+"""The same while it opens its link, searches the devices, or executes one of the `slow_verbs` of its driver."""
 
 
 class Engine:
-    """See the head of this file. `asked_to_end` is looked at each tick."""
+    """The loop described at the head of this file. `asked_to_end` is called once per step."""
 
     def __init__(
         self,
@@ -83,7 +82,7 @@ class Engine:
         context: Context,
         asked_to_end: Callable[[], bool] = lambda: False,
     ) -> None:
-        self._url, _ = take_off(url, driver.url_parameters)
+        self._url, _ = split_parameters(url, driver.url_parameters)
         self._driver = driver
         self._mailbox = mailbox
         self._settings = begin.settings
@@ -93,35 +92,32 @@ class Engine:
         now = self._clock.now()
         self._link: Port | None = None
         self._announced: bool | None = None
-        self._back_off = BackOff(_FIRST_BACK_OFF, _LAST_BACK_OFF)
+        self._back_off = BackOff(_FIRST_BACK_OFF_S, _LAST_BACK_OFF_S)
         self._retry_at = now
-        self._heard_at = now
-        self._stopped_for_silence = False
-        self._stop_owed = ""
+        self._stopped_for_silence_since: float | None = None
+        self._pending_stop_reason = ""
         self._first_link = True
-        self._inbox: deque[ToWorker] = deque()
-        self._urgent: deque[Stop | EmergencyStop | Order] = deque()
-        self._orders: deque[Order] = deque()
         self._requests: list[Request] = []
-        self._unposted: list[FromWorker] = []
+        self._tick_messages: list[FromWorker] = []
         self._ticker = Ticker(1 / begin.settings.rate, now)
-        self._tally = _Tally(now)
+        self._tally = StatisticsCounter(now)
         self._pulse_at = now
         control = Path(begin.control) if begin.control else None
-        self._authority = Authority(begin.epoch, control.with_suffix(".estop") if control is not None else None)
+        self._authority = MotionAuthority(begin.epoch, control.with_suffix(".estop") if control is not None else None)
         self._gate = Gate(driver, self._authority)
         driver.configure(begin.settings)
-        driver.expect(begin.devices)
+        driver.expect_devices(begin.devices)
         for watch in begin.watches:
             driver.watch(watch, now)
-        self._control = None if control is None else self._listen_at(control)
+        self._control = None if control is None else self._open_control_socket(control)
+        self._inbox = Inbox(mailbox, self._control, self._clock, self._state_fields)
         if begin.instead:
             self._post_all([Stopped(begin.instead, begin.epoch)])
         if self._authority.latched:
             self._post_all([Latched(self._authority.latched)])
 
-    def _listen_at(self, path: Path) -> ControlSocket | None:
-        """The control socket; a worker that cannot have it works all the same, and says so."""
+    def _open_control_socket(self, path: Path) -> ControlSocket | None:
+        """Open the control socket; without it the worker still works, and reports the error."""
         try:
             return ControlSocket(path)
         except Unavailable as error:
@@ -129,15 +125,15 @@ class Engine:
             return None
 
     def run(self) -> None:
-        """Work until the end; posts `Ended` as the last message. Does not raise: a bug becomes its reason."""
+        """Run until the end; posts `Ended` as the last message. Never raises: an exception becomes its reason."""
         reason = ""
         try:
             while self.step():
                 pass
-        except Exception as error:  # The robot must be stopped whatever happens, and the parent told.
+        except Exception as error:  # The robot must be stopped and the parent informed whatever happens.
             reason = f"our bug in the bus worker: {type(error).__name__}: {error}"
-        self._post_unposted()
-        self._stop("the worker ends")
+        self._post_tick_messages()
+        self._stop_robot("the worker ends")
         if self._link is not None:
             self._link.close()
         if self._control is not None:
@@ -148,70 +144,73 @@ class Engine:
     def step(self) -> bool:
         """Do one tick and wait until the next; False when it is time to end."""
         now = self._clock.now()
-        self._listen(self._readable(now))
-        self._obey_urgent()
-        while self._inbox:
-            self._obey(self._inbox.popleft(), now)
+        self._inbox.receive(now)
+        self._execute_urgent()
+        while self._inbox.messages:
+            self._execute_message(self._inbox.messages.popleft(), now)
         if self._mailbox.ended or self._asked_to_end():
             return False
-        self._watch_master(now)
+        self._check_master(now)
         if self._link is None:
-            self._try_link(now)
-        self._guarded(self._tick)
-        self._obey_urgent()
-        self._serve_requests()
-        self._serve_orders()
+            self._try_open_link(now)
+        self._run_guarded(self._tick)
+        self._execute_urgent()
+        self._execute_requests()
+        self._execute_commands()
         self._tally.ticks += 1
         now = self._clock.now()
-        self._report(now)
+        self._post_statistics(now)
         self._tally.late += self._ticker.advance(now)
-        if self._ticker.due > now + _TIME_TO_POST:
-            self._post_unposted()
-        self._wait()
+        if self._ticker.due > now + _TIME_TO_POST_S:
+            self._post_tick_messages()
+        self._wait_for_tick()
         return True
 
     def _tick(self) -> None:
         now = self._clock.now()
-        given = self._gate.set_points.step(now)
+        given = self._gate.set_points.next_targets(now)
         if given:
             self._post_all(self._driver.targets(Targets(given)))
-        news = self._driver.tick(now, self._post_unposted, self._is_urgent)
-        self._post_unposted()
-        self._unposted = news
+        news = self._driver.tick(now, self._post_tick_messages, self._is_tick_urgent)
+        self._post_tick_messages()
+        self._tick_messages = news
         for message in news:
             if isinstance(message, DeviceState) and message.new == "back":
-                self._device_back(message.device)
+                self._handle_device_return(message.device)
             elif isinstance(message, Samples):
-                self._look_at(message)
+                self._check_thresholds(message)
         if self._driver.halted:
             reason, self._driver.halted = self._driver.halted, ""
-            self._stop(reason)
+            self._stop_robot(reason)
 
-    def _look_at(self, samples: Samples) -> None:
-        """Act on values that have gone too far."""
-        measures = self._gate.look(samples)
+    def _check_thresholds(self, samples: Samples) -> None:
+        """Execute the reactions to thresholds that these samples crossed."""
+        measures = self._gate.check_samples(samples)
         if measures is None:
             return
         if measures.stopped:
-            self._guarded(lambda: self._driver.safe_stop(measures.stopped))
-        self._guarded(lambda: self._post_all(self._driver.targets(Targets(measures.targets))))
+            self._run_guarded(lambda: self._driver.safe_stop(measures.stopped))
+        self._run_guarded(lambda: self._post_all(self._driver.targets(Targets(measures.targets))))
         self._post_all(measures.news)
 
-    def _device_back(self, device: Any) -> None:
-        """A device is back: it stays where it is, and its movement is taken up from there."""
-        self._guarded(lambda: self._driver.safe_stop((device,)))
-        self._take_up(device)
+    def _handle_device_return(self, device: Any) -> None:
+        """A device is back: stop it where it is, then continue its movement from there."""
+        self._run_guarded(lambda: self._driver.safe_stop((device,)))
+        self._resume_movements(device)
 
-    def _take_up(self, device: Any) -> None:
-        """The movements of a device, None for all, go on from where it is; or they are over."""
+    def _resume_movements(self, device: Any) -> None:
+        """Continue the movements of a device (None: of all) from its position, or end them, as the settings say."""
         if self._settings.resume:
-            self._gate.set_points.returned(device, self._clock.now())
+            self._gate.set_points.resume_courses(device, self._clock.now())
         else:
-            self._gate.set_points.forget(None if device is None else (device,))
+            self._gate.set_points.drop_courses(None if device is None else (device,))
 
-    def _post_unposted(self) -> None:
-        """Post what the last tick brought: right after it, or, when the next one is due, while its wire is busy."""
-        unposted, self._unposted = self._unposted, []
+    def _post_tick_messages(self) -> None:
+        """Post the messages of the last tick: right after it, or during the next one while the wire is busy.
+
+        Pickling them takes time that would delay a tick which is due now.
+        """
+        unposted, self._tick_messages = self._tick_messages, []
         for message in unposted:
             self._post(message)
 
@@ -222,133 +221,98 @@ class Engine:
 
     # Listening.
 
-    def _descriptors(self) -> list[int]:
-        mine = [] if self._mailbox.ended else [self._mailbox.fd]
-        return mine if self._control is None else mine + self._control.descriptors()
+    def _is_tick_urgent(self) -> bool:
+        """The same during a tick, which takes long when many devices are silent: send heartbeats meanwhile."""
+        self._post_heartbeat(self._clock.now())
+        return self._inbox.is_urgent()
 
-    def _readable(self, until: float) -> list[int]:
-        return self._clock.wait_readable(self._descriptors(), until)
-
-    def _listen(self, ready: list[int]) -> None:
-        """Take in what has come: what is urgent goes before all that waits."""
-        if not ready:
-            return
-        if self._mailbox.fd in ready:
-            for message in self._mailbox.take():
-                self._heard_at = self._clock.now()
-                self._stopped_for_silence = False
-                if isinstance(message, _URGENT) and getattr(message, "devices", None) is None:
-                    if isinstance(message, EmergencyStop):
-                        self._forget_releases()
-                    self._urgent.append(message)
-                else:
-                    self._inbox.append(message)
-        if self._control is not None:
-            for order in self._control.poll(ready):
-                if order.verb == ESTOP:
-                    self._forget_releases()
-                (self._urgent if order.verb in (STOP, ESTOP) else self._orders).append(order)
-
-    def _forget_releases(self) -> None:
-        """An emergency stop overtakes the releases that wait: they were asked before it, so they must not end it."""
-        self._inbox = deque(message for message in self._inbox if not isinstance(message, Release))
-        for order in [order for order in self._orders if order.verb == RELEASE]:
-            self._orders.remove(order)
-            order.answer(self._state())
-
-    def _is_urgent(self) -> bool:
-        """Whether a stop has come; a driver asks between two transactions."""
-        self._listen(self._readable(0.0))
-        return bool(self._urgent)
-
-    def _wait(self) -> None:
-        """Wait for the next tick; a stop that comes meanwhile is obeyed at once."""
+    def _wait_for_tick(self) -> None:
+        """Wait for the next tick; a stop that arrives meanwhile is executed at once."""
         due = self._ticker.due
-        while ready := self._readable(due):
-            self._listen(ready)
-            self._obey_urgent()
-            self._serve_orders()
+        while self._inbox.receive(due):
+            self._execute_urgent()
+            self._execute_commands()
             if self._mailbox.ended or self._clock.now() >= due:
                 return
 
     # The master.
 
-    def _obey_urgent(self) -> None:
-        while self._urgent:
-            message = self._urgent.popleft()
+    def _execute_urgent(self) -> None:
+        while self._inbox.urgent:
+            message = self._inbox.urgent.popleft()
             if isinstance(message, Stop):
-                self._stop(message.reason, message.epoch)
+                self._stop_robot(message.reason, message.epoch)
             elif isinstance(message, EmergencyStop):
                 self._emergency_stop(message.who)
             else:
                 if message.verb == ESTOP:
                     self._emergency_stop(message.who)
                 else:
-                    self._stop(f"stop asked by {message.who}")
-                message.answer(self._state())
+                    self._stop_robot(f"stop asked by {message.who}")
+                message.answer(self._state_fields())
 
-    def _obey(self, message: ToWorker, now: float) -> None:
+    def _execute_message(self, message: ToWorker, now: float) -> None:
         match message:
             case Targets():
-                self._targets(message, now)
+                self._accept_targets(message, now)
             case Watch():
-                self._post_all(self._driver.watch(message, now))
+                self._run_guarded(lambda: self._post_all(self._driver.watch(message, now)))
             case Request():
-                self._take_request(message)
+                self._accept_request(message)
             case Stop():
-                self._stop_some(message)
+                self._stop_devices(message)
             case Release():
                 self._release(message.who)
             case Limits():
-                self._gate.limit(message)
+                self._gate.set_limits(message)
             case Configure():
                 self._settings = message
                 self._driver.configure(message)
                 self._ticker = Ticker(1 / message.rate, now)
-            case Alive() | EmergencyStop():
+            case Heartbeat() | EmergencyStop():
                 pass
 
-    def _targets(self, message: Targets, now: float) -> None:
-        given, news = self._gate.targets(message, now)
+    def _accept_targets(self, message: Targets, now: float) -> None:
+        given, news = self._gate.filter_targets(message, now)
         self._post_all(news)
         if given:
-            self._guarded(lambda: self._post_all(self._driver.targets(Targets(given))))
+            self._run_guarded(lambda: self._post_all(self._driver.targets(Targets(given))))
 
-    def _take_request(self, message: Request) -> None:
-        request, news = self._gate.request(message)
+    def _accept_request(self, message: Request) -> None:
+        request, news = self._gate.filter_request(message)
         self._post_all(news)
         if request is not None:
             self._requests.append(request)
 
-    def _watch_master(self, now: float) -> None:
-        patience = self._settings.dead_man
-        if patience and not self._stopped_for_silence and now - self._heard_at > patience:
-            self._stopped_for_silence = True
-            self._stop(f"no sign of life from the master for {patience:g} s")
+    def _check_master(self, now: float) -> None:
+        timeout, heard_at = self._settings.dead_man, self._inbox.heard_at
+        if timeout and now - heard_at > timeout and self._stopped_for_silence_since != heard_at:
+            self._stopped_for_silence_since = heard_at
+            self._stop_robot(f"no sign of life from the master for {timeout:g} s")
 
     # Stopping.
 
-    def _stop(self, reason: str, epoch: int | None = None) -> None:
-        """Stop the robot now, or as soon as the link is back; what was asked for before counts no more."""
+    def _stop_robot(self, reason: str, epoch: int | None = None) -> None:
+        """Stop the robot now, or as soon as the link is back; targets and requests of before are dropped."""
         self._authority.advance(epoch)
-        self._gate.set_points.forget()
+        self._gate.set_points.drop_courses()
         self._requests, stale = [], self._requests
         for request in stale:
-            self._take_request(request)
-        if self._link is None or not self._guarded(self._driver.safe_stop):
-            self._stop_owed = reason
+            self._accept_request(request)
+        if self._link is None or not self._run_guarded(self._driver.safe_stop):
+            self._pending_stop_reason = reason
         self._post_all([Stopped(reason, self._authority.epoch)])
 
-    def _stop_some(self, message: Stop) -> None:
-        """Stop some devices.  Those whose link is down are at rest when it is back: nothing of theirs is kept."""
-        self._gate.set_points.forget(message.devices)
+    def _stop_devices(self, message: Stop) -> None:
+        """Stop some devices.  While the link is down there is nothing to send: they are stopped when it is back."""
+        self._gate.set_points.drop_courses(message.devices)
         if self._link is not None:
-            self._guarded(lambda: self._driver.safe_stop(message.devices))
+            self._run_guarded(lambda: self._driver.safe_stop(message.devices))
         self._post_all([Stopped(message.reason, self._authority.epoch, message.devices)])
 
     def _emergency_stop(self, who: str) -> None:
         problem = self._authority.latch(who)
-        self._stop(f"emergency stop by {who}")
+        self._stop_robot(f"emergency stop by {who}")
         self._post_all([Latched(self._authority.latched, who)])
         if problem:
             self._post_all([Refused("emergency stop", "latch", problem)])
@@ -358,17 +322,17 @@ class Engine:
             self._authority.release()
             self._post_all([Latched("", who)])
 
-    def _serve_orders(self) -> None:
-        """What the control socket wants that can wait."""
-        while self._orders:
-            order = self._orders.popleft()
-            if order.verb == RELEASE:
-                self._release(order.who)
-            elif order.verb == SUBSCRIBE:
-                order.client.subscribed = True
-            order.answer(self._state())
+    def _execute_commands(self) -> None:
+        """Execute the commands of the control socket other than stops."""
+        while self._inbox.commands:
+            command = self._inbox.commands.popleft()
+            if command.verb == RELEASE:
+                self._release(command.who)
+            elif command.verb == SUBSCRIBE:
+                command.client.subscribed = True
+            command.answer(self._state_fields())
 
-    def _state(self) -> dict[str, Any]:
+    def _state_fields(self) -> dict[str, Any]:
         return {
             "epoch": self._authority.epoch,
             "estop": self._authority.latched,
@@ -376,63 +340,68 @@ class Engine:
             "time": self._clock.now(),
         }
 
-    def _serve_requests(self) -> None:
+    def _execute_requests(self) -> None:
         while self._requests:
             request = self._requests.pop(0)
             if request.verb in self._driver.slow_verbs:
-                self._post_all([Pulse(SLOW_ALLOWANCE)])
-            if not self._guarded(lambda request=request: self._post_all(self._driver.request(request))):  # type: ignore[misc]
+                self._post_all([WorkerHeartbeat(SLOW_ALLOWANCE_S)])
+            if not self._run_guarded(lambda request=request: self._post_all(self._driver.request(request))):  # type: ignore[misc]
                 self._post_all([Reply(request.reply_id, False, error="the link went down")])
             if request.verb in self._driver.slow_verbs:
-                # Those ticks were given away on purpose; they are not late.
+                # The ticks during a slow request were skipped on purpose; they do not count as late.
                 self._ticker = Ticker(self._ticker.period, self._clock.now())
-            if self._is_urgent():
-                self._obey_urgent()
+            if self._inbox.is_urgent():
+                self._execute_urgent()
 
     # The link.
 
-    def _try_link(self, now: float) -> None:
+    def _try_open_link(self, now: float) -> None:
         if now < self._retry_at:
             return
-        self._post_all([Pulse(SLOW_ALLOWANCE)])
+        self._post_all([WorkerHeartbeat(SLOW_ALLOWANCE_S)])
         try:
             link = buses.open(self._url, self._context)
         except (BadUrl, Unavailable) as error:
-            self._down(str(error))
+            self._close_link(str(error))
             return
         self._link = link
         messages: list[FromWorker] = []
         try:
-            if not self._guarded(lambda: messages.extend(self._driver.attach(link))):
+            if not self._run_guarded(lambda: messages.extend(self._driver.attach(link))):
                 return
         except (BadUrl, Unavailable) as error:
-            self._down(str(error))
+            self._close_link(str(error))
             return
         self._back_off.reset()
         self._announced = True
-        self._settle()
+        self._stop_on_link_up()
         if self._link is None:
             return
         self._post_all([LinkState(True), *messages])
-        self._take_up(None)
+        self._resume_movements(None)
         now = self._clock.now()
         self._ticker = Ticker(self._ticker.period, now)
         self._tally.restart(now)
 
-    def _settle(self) -> None:
-        """The link is open: first of all the robot stops, for nobody knows what has become of what it was told."""
-        if not self._first_link or self._stop_owed:
-            if self._guarded(self._driver.safe_stop if self._stop_owed else self._driver.rest):
-                self._stop_owed = ""
+    def _stop_on_link_up(self) -> None:
+        """Stop the robot before anything else on a link that was just opened.
+
+        On the first link only devices that move are stopped.  Later, those that this worker has moved: the fate of the
+        last writes is unknown.  If a stop is pending, all of them.
+        """
+        if not self._first_link or self._pending_stop_reason:
+            stop = self._driver.safe_stop if self._pending_stop_reason else self._driver.stop_on_reconnect
+            if self._run_guarded(stop):
+                self._pending_stop_reason = ""
             return
         self._first_link = False
         moved: list[Any] = []
-        if self._guarded(lambda: moved.extend(self._driver.stop_what_moves())) and moved:
+        if self._run_guarded(lambda: moved.extend(self._driver.stop_what_moves())) and moved:
             self._authority.advance()
             which = ", ".join(map(str, moved))
             self._post_all([Stopped(f"{which} moved when the link was opened", self._authority.epoch)])
 
-    def _down(self, reason: str) -> None:
+    def _close_link(self, reason: str) -> None:
         link, self._link = self._link, None
         if link is not None:
             link.close()
@@ -442,60 +411,30 @@ class Engine:
             self._post_all([LinkState(False, reason)])
         self._retry_at = self._clock.now() + self._back_off.next_pause()
 
-    def _guarded(self, work: Callable[[], None]) -> bool:
-        """Do something over the link; False when the link broke at it."""
+    def _run_guarded(self, work: Callable[[], None]) -> bool:
+        """Call `work`, which uses the link; close the link and return False when it raises LinkGone."""
         try:
             work()
         except LinkGone as error:
-            self._down(str(error))
+            self._close_link(str(error))
             return False
         return True
 
     # Telling.
 
     def _post_all(self, messages: list[FromWorker]) -> None:
-        """Post messages, behind those of the last tick."""
-        self._post_unposted()
+        """Post messages, after those of the last tick."""
+        self._post_tick_messages()
         for message in messages:
             self._post(message)
 
-    def _report(self, now: float) -> None:
+    def _post_heartbeat(self, now: float) -> None:
         if now >= self._pulse_at:
-            self._pulse_at = now + PULSE_PERIOD
-            self._mailbox.post(Pulse(PULSE_ALLOWANCE))
-        if now - self._tally.since >= _STATISTICS_PERIOD:
-            statistics = self._tally.close(now, self._link, self._driver.errors(), self._mailbox.take_dropped())
+            self._pulse_at = now + HEARTBEAT_PERIOD_S
+            self._mailbox.post(WorkerHeartbeat(HEARTBEAT_ALLOWANCE_S))
+
+    def _post_statistics(self, now: float) -> None:
+        self._post_heartbeat(now)
+        if now - self._tally.since >= _STATISTICS_PERIOD_S:
+            statistics = self._tally.close(now, self._link, self._driver.errors(), self._mailbox.pop_dropped_count())
             self._post(statistics)
-
-
-class _Tally:
-    """Counts of the running second."""
-
-    def __init__(self, now: float) -> None:
-        self.restart(now)
-
-    def restart(self, now: float) -> None:
-        """Begin at `now` with a fresh link, whose counters are at 0."""
-        self.since = now
-        self.ticks = 0
-        self.late = 0
-        self._errors: dict[str, int] = {}
-        self._bytes = 0
-
-    def close(self, now: float, link: Port | None, errors: dict[str, int], dropped: int) -> Statistics:
-        """Return the second that ends now and begin the next; `errors` are totals since the link opened."""
-        elapsed = now - self.since
-        total = 0 if link is None else link.bytes_read + link.bytes_written
-        busy = 0.0 if link is None else max(total - self._bytes, 0) * link.byte_time / elapsed
-        news = {kind: count - self._errors.get(kind, 0) for kind, count in errors.items()}
-        statistics = Statistics(
-            time=now,
-            rate=self.ticks / elapsed,
-            late=self.late,
-            errors={kind: count for kind, count in news.items() if count > 0},
-            load=min(busy, 1.0),
-            dropped=dropped,
-        )
-        self.restart(now)
-        self._errors, self._bytes = errors, total
-        return statistics

@@ -14,7 +14,7 @@ from urbihw.buses.errors import LinkGone
 from urbihw.buses.link import Link
 
 # A system buffer that stays full this long belongs to a line that no longer moves.
-_WRITE_PATIENCE = 1.0
+_WRITE_TIMEOUT_S = 1.0
 
 
 class FdLink(Link):
@@ -38,6 +38,10 @@ class FdLink(Link):
             raise LinkGone(f"{self.url.text}: the other side closed; is it unplugged or switched off?")
         return data
 
+    def is_writable(self) -> bool:
+        """Return whether the descriptor accepts bytes now; false when it is closed."""
+        return bool(self._fd >= 0 and select.select((), (self._fd,), (), 0)[1])
+
     def _write(self, data: bytes) -> None:
         view = data
         while view:
@@ -51,5 +55,5 @@ class FdLink(Link):
             view = view[sent:]
 
     def _wait_writable(self) -> None:
-        if not select.select((), (self._fd,), (), _WRITE_PATIENCE)[1]:
-            raise LinkGone(f"{self.url.text}: takes no bytes since {_WRITE_PATIENCE:g} s; is the peer stuck?")
+        if not select.select((), (self._fd,), (), _WRITE_TIMEOUT_S)[1]:
+            raise LinkGone(f"{self.url.text}: takes no bytes since {_WRITE_TIMEOUT_S:g} s; is the peer stuck?")

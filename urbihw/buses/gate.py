@@ -10,16 +10,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from urbihw.buses.authority import STALE, Authority
+from urbihw.buses.authority import STALE, MotionAuthority
 from urbihw.buses.driver import Driver
-from urbihw.buses.guards import Guards
+from urbihw.buses.guards import ThresholdMonitor
 from urbihw.buses.messages import FromWorker, Limits, Refused, Reply, Request, Samples, Targets
 from urbihw.buses.setpoints import Key, SetPoints
 
 
 @dataclass(frozen=True, slots=True)
-class Measures:
-    """What measured values ask for: devices to stop, targets to set, and the news."""
+class ThresholdActions:
+    """The consequences of thresholds that were crossed: devices to stop, targets to set, messages to post."""
 
     stopped: tuple[Any, ...]
     targets: Mapping[Key, Any]
@@ -31,44 +31,44 @@ class Gate:
 
     Attributes:
         authority: the epoch and the latch.
-        set_points: the courses of the targets.
+        set_points: limits and catch-up movements of the targets.
     """
 
-    def __init__(self, driver: Driver, authority: Authority) -> None:
+    def __init__(self, driver: Driver, authority: MotionAuthority) -> None:
         self.authority = authority
         self.set_points = SetPoints(driver)
         self._driver = driver
-        self._guards = Guards()
+        self._guards = ThresholdMonitor()
 
-    def limit(self, message: Limits) -> None:
-        """Take new limits and thresholds."""
-        self.set_points.limit(message.table)
-        self._guards.set(message.thresholds)
+    def set_limits(self, message: Limits) -> None:
+        """Replace all limits and thresholds."""
+        self.set_points.set_limits(message.table)
+        self._guards.set_thresholds(message.thresholds)
 
-    def targets(self, message: Targets, now: float) -> tuple[dict[Key, Any], list[FromWorker]]:
-        """Those of the targets that the driver gets at once, as the limits leave them."""
+    def filter_targets(self, message: Targets, now: float) -> tuple[dict[Key, Any], list[FromWorker]]:
+        """Return the targets that the driver gets at once, after the limits, and the messages to post."""
         news: list[FromWorker] = []
         refusal = self.authority.refusal(message.epoch)
         passed: dict[Key, Any] = {}
         for key, value in message.values.items():
-            reason = refusal or self._held(key[0])
+            reason = refusal or self._holding_threshold(key[0])
             if reason and self._driver.moves(*key, value):
-                # That a stop has overtaken a target is no news to anybody.
+                # A target that a stop has overtaken is dropped without a message: this is the normal case.
                 news += [] if reason is STALE else [Refused(*key, reason)]
             else:
                 passed[key] = value
-        given = self.set_points.take(passed, now, message.time, message.resumed)
-        return given, news + [*self.set_points.news()]
+        given = self.set_points.accept_targets(passed, now, message.time, message.resumed)
+        return given, news + [*self.set_points.pop_limited()]
 
-    def request(self, message: Request) -> tuple[Request | None, list[FromWorker]]:
-        """A request as the limits leave it; None, and an answer, if it may not be done now."""
-        reason = self.authority.refusal(message.epoch) or self._held(message.device)
+    def filter_request(self, message: Request) -> tuple[Request | None, list[FromWorker]]:
+        """Return the request after the limits; None and an error reply if it must not be executed now."""
+        reason = self.authority.refusal(message.epoch) or self._holding_threshold(message.device)
         if reason and self._driver.request_moves(message):
             return None, [Reply(message.reply_id, False, error=reason)]
-        clamp = self.set_points.clamp
-        for key, value in self._driver.implied(message).items():
+        clamp = self.set_points.clamp_value
+        for key, value in self._driver.implied_targets(message).items():
             if clamp(*key, value) != value:
-                limit = self.set_points.news()[-1:]
+                limit = self.set_points.pop_limited()[-1:]
                 why = f"it is beyond {limit[0].limit}" if limit else "it is beyond a limit"
                 return None, [Reply(message.reply_id, False, error=why)]
         if message.verb == "write":
@@ -76,17 +76,17 @@ class Gate:
         elif message.verb == "write_all":
             steps = tuple((item, clamp(message.device, item, value)) for item, value in message.value)
             message = replace(message, value=steps)
-        return message, [*self.set_points.news()]
+        return message, [*self.set_points.pop_limited()]
 
-    def look(self, samples: Samples) -> Measures | None:
-        """Look at measured values; None if nothing is to be done."""
-        targets, news = self._guards.look(samples)
+    def check_samples(self, samples: Samples) -> ThresholdActions | None:
+        """Compare measured values with the thresholds; None if none was crossed."""
+        targets, news = self._guards.check_samples(samples)
         if not news:
             return None
         stopped = tuple({one.device: None for one in news if one.device in self._guards.held})
-        self.set_points.forget(stopped)
-        return Measures(stopped, targets, [*news])
+        self.set_points.drop_courses(stopped)
+        return ThresholdActions(stopped, targets, [*news])
 
-    def _held(self, device: Any) -> str:
+    def _holding_threshold(self, device: Any) -> str:
         name = self._guards.held.get(device)
         return "" if name is None else f"held by {name}"

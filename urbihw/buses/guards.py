@@ -1,6 +1,6 @@
-"""What a worker does about measured values that go too far: heat, voltage.  No I/O: samples in, targets and news out.
+"""Supervision of measured values (temperature, voltage).  No I/O: samples in, targets and messages out.
 
-A threshold is passed when a value is beyond its level, and left again when the value is back by the hysteresis.
+A threshold is passed when the value is beyond its level, and left when the value is back by the hysteresis.
 """
 
 from __future__ import annotations
@@ -8,14 +8,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from urbihw.buses.messages import Guarded, Samples, Threshold
+from urbihw.buses.messages import Samples, Threshold, ThresholdCrossed
 
 
-class Guards:
+class ThresholdMonitor:
     """The thresholds of all devices.
 
     Attributes:
-        held: device -> name of the threshold that lets nothing move it.
+        held: device -> name of the threshold that forbids its motion.
     """
 
     def __init__(self) -> None:
@@ -23,34 +23,34 @@ class Guards:
         self._thresholds: dict[Any, list[Threshold]] = {}
         self._passed: set[Threshold] = set()
 
-    def set(self, thresholds: tuple[Threshold, ...]) -> None:
-        """Take new thresholds; those that are passed stay so if they are still among them."""
+    def set_thresholds(self, thresholds: tuple[Threshold, ...]) -> None:
+        """Replace all thresholds; a passed one stays passed if the new list still has it."""
         self._thresholds = {}
         for threshold in thresholds:
             self._thresholds.setdefault(threshold.device, []).append(threshold)
         self._passed &= {*thresholds}
-        self._find_held()
+        self._update_held()
 
-    def look(self, samples: Samples) -> tuple[dict[tuple[Any, str], Any], list[Guarded]]:
-        """Take samples in: the targets to set for what was passed or left, and the news of it."""
+    def check_samples(self, samples: Samples) -> tuple[dict[tuple[Any, str], Any], list[ThresholdCrossed]]:
+        """Return the targets to set for thresholds that were passed or left, and a message for each."""
         targets: dict[tuple[Any, str], Any] = {}
-        news: list[Guarded] = []
+        news: list[ThresholdCrossed] = []
         if not self._thresholds:
             return targets, news
         for device, values in samples.values.items():
             for threshold in self._thresholds.get(device, ()):
                 if threshold.item in values:
-                    self._compare(threshold, values, targets, news)
+                    self._check_threshold(threshold, values, targets, news)
         if news:
-            self._find_held()
+            self._update_held()
         return targets, news
 
-    def _compare(
+    def _check_threshold(
         self,
         threshold: Threshold,
         values: Mapping[str, Any],
         targets: dict[tuple[Any, str], Any],
-        news: list[Guarded],
+        news: list[ThresholdCrossed],
     ) -> None:
         value = values[threshold.item]
         beyond = value - threshold.level if threshold.above else threshold.level - value
@@ -64,7 +64,8 @@ class Guards:
         else:
             return
         targets.update({(threshold.device, item): raw for item, raw in wanted})
-        news.append(Guarded(threshold.device, threshold.name, threshold.item, value, not passed, threshold.holds))
+        device, name, item = threshold.device, threshold.name, threshold.item
+        news.append(ThresholdCrossed(device, name, item, value, not passed, threshold.holds))
 
-    def _find_held(self) -> None:
+    def _update_held(self) -> None:
         self.held = {threshold.device: threshold.name for threshold in self._passed if threshold.holds}

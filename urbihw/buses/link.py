@@ -2,7 +2,7 @@
 
 A port is named by a url (`Url`), opened, closed and counted. Most are links: a `Link` moves bytes and knows no
 protocol. Add one by subclassing `Link` and adding a row to `urbihw.buses.BUSES`; the contract tests then run over it by
-themselves. What moves something else than bytes (frames of a CAN bus) is another subclass of `Port`.
+themselves. A port that carries something other than bytes (CAN frames) is another subclass of `Port`.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 DEFAULT_BAUD = 1_000_000  # factory speed of the AX series, the commonest bus here
 BAUD = Rule((int,), "a number such as 57600 or 1000000", least=1)
 _BITS_PER_BYTE = 10  # start, 8 data, stop
+_FIND_THEIR_TARGET = {"spykee"}  # schemes of ports that look for their robot themselves
 _MOST_DISCARDED = 1 << 16  # far more than any system holds for a reader that sleeps
 
 
@@ -57,13 +58,13 @@ class Url:
                 raise BadUrl("bus url: one spy:// is enough")
         else:
             target, _, query = rest.partition("?")
-        if not target:
+        if not target and scheme not in _FIND_THEIR_TARGET:
             raise BadUrl(f"bus url {text!r} names no port: write for instance /dev/ttyUSB0 or socket://host:port")
         return cls(text, scheme, target, _pairs(text, query))
 
 
-def take_off(url: str, names: Collection[str]) -> tuple[str, dict[str, str]]:
-    """The url without some of its parameters, and those: what is meant for the robot, and not for its port.
+def split_parameters(url: str, names: Collection[str]) -> tuple[str, dict[str, str]]:
+    """Split the parameters `names` off a url: those are meant for the robot, the rest for its port.
 
     Raises BadUrl when what stands behind `?` is not `key=value`.
     """
@@ -116,7 +117,7 @@ class Port(ABC):
 
     @classmethod
     def parameters(cls, url: Url) -> Mapping[str, Rule]:
-        """What may stand behind `?` of a url of this kind."""
+        """Return the rules of the parameters behind `?` of a url of this kind."""
         return {"baud": BAUD}
 
     @property
@@ -165,7 +166,8 @@ class Link(Port):
       - send all of `data` in `_write`, in one piece where the system allows it (a servo gives up on a pause).
     A subclass MAY
       - override `discard` when its system can throw input away faster than by reading it;
-      - set `packets` when what is written in one piece arrives in one piece, and a read gives at most one such piece.
+      - set `packets` when what is written in one piece arrives in one piece, and a read gives at most one such piece;
+      - override `is_writable` when bytes may wait in the system for long.
     It MUST NOT sleep otherwise, start threads, or know what the bytes mean.
     """
 
@@ -189,8 +191,12 @@ class Link(Port):
         self._write(data)
         self.bytes_written += len(data)
 
+    def is_writable(self) -> bool:
+        """Whether what is written now would leave soon: asked before bulk data, behind which a stop would wait."""
+        return True
+
     def discard(self) -> int:
-        """Throw away all input that has arrived, but no more than comes from something that babbles without end.
+        """Discard all input that has arrived, with an upper bound for a peer that never stops sending.
 
         Returns how many bytes that were. Raises LinkGone.
         """
@@ -214,7 +220,7 @@ def byte_link(port: Port) -> Link:
 
 
 def set_line_speed(link: Link, baud: int) -> None:
-    """Let a serial line go on at another speed, in bits per second; other links have none. Raises Unavailable."""
+    """Change the speed of a serial line, in bits per second; no effect on other links. Raises Unavailable."""
     if has_line_speed(link) and link.baud != baud:
         link.close()
         link.baud = baud
@@ -222,5 +228,5 @@ def set_line_speed(link: Link, baud: int) -> None:
 
 
 def has_line_speed(link: Link) -> bool:
-    """Whether the speed of the line is the host's to set, as that of a serial line is; not over TCP, nor in tests."""
+    """Return whether the host sets the line speed: true for a serial line, false over TCP and in tests."""
     return link.url.scheme == "serial"

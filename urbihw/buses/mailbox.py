@@ -1,7 +1,7 @@
-"""The two ends of the pipe inside a worker: neither ever waits.
+"""The worker's end of the pipe to its parent: non-blocking in both directions.
 
-A parent that hangs must not hold up the wire, nor the dead-man timer; so what does not fit into the pipe is kept.
-States and replies wait in order; samples are merged into one message, in which the newest value of each item wins.
+A parent that hangs must block neither the wire nor the dead-man timer, so messages that do not fit into the pipe are
+queued. States and replies keep their order; samples are merged into one message with the newest value of each item.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ class Mailbox:
     """Messages over a duplex `multiprocessing.Pipe`.
 
     Attributes:
-        ended: the parent is gone, or will send no more.
-        fd: what to watch for messages.
+        ended: the parent has closed its end.
+        fd: the file descriptor to wait on for messages.
     """
 
     def __init__(self, pipe: Connection) -> None:
@@ -30,11 +30,11 @@ class Mailbox:
         self._fd = self.fd
         self._waiting: deque[FromWorker] = deque(maxlen=_KEPT)
         self._samples: Samples | None = None
-        self._deaf = False
+        self._peer_closed = False
         self._dropped = 0
 
-    def take(self) -> list[ToWorker]:
-        """Return the messages that have come."""
+    def receive_messages(self) -> list[ToWorker]:
+        """Return the messages that have arrived."""
         messages: list[ToWorker] = []
         try:
             while not self.ended and select.select((self._fd,), (), (), 0)[0]:
@@ -44,7 +44,7 @@ class Mailbox:
         return messages
 
     def post(self, message: FromWorker) -> None:
-        """Send a message if the pipe takes it now."""
+        """Send a message, or queue it when the pipe is full."""
         self._send_waiting()
         if not self._waiting and self._samples is None and self._writable():
             self._send(message)
@@ -56,13 +56,13 @@ class Mailbox:
             self._samples = _merged(self._samples, message)
             self._dropped += 1
 
-    def take_dropped(self) -> int:
+    def pop_dropped_count(self) -> int:
         """Return how many samples were merged into later ones since the last call."""
         dropped, self._dropped = self._dropped, 0
         return dropped
 
     def close(self) -> None:
-        """Send what still waits if the pipe takes it, and close."""
+        """Send queued messages as far as the pipe takes them, and close."""
         self._send_waiting()
         self._pipe.close()
 
@@ -79,13 +79,13 @@ class Mailbox:
         return bool(select.select((), (self._fd,), (), 0)[1])
 
     def _send(self, message: FromWorker) -> None:
-        if self._deaf:
+        if self._peer_closed:
             return
         try:
             self._pipe.send(message)
         except OSError:
-            # The parent's end is closed: nobody is left to be told.
-            self._deaf = True
+            # The parent's end is closed; further messages have no reader.
+            self._peer_closed = True
 
 
 def _merged(old: Samples, new: Samples) -> Samples:

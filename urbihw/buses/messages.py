@@ -1,13 +1,12 @@
-"""What a bus worker and its parent tell each other. All of them are frozen and can cross a process border.
+"""The messages between a bus worker and its parent: frozen, and picklable for a pipe between processes.
 
-To the worker: Begin first; then Targets, Watch, Request, Stop, EmergencyStop, Release, Limits, Alive, Configure.
-From the worker: Found, Samples, Happened, DeviceState, LinkState, Reply, Refused, Limited, Guarded, Stopped,
-Latched, Statistics, Pulse, Ended.  From who supervises it: WorkerState.
+To the worker: Begin first; then Targets, Watch, Request, Stop, EmergencyStop, Release, Limits, Heartbeat, Configure.
+From the worker: Found, Samples, Happened, DeviceState, LinkState, Reply, Refused, Limited, ThresholdCrossed, Stopped,
+Latched, Statistics, WorkerHeartbeat, Ended.  From the worker's supervisor: WorkerState.
 
-They are the same for every family of wires; what a device is called (a number, a name, a port), which items it has,
-and which verbs it takes is for the family's driver to say. Values are raw counts, turned into SI and back by those who
-know the device; times are seconds of the machine's monotonic clock (`time.monotonic()`), the same in all processes.
-All that is in a message can be pickled.
+They are the same for all protocol families; the names of devices (a number, a name, a port), their items, and the verbs
+of requests are defined by the driver of the family. Values are raw counts, converted to SI and back by the platform;
+times are seconds of the machine's monotonic clock (`time.monotonic()`), which is the same in all processes.
 """
 
 from __future__ import annotations
@@ -20,15 +19,15 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class Targets:
-    """New values to write, by (device, item). Send only what is to be written: every entry is an act.
+    """New values to write, by (device, item).
 
-    All targets that arrive before a tick go out together at that tick; of two for one item the later wins. A target
-    that a device already has is not sent again. A target for a device that is lost, or sent while the link is down,
-    is forgotten: a robot never moves by itself because a plug went back in.
+    All targets that arrive before a tick are sent together at that tick; of two for one item the later wins. A target
+    that a device already has is not sent again. A target for a device that is lost, or that arrives while the link is
+    down, is dropped: a robot must not begin to move because a plug was put back.
 
-    `epoch` is that of the robot's motion when they were written: those of an older one that would move it are dropped.
-    `time` is when they were written, in seconds of the writer's clock: a movement is as fast as these say. `resumed`
-    are those of a movement whose writer was held up: the device has not gone on meanwhile.
+    `epoch` is the motion epoch in which they were written: targets of an older epoch that would move the robot are
+    dropped. `time` is when they were written, in seconds of the writer's clock; the speed of a movement is computed
+    from it. `resumed` are targets of a movement whose writer was held up: the device has stood still meanwhile.
     """
 
     values: Mapping[tuple[Any, str], Any]
@@ -39,7 +38,7 @@ class Targets:
 
 @dataclass(frozen=True, slots=True)
 class Watch:
-    """Read `items` of a device every `period` seconds (0: every tick) from now on; None: no more.
+    """Read `items` of a device every `period` seconds (0: every tick) from now on; None ends the reading.
 
     A watch lasts until it is replaced, also while the device is lost and while the link is down.
     """
@@ -51,11 +50,11 @@ class Watch:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """Something to do once, behind the next tick; a `Reply` with the same `reply_id` answers it.
+    """An operation to execute once, after the next tick; answered by a `Reply` with the same `reply_id`.
 
-    Every family has the verbs "read", which gives the value of `item`, and "write", which writes `value` and waits for
-    the confirmation where there is one; its driver lists the others. `epoch`: as `Targets.epoch`; a request that may
-    move the robot and is older, or comes while an emergency stop holds, is answered by an error.
+    Every family has the verbs "read", which returns the value of `item`, and "write", which writes `value` and waits
+    for the confirmation where the protocol has one; the driver lists the others. `epoch`: as `Targets.epoch`; a request
+    of an older epoch that may move the robot, or one during an emergency stop, is answered with an error.
     """
 
     reply_id: int
@@ -68,11 +67,11 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """Stop the robot now: wheels to speed 0, joints that we moved hold where they are. Later targets move it again.
+    """Stop the robot now: wheels to speed 0, joints that we moved hold their position. Later targets move it again.
 
     Attributes:
-        epoch: of the robot's motion from now on.
-        reason: for the log and for those whose motion ends.
+        epoch: the motion epoch from now on.
+        reason: for the log and for the programs whose motion ends.
         devices: stop only these, in the same epoch; None for all.
     """
 
@@ -83,23 +82,23 @@ class Stop:
 
 @dataclass(frozen=True, slots=True)
 class EmergencyStop:
-    """Stop the robot now, and let nothing move it until `Release`. `who` asked."""
+    """Stop the robot now, and refuse all motion until `Release`. `who` asked for it."""
 
     who: str
 
 
 @dataclass(frozen=True, slots=True)
 class Release:
-    """End an emergency stop; nothing moves by that. `who` asked."""
+    """End an emergency stop; this by itself moves nothing. `who` asked for it."""
 
     who: str
 
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """What a target may be, in raw counts: from `low` to `high`, changing by `rate` a second at most.
+    """The limit of a target in raw counts: from `low` to `high`, changing by at most `rate` per second.
 
-    `name` tells the user which setting that is.
+    `name` is the setting that it comes from, for messages.
     """
 
     low: float = -math.inf
@@ -110,15 +109,15 @@ class Limit:
 
 @dataclass(frozen=True, slots=True)
 class Threshold:
-    """What to do when a measured item goes too far; all in raw counts.
+    """A threshold of a measured item, and the reaction to crossing it; all in raw counts.
 
     Attributes:
-        device, item: what is measured.
-        level: from which it is too much; `above` False: below which it is too little.
-        hysteresis: how far back the value must be until the threshold is left again.
+        device, item: the measured quantity.
+        level: the threshold is passed at or above this value; with `above` False at or below it.
+        hysteresis: distance from `level` at which the threshold is left again.
         targets, restored: (item, value) to set when it is passed, and when it is left.
-        holds: nothing may move the device meanwhile.
-        name: tells the user which setting that is.
+        holds: while it is passed, the device must not move.
+        name: the setting that it comes from, for messages.
     """
 
     device: Any
@@ -134,15 +133,15 @@ class Threshold:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """The limits of all targets that have any, by (device, item), and all thresholds; replaces those before."""
+    """The limits of targets, by (device, item), and all thresholds; replaces the earlier ones."""
 
     table: Mapping[tuple[Any, str], Limit]
     thresholds: tuple[Threshold, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Alive:
-    """The master lives. Send it from the main loop every 0.5 s; any other message counts as one too."""
+class Heartbeat:
+    """The heartbeat of the master. Send it from the main loop every 0.5 s; any other message counts as one too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,11 +149,11 @@ class Configure:
     """All settings of a worker; sending another one replaces them.
 
     Attributes:
-        rate: ticks a second.
+        rate: ticks per second.
         dead_man: seconds of silence of the parent after which the robot is stopped; 0 for never.
         torque_off_on_stop: every stop also switches the motors off: the robot falls.
-        resume: a movement that goes on while its device or the link is lost is taken up again on return.
-        options: what else the family knows, by name.
+        resume: a movement whose device or link was lost meanwhile continues on its return.
+        options: settings of the protocol family, by name.
     """
 
     rate: float = 100.0
@@ -166,15 +165,15 @@ class Configure:
 
 @dataclass(frozen=True, slots=True)
 class Begin:
-    """What a worker is born with: always the first message.
+    """The initial state of a worker: always its first message.
 
     Attributes:
-        settings: as later `Configure` messages bring them.
-        epoch: of the robot's motion.
+        settings: as in a `Configure` message.
+        epoch: the motion epoch.
         control: path of the control socket to listen at, "" for none.
-        instead: why it takes the place of another worker, "" if it does not.
-        devices: what the last worker found; they are looked for first.
-        watches: what is to be read from the first tick on.
+        instead: why it replaces another worker, "" if it does not.
+        devices: the devices that the last worker found; they are searched first.
+        watches: the watches from the first tick on.
     """
 
     settings: Configure
@@ -187,7 +186,7 @@ class Begin:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """The devices that are there, each as its family describes one; `conflicts` are ids that several answer to."""
+    """The devices that were found, described as the family defines; `conflicts` are ids that several answer to."""
 
     devices: tuple[Any, ...]
     conflicts: tuple[Any, ...] = ()
@@ -195,12 +194,12 @@ class Found:
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """What one tick read.
+    """The values that one tick read.
 
     Attributes:
-        time: when the tick's last answer was in.
+        time: arrival of the tick's last answer.
         values: device -> item -> raw count.
-        times: device -> when its answer was in.
+        times: device -> arrival of its answer.
     """
 
     time: float
@@ -223,7 +222,7 @@ class DeviceState:
 
 @dataclass(frozen=True, slots=True)
 class Happened:
-    """A device reports something that is no value: a button, a fault, a text; `what` is a name of the family's."""
+    """A device reports an event: a button, a fault, a text; the names `what` are defined by the family."""
 
     device: Any
     what: str
@@ -232,7 +231,7 @@ class Happened:
 
 @dataclass(frozen=True, slots=True)
 class LinkState:
-    """The link came up, or went down and why."""
+    """The link came up, or went down for a `reason`."""
 
     up: bool
     reason: str = ""
@@ -240,7 +239,7 @@ class LinkState:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """The outcome of a `Request`: a value, or an error in words."""
+    """The outcome of a `Request`: a value, or an error text."""
 
     reply_id: int
     ok: bool
@@ -250,7 +249,7 @@ class Reply:
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """A target or a watch that makes no sense, and why; nothing was written for it."""
+    """A target or a watch was invalid, and why; nothing was written for it."""
 
     device: Any
     item: str
@@ -259,7 +258,7 @@ class Refused:
 
 @dataclass(frozen=True, slots=True)
 class Limited:
-    """A limit made something else of a target, or (`limit` is "") does so no more; values are raw counts."""
+    """A limit changed a target, or (`limit` is "") no longer does; values are raw counts."""
 
     device: Any
     item: str
@@ -269,7 +268,7 @@ class Limited:
 
 
 @dataclass(frozen=True, slots=True)
-class Guarded:
+class ThresholdCrossed:
     """A threshold was passed, or (`passed` False) left again, at a raw value; `holds`: as `Threshold.holds`."""
 
     device: Any
@@ -282,9 +281,9 @@ class Guarded:
 
 @dataclass(frozen=True, slots=True)
 class Stopped:
-    """The robot was brought to its safe stop, and why; all targets are forgotten.
+    """The worker executed the safe stop, for a reason; all targets are dropped.
 
-    `epoch` is that of its motion from now on; `devices` are the only ones that were stopped, None for all.
+    `epoch` is the motion epoch from now on; `devices` are those that were stopped, None for all.
     """
 
     reason: str
@@ -301,28 +300,28 @@ class Latched:
 
 
 @dataclass(frozen=True, slots=True)
-class Pulse:
-    """The worker lives; it will be heard of again within `allowance` seconds."""
+class WorkerHeartbeat:
+    """The heartbeat of the worker; the next one is due within `allowance` seconds."""
 
     allowance: float
 
 
 @dataclass(frozen=True, slots=True)
 class WorkerState:
-    """Who supervises the worker has seen that it is silent, was replaced, or (`reason` "") answers again."""
+    """The supervisor reports that the worker is silent, was replaced, or (`reason` "") answers again."""
 
     reason: str
 
 
 @dataclass(frozen=True, slots=True)
 class Statistics:
-    """How the last second went.
+    """Statistics of the last second.
 
     Attributes:
         time: end of that second.
-        rate: ticks a second.
-        late: ticks that were skipped because the one before took too long.
-        errors: by kind ("timeouts", "damaged", "refused", "retried"); kinds without any are left out.
+        rate: ticks per second.
+        late: ticks that were skipped because the previous one took too long.
+        errors: by kind ("timeouts", "damaged", "refused", "retried"); kinds with count 0 are left out.
         load: share of the second in which the wire was busy, 0..1.
         dropped: Samples merged into later ones because the parent did not read.
     """
@@ -337,12 +336,12 @@ class Statistics:
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """The worker is gone; `reason` is "" when it was asked to go. Always its last message."""
+    """The worker has ended; `reason` is "" when it was asked to end. Always its last message."""
 
     reason: str = ""
 
 
-ToWorker = Targets | Watch | Request | Stop | EmergencyStop | Release | Limits | Alive | Configure
+ToWorker = Targets | Watch | Request | Stop | EmergencyStop | Release | Limits | Heartbeat | Configure
 FromWorker = (
     Found
     | Samples
@@ -352,11 +351,11 @@ FromWorker = (
     | Reply
     | Refused
     | Limited
-    | Guarded
+    | ThresholdCrossed
     | Stopped
     | Latched
     | Statistics
-    | Pulse
+    | WorkerHeartbeat
     | WorkerState
     | Ended
 )

@@ -1,8 +1,8 @@
 """An in-memory link for tests: `pipe://name`, with wire time but without waiting.
 
-The far end is a `PipeEnd`, put under its name into `Context.pipes`. Bytes take as long as on a wire of the given
-speed: the far end learns when the last byte of a message has arrived, and its own bytes are readable from a given time
-on. On a `SimClock` waiting for them is a jump, so a whole robot runs in simulated time in one thread.
+The far end is a `PipeEnd`, registered by name in `Context.pipes`. Bytes take as long as on a wire of the given speed:
+the far end gets the arrival time of the last byte of a message, and gives a time from which its own bytes are
+readable. On a `SimClock` waiting is a jump, so a whole robot runs in simulated time in one thread.
 """
 
 from __future__ import annotations
@@ -20,10 +20,13 @@ class PipeEnd:
 
     Attributes:
         on_receive: called with (data, time its last byte arrived) for each write of the link.
+        on_open: called when a link opens it, for a peer that has connections.
     """
 
     def __init__(self, on_receive: Callable[[bytes, float], None] | None = None) -> None:
         self.on_receive = on_receive
+        self.on_open: Callable[[], None] = lambda: None
+        self.connection = 0
         self._plugged = True
         self._order = itertools.count()
         self._inbox: list[tuple[float, int, bytes]] = []
@@ -32,6 +35,11 @@ class PipeEnd:
         """Let `data` become readable at the link at time `at` (all of it together)."""
         if data:
             heapq.heappush(self._inbox, (at, next(self._order), data))
+
+    def hang_up(self) -> None:
+        """Make every use of the links that are open fail, until they are opened anew; bytes under way are lost."""
+        self.connection += 1
+        self._inbox.clear()
 
     def unplug(self) -> None:
         """Make every use of the link fail until `replug`; bytes under way are lost."""
@@ -47,7 +55,7 @@ class PipeEnd:
         """False between `unplug` and `replug`."""
         return self._plugged
 
-    def take(self, size: int, now: float) -> bytes:
+    def read_arrived(self, size: int, now: float) -> bytes:
         """Return at most `size` bytes that have arrived by `now`."""
         parts = b""
         while self._inbox and self._inbox[0][0] <= now and len(parts) < size:
@@ -68,6 +76,7 @@ class PipeLink(Link):
 
     _end: PipeEnd | None = None
     _wire_free_at = 0.0
+    _connection = 0
 
     def __init__(self, url: Url, context: Context) -> None:
         super().__init__(url, context)
@@ -80,24 +89,28 @@ class PipeLink(Link):
         if not end.plugged:
             raise Unavailable(f"pipe {self.url.target} is unplugged")
         self._end = end
+        end.on_open()
+        self._connection = end.connection
 
     def _close(self) -> None:
         self._end = None
 
     def _read(self, size: int, deadline: float) -> bytes:
-        end = self._living_end()
+        end = self._plugged_end()
         arrival = end.next_arrival()
         self.clock.sleep_until(deadline if arrival is None else min(arrival, deadline))
-        return self._living_end().take(size, self.clock.now())
+        return self._plugged_end().read_arrived(size, self.clock.now())
 
     def _write(self, data: bytes) -> None:
-        end = self._living_end()
+        end = self._plugged_end()
         start = max(self.clock.now(), self._wire_free_at)
         self._wire_free_at = start + len(data) * self.byte_time
         if end.on_receive is not None:
             end.on_receive(data, self._wire_free_at)
 
-    def _living_end(self) -> PipeEnd:
+    def _plugged_end(self) -> PipeEnd:
         if self._end is None or not self._end.plugged:
             raise LinkGone(f"{self.url.text}: unplugged")
+        if self._end.connection != self._connection:
+            raise LinkGone(f"{self.url.text}: the other side closed")
         return self._end

@@ -9,7 +9,7 @@ from serial.tools.list_ports import comports
 
 
 @dataclass(frozen=True, slots=True)
-class Port:
+class SerialPort:
     """A serial port.
 
     Attributes:
@@ -24,7 +24,7 @@ class Port:
     description: str
 
 
-def serial_ports() -> list[Port]:
+def serial_ports() -> list[SerialPort]:
     """The serial ports that exist, in order of their paths."""
-    found = [Port(port.device, port.vid, port.pid, port.description) for port in comports()]
+    found = [SerialPort(port.device, port.vid, port.pid, port.description) for port in comports()]
     return sorted((port for port in found if os.path.exists(port.device)), key=lambda port: port.device)

@@ -38,7 +38,7 @@ class SerialLink(FdLink):
             port.set_low_latency_mode(True)
         self._port = port
         self._fd = port.fileno()
-        # Bytes that waited in the system before we came answer nobody of us.
+        # Bytes that the system had buffered before the port was opened answer no request of ours.
         with contextlib.suppress(OSError, serial.SerialException):
             port.reset_input_buffer()
 
@@ -65,7 +65,7 @@ class SerialLink(FdLink):
 
 
 def no_port(path: str) -> Unavailable | None:
-    """What to say of something that could not be opened as a serial port because it is none; None if it may be one."""
+    """Return the error for a path that is not a serial port; None if it may be one."""
     try:
         mode = os.stat(path).st_mode
         kind = next((f" but a {word}" for is_one, word in _OTHERS if is_one(mode)), "")

@@ -1,11 +1,11 @@
-"""What lies between the targets that are asked for and those that a driver is given; no I/O.
+"""Set points: from the targets that are requested to those that the driver gets; no I/O.
 
-A target is asked for as often as its writer likes.  What the driver gets stays within the limits of the settings, and
-it changes no faster than they allow.  A device that was lost and comes back is where it is, not where its movement has
-got to meanwhile: the movement is taken up from there, no faster than it goes by itself, until it has caught up.
+A writer may request targets at any rate.  The driver's targets stay within the limits of the settings and change no
+faster than the rate limits allow.  A device that was lost and comes back is where it stopped, not where its movement
+has got to meanwhile: the set point starts at its position and catches up, no faster than the movement itself.
 
-    asked    .-'-.     .-'-.        the course of the movement
-    given    .-'--------'/..-'-.    held while the device is lost, then brought nearer at the course's own speed
+    asked    .-'-.     .-'-.        the requested course of the movement
+    given    .-'--------'/..-'-.    constant while the device is lost, then led to the course at the course's own speed
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from urbihw.buses.messages import Limit, Limited
 
 Key = tuple[Any, str]
 
-LIVE: Final = 0.25
-"""Seconds between two targets up to which they belong to one movement."""
-WINDOW: Final = 2.0
-"""Seconds over which the speed of a movement is looked at."""
-BASE: Final = 0.06
-"""Seconds over which a speed is measured at least: single targets jump by whole counts, and come a little late."""
-CATCH_UP: Final = 1.0
-"""Seconds in which a movement is caught up with whose own speed is not known."""
-LONGEST_STEP: Final = 0.03
-"""Seconds that a tick may stand for."""
+LIVE_TIMEOUT_S: Final = 0.25
+"""Longest pause in s between two targets of one movement; a course without targets for longer is over."""
+SPEED_WINDOW_S: Final = 2.0
+"""Seconds over which the largest speed of a movement is determined."""
+SPEED_BASE_S: Final = 0.06
+"""Shortest time base of a speed in s: single targets change by whole counts, and arrive with some jitter."""
+CATCH_UP_S: Final = 1.0
+"""Seconds in which a set point catches up with a movement of unknown speed."""
+LONGEST_STEP_S: Final = 0.03
+"""Longest time step of a tick in s."""
 _NO_LIMIT: Final = Limit()
 
 
@@ -48,81 +48,81 @@ class _Course:
         self._fastest = self._before = 0.0
         self._since = -math.inf
 
-    def ask(self, value: float, now: float, written: float, resumed: bool = False) -> None:
-        """A target came, ``written`` at a time of its writer's clock; ``resumed``: who was held up."""
+    def add_target(self, value: float, now: float, written: float, resumed: bool = False) -> None:
+        """Record a target, ``written`` at a time of its writer's clock; ``resumed``: its writer was held up."""
         place, begun = self._from
         elapsed = written - begun
         if resumed:
             self._from = value, written
-        elif now - self.asked_at > LIVE or elapsed > LIVE or elapsed < 0:
+        elif now - self.asked_at > LIVE_TIMEOUT_S or elapsed > LIVE_TIMEOUT_S or elapsed < 0:
             self._fastest = self._before = 0.0
             self._since = written
             self._from = value, written
-        elif elapsed >= BASE:
-            if written - self._since > WINDOW:
+        elif elapsed >= SPEED_BASE_S:
+            if written - self._since > SPEED_WINDOW_S:
                 self._before, self._fastest, self._since = self._fastest, 0.0, written
             self._fastest = max(self._fastest, abs(value - place) / elapsed)
             self._from = value, written
         self.asked, self.asked_at = value, now
 
     def is_live(self, now: float) -> bool:
-        """Whether targets still come."""
-        return now - self.asked_at <= LIVE
+        """Return whether targets still arrive."""
+        return now - self.asked_at <= LIVE_TIMEOUT_S
 
     def speed(self) -> float:
-        """How fast the course goes at most, in counts a second; 0 if that is not known."""
+        """Return the largest recent speed of the course in counts/s, 0 if unknown."""
         return max(self._fastest, self._before)
 
 
-class Wire(Protocol):
-    """What is asked of a driver."""
+class TargetConverter(Protocol):
+    """The part of a driver that set points use: positions, and conversion of targets."""
 
     def pose(self, device: Any, item: str) -> float | None:
-        """Where the device is, in the unit of the target; None for an item that is no place."""
+        """Return the position of the device in the unit of the target; None for an item that is not a position."""
         ...
 
     def signed(self, device: Any, item: str, raw: Any) -> float:
-        """A target as a number that grows with what it asks for."""
+        """Return a raw target as a signed number."""
         ...
 
     def raw_of(self, device: Any, item: str, signed: float) -> Any:
-        """The target of such a number."""
+        """Return the raw target of a signed number."""
         ...
 
 
 class SetPoints:
     """The courses of all items of one wire."""
 
-    def __init__(self, wire: Wire) -> None:
-        self._wire = wire
+    def __init__(self, wire: TargetConverter) -> None:
+        self._converter = wire
         self._limits: Mapping[Key, Limit] = {}
         self._courses: dict[Key, _Course] = {}
         self._under_way: dict[Key, None] = {}
         self._stepped_at = -math.inf
         self._news: list[Limited] = []
 
-    def limit(self, table: Mapping[Key, Limit]) -> None:
-        """Take new limits."""
+    def set_limits(self, table: Mapping[Key, Limit]) -> None:
+        """Replace all limits."""
         self._limits = table
 
-    def forget(self, devices: tuple[Any, ...] | None = None) -> None:
-        """The robot, or a part of it, was stopped: no course is left."""
+    def drop_courses(self, devices: tuple[Any, ...] | None = None) -> None:
+        """Drop the courses of the robot, or of some devices, which were stopped."""
         for key in list(self._courses):
             if devices is None or key[0] in devices:
                 del self._courses[key]
                 self._under_way.pop(key, None)
 
-    def take(
+    def accept_targets(
         self,
         values: Mapping[Key, Any],
         now: float,
         written: float | None = None,
         resumed: Collection[Key] = (),
     ) -> dict[Key, Any]:
-        """Targets are asked for: what the driver gets at once.  The rest comes from ``step``.
+        """Accept requested targets; return those that the driver gets at once.  The others come from ``next_targets``.
 
-        ``written`` is when they were, by the clock of who did; as it is now, if that is not known.  ``resumed`` are
-        those of movements whose writer was held up: they are taken up like those of a device that was lost.
+        ``written`` is the time at which they were written, by the writer's clock; None: now.  ``resumed`` are targets
+        of movements whose writer was held up: they are caught up with like those of a device that was lost.
         """
         given: dict[Key, Any] = {}
         for key, raw in values.items():
@@ -133,90 +133,90 @@ class SetPoints:
             if course is None:
                 course = self._courses[key] = _Course()
             limit = self._limits.get(key)
-            wanted = float(raw) if limit is None else self._limited(key, course, limit, raw)
+            wanted = float(raw) if limit is None else self._apply_limit(key, course, limit, raw)
             held_up = key in resumed and course.speed() > 0
-            course.ask(wanted, now, now if written is None else written, held_up)
+            course.add_target(wanted, now, now if written is None else written, held_up)
             if held_up:
-                self._take_up(key, course, now)
+                self._start_catch_up(key, course, now)
             if key in self._under_way:
                 continue
-            if limit is not None and limit.rate < math.inf and self._begin(key, course, now):
+            if limit is not None and limit.rate < math.inf and self._start_ramp(key, course, now):
                 continue
             course.given = wanted
-            given[key] = raw if limit is None else self._raw(key, raw, wanted)
+            given[key] = raw if limit is None else self._raw_value(key, raw, wanted)
         return given
 
-    def clamp(self, device: Any, item: str, raw: Any) -> Any:
-        """What the limits leave of something that is written once."""
+    def clamp_value(self, device: Any, item: str, raw: Any) -> Any:
+        """Return a value that is written once, after its limits."""
         limit = self._limits.get((device, item))
         if limit is None or raw.__class__ is bool or not isinstance(raw, int | float):
             return raw
         course = self._courses.setdefault((device, item), _Course())
-        return self._raw((device, item), raw, self._limited((device, item), course, limit, raw))
+        return self._raw_value((device, item), raw, self._apply_limit((device, item), course, limit, raw))
 
-    def returned(self, device: Any, now: float) -> None:
-        """A device is back, None for all: its movements are taken up from where it is."""
+    def resume_courses(self, device: Any, now: float) -> None:
+        """A device is back (None: all are): its movements continue from its position."""
         for key, course in self._courses.items():
             if device not in (None, key[0]):
                 continue
-            place = self._wire.pose(*key)
+            place = self._converter.pose(*key)
             if not course.is_live(now) or (place is None and key not in self._under_way):
-                # Nobody moves it any more; what was still on its way to a target is not taken up by itself.
+                # Its writer has ended; a movement is never continued without its writer.
                 self._under_way.pop(key, None)
                 course.given = math.nan
                 continue
             if place is None:
-                # A speed begins at zero, where the stop on return has left it.
+                # A speed begins at zero: the device was stopped when it came back.
                 course.given, self._stepped_at = 0.0, now
             else:
-                self._take_up(key, course, now)
+                self._start_catch_up(key, course, now)
 
-    def step(self, now: float) -> dict[Key, Any]:
-        """A tick: the targets of what is still on its way to what was asked."""
+    def next_targets(self, now: float) -> dict[Key, Any]:
+        """Return the targets of this tick for all courses that have not reached their requested target."""
         if not self._under_way:
             return {}
-        # A tick that comes late makes the way longer, not the step larger.
-        elapsed, self._stepped_at = min(max(0.0, now - self._stepped_at), LONGEST_STEP), now
+        # A late tick must not make the step larger; the movement takes longer instead.
+        elapsed, self._stepped_at = min(max(0.0, now - self._stepped_at), LONGEST_STEP_S), now
         given: dict[Key, Any] = {}
         for key in list(self._under_way):
             course = self._courses[key]
             if course.returning and not course.is_live(now):
-                # Nobody moves it any more: it stays where it has got to.
+                # Its writer has ended while it caught up: it stays at the last set point.
                 del self._courses[key], self._under_way[key]
                 continue
             way = course.asked - course.given
             pace = self._limits.get(key, _NO_LIMIT).rate
             if course.returning:
-                pace = min(pace, course.speed() or abs(way) / CATCH_UP)
+                pace = min(pace, course.speed() or abs(way) / CATCH_UP_S)
             reach = pace * elapsed
             course.given = course.asked if abs(way) <= reach else course.given + math.copysign(reach, way)
-            given[key] = self._wire.raw_of(*key, course.given)
+            given[key] = self._converter.raw_of(*key, course.given)
             if course.given == course.asked:
                 course.returning = False
                 del self._under_way[key]
         return given
 
-    def news(self) -> list[Limited]:
-        """What limits made of targets since the last call."""
+    def pop_limited(self) -> list[Limited]:
+        """Return the changes that limits made to targets since the last call."""
         news, self._news = self._news, []
         return news
 
-    def _limited(self, key: Key, course: _Course, limit: Limit, raw: Any) -> float:
-        """What a limit leaves of a target; it is told when that changes, and when the limit is left."""
-        asked = self._wire.signed(*key, raw)
+    def _apply_limit(self, key: Key, course: _Course, limit: Limit, raw: Any) -> float:
+        """Return a target after its limit; a message is queued when that changes, and when the limit is left."""
+        asked = self._converter.signed(*key, raw)
         wanted = min(max(asked, limit.low), limit.high)
         name = limit.name if wanted != asked else ""
         if name != course.limit or (name and wanted != course.limited_to):
             course.limit, course.limited_to = name, wanted
-            self._news.append(Limited(*key, raw, self._wire.raw_of(*key, wanted), name))
+            self._news.append(Limited(*key, raw, self._converter.raw_of(*key, wanted), name))
         return wanted
 
-    def _raw(self, key: Key, raw: Any, wanted: float) -> Any:
-        return raw if self._wire.signed(*key, raw) == wanted else self._wire.raw_of(*key, wanted)
+    def _raw_value(self, key: Key, raw: Any, wanted: float) -> Any:
+        return raw if self._converter.signed(*key, raw) == wanted else self._converter.raw_of(*key, wanted)
 
-    def _take_up(self, key: Key, course: _Course, now: float) -> None:
-        """Lead a device from where it is to its course, no faster than that goes."""
-        place = self._wire.pose(*key)
+    def _start_catch_up(self, key: Key, course: _Course, now: float) -> None:
+        """Lead a device from its position to its course, no faster than the course itself moves."""
+        place = self._converter.pose(*key)
         if place is None:
             return
         course.given, course.returning = place, True
@@ -224,10 +224,10 @@ class SetPoints:
             self._stepped_at = now
         self._under_way[key] = None
 
-    def _begin(self, key: Key, course: _Course, now: float) -> bool:
-        """Let a target be reached step by step; false if it is there already."""
+    def _start_ramp(self, key: Key, course: _Course, now: float) -> bool:
+        """Start a ramp to a target; False if it is reached already."""
         if math.isnan(course.given):
-            place = self._wire.pose(*key)
+            place = self._converter.pose(*key)
             course.given = 0.0 if place is None else place
         if course.given == course.asked:
             return False

@@ -1,4 +1,4 @@
-"""Look at the bytes: `spy:///dev/ttyUSB0?baud=57600` prints what passes, in hex, to standard error.
+"""A link that prints its traffic: `spy:///dev/ttyUSB0?baud=57600` writes all bytes in hex to standard error.
 
 0.001234  > FF FF 01 02 01 FB
 0.001710  < FF FF 01 02 00 FC
@@ -28,7 +28,7 @@ class SpyLink(Link):
 
     @classmethod
     def parameters(cls, url: Url) -> Mapping[str, Rule]:
-        """See `Port`: all that stands behind `?` is the inner link's."""
+        """Return no rules: all parameters behind `?` belong to the inner link."""
         return {}
 
     def _open(self) -> None:
@@ -47,6 +47,10 @@ class SpyLink(Link):
     def _write(self, data: bytes) -> None:
         self._print(">", data)
         self._inner.write(data)
+
+    def is_writable(self) -> bool:
+        """Return whether the inner link accepts bytes now."""
+        return self._inner.is_writable()
 
     def _print(self, direction: str, data: bytes) -> None:
         print(f"{self.clock.now() - self._start:.6f}  {direction} {data.hex(' ').upper()}", file=self._output)

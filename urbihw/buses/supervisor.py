@@ -1,10 +1,10 @@
-"""Keeps a wire in the hands of a worker that works: the handle that a robot holds, with the face of a ``Worker``.
+"""Supervision of a bus worker: the handle that a robot holds, with the interface of a ``Worker``.
 
-A worker that has died, or hangs and was killed, is replaced: at once the first time, then with back-off.  The new one
-gets the settings, the watches and the devices of the old one, and its first act is to stop what moves.  It begins a new
-epoch, so that nothing that was written for the old one moves the robot.
+A worker that has died, or hung and was killed, is replaced: at once the first time, then with back-off.  The new one
+gets the settings, the watches and the devices of the old one, and first stops everything that moves.  It begins a new
+epoch, so that no write made for the old worker moves the robot.
 
-All of this is done in the thread that listens to the worker, so it works while a program holds the interpreter.
+All of this happens in the thread that reads from the worker, so it works while a program holds the interpreter.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from collections import deque
 from dataclasses import replace
 from typing import Any, Final
 
-from urbihw.buses.backoff import BackOff
+from urbihw.backoff import BackOff
 from urbihw.buses.errors import BusError, LinkGone
 from urbihw.buses.messages import (
-    Alive,
     Begin,
     Configure,
     EmergencyStop,
     Ended,
     Found,
     FromWorker,
+    Heartbeat,
     Latched,
     Limits,
     LinkState,
@@ -41,19 +41,19 @@ from urbihw.buses.messages import (
 )
 from urbihw.buses.worker import Post, Worker, WorkerBusy
 
-FIRST_BACK_OFF: Final = 1.0
-LAST_BACK_OFF: Final = 2.0
-"""Seconds at most: a robot that moves has nobody else who stops it."""
-STEADY: Final = 10.0
+FIRST_BACK_OFF_S: Final = 1.0
+LAST_BACK_OFF_S: Final = 2.0
+"""Longest pause in s: while there is no worker, nothing stops a moving robot."""
+STEADY_AFTER_S: Final = 10.0
 """Seconds of work after which a worker that ends is replaced at once again."""
-MOST_WAITING: Final = 10_000
-"""Messages that may wait for a worker that does not read."""
-LAST_STOP: Final = 3.0
-"""Seconds in which a worker that was started for nothing else must have stopped the robot."""
+MAX_QUEUED: Final = 10_000
+"""Messages that may be queued for a worker that does not read."""
+LAST_STOP_TIMEOUT_S: Final = 3.0
+"""Seconds in which a worker that was started only to stop the robot must have done so."""
 
 
 class Supervisor:
-    """A wire that is served as long as ``stop`` is not called.  Made by ``start``."""
+    """A supervised worker, replaced whenever it dies until ``stop`` is called.  Made by ``start``."""
 
     def __init__(self, url: str, post: Post, begin: Begin, family: str) -> None:
         self._url = url
@@ -68,45 +68,45 @@ class Supervisor:
         self._backlog: deque[ToWorker] = deque()
         self._link_up = False
         self._found = Found(())
-        self._back_off = BackOff(FIRST_BACK_OFF, LAST_BACK_OFF, at_once=True)
+        self._back_off = BackOff(FIRST_BACK_OFF_S, LAST_BACK_OFF_S, at_once=True)
         self._stopping = threading.Event()
         self._started_at = time.monotonic()
         self._dead = False
         with self._lock:
-            # One that dies at once waits with its end until it is known.
-            self._worker = Worker.start(url, post=self._hear, begin=begin, family=family)
+            # The lock delays the end message of a worker that dies at once until ``_worker`` is set.
+            self._worker = Worker.start(url, post=self._handle_message, begin=begin, family=family)
 
     @classmethod
     def start(cls, url: str, *, post: Post, settings: Configure, family: str, control: str = "") -> Supervisor:
-        """Start a worker on a wire and keep it; as ``Worker.start``.  ``control`` is the path of its control socket."""
+        """Start a supervised worker; as ``Worker.start``.  ``control`` is the path of its control socket."""
         return cls(url, post, Begin(settings, control=control), family)
 
     def send(self, message: ToWorker) -> None:
-        """Send a message to the worker of the moment.
+        """Send a message to the present worker.
 
-        Targets that it has no room for are lost: newer ones will come.  Everything else waits and keeps its order.
+        Targets for which the pipe has no room are dropped, since newer ones follow.  All others are queued in order.
         """
         with self._lock:
-            self._remember(message)
+            self._record_message(message)
             self._backlog.append(message)
-            while self._backlog and self._handed_over(self._backlog[0]):
+            while self._backlog and self._try_send(self._backlog[0]):
                 self._backlog.popleft()
-            if self._backlog and isinstance(self._backlog[-1], Targets | Alive):
+            if self._backlog and isinstance(self._backlog[-1], Targets | Heartbeat):
                 self._backlog.pop()
 
-    def _handed_over(self, message: ToWorker) -> bool:
-        """Whether a message has been dealt with: the worker has it, or it is gone and the message with it."""
+    def _try_send(self, message: ToWorker) -> bool:
+        """Return whether a message is done with: sent, or dropped because the worker has ended."""
         try:
             self._worker.send(message)
         except WorkerBusy:
-            return len(self._backlog) > MOST_WAITING
+            return len(self._backlog) > MAX_QUEUED
         except LinkGone as error:
             if isinstance(message, Request):
                 self._post(Reply(message.reply_id, False, error=str(error)))
         return True
 
     def stop(self) -> None:
-        """Let the worker stop the robot and end.  One that cannot is replaced by another that does nothing else."""
+        """Let the worker stop the robot and end.  If it cannot, another worker is started only to stop the robot."""
         with self._lock:
             self._stopping.set()
             worker, dead = self._worker, self._dead
@@ -120,7 +120,7 @@ class Supervisor:
 
     # ---------------------------------------------------------------- inside
 
-    def _remember(self, message: ToWorker) -> None:
+    def _record_message(self, message: ToWorker) -> None:
         match message:
             case Watch():
                 for item in message.items or ("",):
@@ -141,8 +141,8 @@ class Supervisor:
             case _:
                 pass
 
-    def _hear(self, message: FromWorker) -> None:
-        """In the thread of a worker's handle."""
+    def _handle_message(self, message: FromWorker) -> None:
+        """Record and post a message; called in the reader thread of a worker's handle."""
         match message:
             case Found():
                 self._begin = replace(self._begin, devices=message.devices)
@@ -154,17 +154,17 @@ class Supervisor:
             case Latched():
                 self._latched = message.reason
             case WorkerState():
-                self._worker_state(message)
+                self._handle_worker_state(message)
                 return
             case Ended():
-                self._ended(message)
+                self._handle_end(message)
                 return
             case _:
                 pass
         self._post(message)
 
-    def _worker_state(self, message: WorkerState) -> None:
-        """The worker has fallen silent, or answers again: whatever it was doing is over."""
+    def _handle_worker_state(self, message: WorkerState) -> None:
+        """The worker is silent, or answers again: begin a new epoch, since its present motion is no longer valid."""
         if message.reason:
             with self._lock, contextlib.suppress(LinkGone):
                 self._epoch += 1
@@ -174,37 +174,37 @@ class Supervisor:
             self._post(LinkState(True))
             self._post(self._found)
 
-    def _ended(self, message: Ended) -> None:
+    def _handle_end(self, message: Ended) -> None:
         reason = message.reason or "the bus worker has ended"
         with self._lock:
             self._dead = bool(message.reason) or not self._stopping.is_set()
         while not self._stopping.is_set():
             self._link_up = False
             self._post(WorkerState(f"{reason}; another one is started"))
-            if time.monotonic() - self._started_at > STEADY:
+            if time.monotonic() - self._started_at > STEADY_AFTER_S:
                 self._back_off.reset()
             if self._stopping.wait(self._back_off.next_pause()):
                 break
             try:
-                self._replace(reason)
+                self._replace_worker(reason)
                 return
             except (BusError, OSError) as error:
                 reason = f"no bus worker can be started: {error}"
         self._post(message)
 
-    def _replace(self, reason: str) -> None:
+    def _replace_worker(self, reason: str) -> None:
         with self._lock:
             if self._stopping.is_set():
                 return
             self._started_at = time.monotonic()
-            # What waited was for the worker that is gone; who asked it for something has been told.
+            # The queue was meant for the worker that ended; its requests have been answered with an error.
             self._backlog.clear()
             self._epoch += 1
             begin = replace(self._begin, epoch=self._epoch, instead=reason, watches=self._all_watches())
-            self._worker = Worker.start(self._url, post=self._hear, begin=begin, family=self._family)
+            self._worker = Worker.start(self._url, post=self._handle_message, begin=begin, family=self._family)
             self._dead = False
             if self._limits is not None:
-                # One that is dead already says so itself.
+                # A worker that has died already posts its own ``Ended``.
                 with contextlib.suppress(LinkGone):
                     self._worker.send(self._limits)
             if self._latched:
@@ -212,14 +212,14 @@ class Supervisor:
                     self._worker.send(EmergencyStop(self._latched))
 
     def _all_watches(self) -> tuple[Watch, ...]:
-        """The watches of the moment, in as few messages as can be."""
+        """Return the present watches in as few messages as possible."""
         alike: dict[tuple[Any, float], list[str]] = {}
         for (device, item), period in self._watches.items():
             alike.setdefault((device, period), []).extend([item] if item else [])
         return tuple(Watch(device, tuple(items), period) for (device, period), items in alike.items())
 
     def _stop_directly(self) -> None:
-        """The worker is gone and may have left the robot moving: start one that stops it."""
+        """The worker died and may have left the robot moving: start another one to stop it."""
         opened = threading.Event()
 
         def hear(message: FromWorker) -> None:
@@ -229,6 +229,6 @@ class Supervisor:
         with contextlib.suppress(BusError, OSError):
             begin = replace(self._begin, epoch=self._epoch + 1, instead="the daemon ends", control="")
             worker = Worker.start(self._url, post=hear, begin=begin, family=self._family)
-            opened.wait(LAST_STOP)
+            opened.wait(LAST_STOP_TIMEOUT_S)
             worker.stop()
         self._post(Ended("" if opened.is_set() else "the robot could not be stopped: its bus worker was dead"))

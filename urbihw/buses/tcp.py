@@ -12,7 +12,7 @@ from urbihw.buses.errors import BadUrl, Unavailable
 from urbihw.buses.fd import FdLink
 from urbihw.buses.link import Context, Url
 
-_CONNECT_PATIENCE = 2.0
+_CONNECT_TIMEOUT_S = 2.0
 
 
 class TcpLink(FdLink):
@@ -22,11 +22,18 @@ class TcpLink(FdLink):
 
     def __init__(self, url: Url, context: Context) -> None:
         super().__init__(url, context)
-        self._address = _address(url)
+        self._address = self._find_address(url)
+
+    def _find_address(self, url: Url) -> tuple[str, int]:
+        """Host and port that a url names. Raises BadUrl."""
+        host, separator, port = url.target.rpartition(":")
+        if not separator or not host or not port.isdigit() or int(port) > 65535:
+            raise BadUrl(f"bus url {url.text!r}: write socket://host:port, for instance socket://localhost:6000")
+        return host.strip("[]"), int(port)
 
     def _open(self) -> None:
         try:
-            link = socket.create_connection(self._address, timeout=_CONNECT_PATIENCE)
+            link = socket.create_connection(self._address, timeout=_CONNECT_TIMEOUT_S)
         except OSError as error:
             host, port = self._address
             raise Unavailable(
@@ -42,10 +49,3 @@ class TcpLink(FdLink):
         if link is not None:
             with contextlib.suppress(OSError):
                 link.close()
-
-
-def _address(url: Url) -> tuple[str, int]:
-    host, separator, port = url.target.rpartition(":")
-    if not separator or not host or not port.isdigit() or int(port) > 65535:
-        raise BadUrl(f"bus url {url.text!r}: write socket://host:port, for instance socket://localhost:6000")
-    return host.strip("[]"), int(port)

@@ -1,10 +1,10 @@
-"""Ticks at absolute deadlines: they neither drift nor come in bursts."""
+"""Ticks at absolute deadlines, without drift and without bursts after a delay."""
 
 from __future__ import annotations
 
 
 class Ticker:
-    """Says when the next tick is due.
+    """Computes the time of the next tick.
 
     Attributes:
         period: seconds between ticks.
@@ -16,12 +16,12 @@ class Ticker:
         self.due = now
 
     def advance(self, now: float) -> int:
-        """Go on to the next tick that is not yet over at `now`; return how many were skipped as too late."""
+        """Advance to the next tick at or after `now`; return how many ticks were skipped."""
         self.due += self.period
         behind = now - self.due
         if behind <= 0:
             return 0
-        # A tick that is due this very moment is not late; only whole periods are lost.
+        # A tick that is due exactly at `now` is not late; only whole periods count as skipped.
         skipped = int(behind / self.period)
         if behind > skipped * self.period:
             skipped += 1

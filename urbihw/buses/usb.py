@@ -28,7 +28,7 @@ from urbihw.buses.link import Context, Link, Url
 from urbihw.settings import TEXT, Rule
 
 FULL_SPEED: Final = 12_000_000
-_WRITE_PATIENCE = 1000  # ms
+_WRITE_TIMEOUT_MS = 1000  # ms
 _INTERFACE = 0
 _IDS = re.compile(r"([0-9a-fA-F]{4}):([0-9a-fA-F]{4})")
 
@@ -52,7 +52,7 @@ class UsbLink(Link):
 
     @classmethod
     def parameters(cls, url: Url) -> Mapping[str, Rule]:
-        """See `Port`."""
+        """Return the rules of the parameters that the head of this file lists."""
         return {"serial": TEXT, "backend": TEXT, "at": TEXT}
 
     def _open(self) -> None:
@@ -63,16 +63,16 @@ class UsbLink(Link):
             except usb.core.USBError as error:
                 if error.errno is not None:
                     raise
-                # pyusb's way to say that nobody has configured it yet.
+                # Without an error number pyusb means that the device has no active configuration yet.
                 device.set_configuration()
                 configuration = device.get_active_configuration()
             usb.util.claim_interface(device, _INTERFACE)
             self._out, self._in = _bulk_endpoints(configuration)
         except usb.core.USBError as error:
-            _let_go(device)
+            _release_device(device)
             raise self._explain(error) from error
         except LookupError as error:
-            _let_go(device)
+            _release_device(device)
             raise Unavailable(errno.ENODEV, f"{self.url.text}: this device has no pair of bulk endpoints") from error
         self._device = device
         self._rest = b""
@@ -80,11 +80,11 @@ class UsbLink(Link):
     def _close(self) -> None:
         device, self._device = self._device, None
         if device is not None:
-            _let_go(device)
+            _release_device(device)
 
     def _read(self, size: int, deadline: float) -> bytes:
         if not self._rest:
-            # 0 would be for ever; and what came in before the deadline is to be had after it too.
+            # A time-out of 0 would wait for ever. 1 ms after the deadline still collects what has arrived.
             pause = max(1, math.ceil((deadline - self.clock.now()) * 1000))
             try:
                 self._rest = self._in.read(self._in.wMaxPacketSize, pause).tobytes()
@@ -97,7 +97,7 @@ class UsbLink(Link):
 
     def _write(self, data: bytes) -> None:
         try:
-            sent = self._out.write(data, _WRITE_PATIENCE)
+            sent = self._out.write(data, _WRITE_TIMEOUT_MS)
         except usb.core.USBError as error:
             raise self._gone("writing", error) from error
         if sent != len(data):
@@ -123,9 +123,9 @@ class UsbLink(Link):
         if serial:
             named = [device for device in devices if _serial(device).upper() == serial.upper()]
             for device in devices:
-                # Asking for the number has opened it.
+                # Reading the serial number has opened the device.
                 if device not in named:
-                    _let_go(device)
+                    _release_device(device)
             devices = named
         if not devices:
             which = f" and serial number {serial}" if serial else ""
@@ -136,7 +136,7 @@ class UsbLink(Link):
         if len(devices) > 1:
             numbers = ", ".join(sorted(_serial(device) or "unknown" for device in devices))
             for device in devices:
-                _let_go(device)
+                _release_device(device)
             raise Unavailable(
                 errno.EBUSY,
                 f"{len(devices)} USB devices are {vendor:04x}:{product:04x}; name one with ?serial= "
@@ -145,7 +145,7 @@ class UsbLink(Link):
         return devices[0]
 
     def _backend(self) -> Any:
-        """What pyusb is to use; None for what it finds itself."""
+        """Return the backend object for pyusb; None lets pyusb choose."""
         entry = self.options.get("backend", "")
         if not entry:
             return None
@@ -186,7 +186,7 @@ def _serial(device: Any) -> str:
         return ""
 
 
-def _let_go(device: Any) -> None:
+def _release_device(device: Any) -> None:
     # An unplugged device cannot be released any more; it is let go all the same.
     with contextlib.suppress(usb.core.USBError):
         usb.util.dispose_resources(device)

@@ -1,7 +1,7 @@
-"""One worker owns one wire. This is the handle that the parent holds; `engine` is what runs on the other side.
+"""The parent's handle of a bus worker, which owns one wire. `engine` is the worker's own loop.
 
     def post(message: FromWorker) -> None:
-        loop.call_soon_threadsafe(handle, message)           # called in a reader thread: hand it over
+        loop.call_soon_threadsafe(handle, message)           # `post` runs in a reader thread
 
     worker = Worker.start("/dev/ttyUSB0?baud=1000000", post=post)
 
@@ -16,11 +16,11 @@
     # ... post(Samples(time=81.25, values={6: {"present_position": 609, "present_load": 40}}, times={6: 81.25}))
     units.to_si(tables.AX12.item("present_position"), 609)                             # 0.4991 rad
 
-    every(0.5, lambda: worker.send(Alive()))                 # silence for 1.5 s and the robot is stopped
+    every(0.5, lambda: worker.send(Heartbeat()))             # after 1.5 s of silence the worker stops the robot
     worker.stop()                                            # safe stop, then the worker ends
 
-Send `Alive` from the loop that decides what the robot does, not from a thread of its own: it is that loop whose death
-must stop the robot.
+Send `Heartbeat` from the loop that controls the robot, not from a thread of its own: when that loop dies or hangs, the
+robot must stop.
 """
 
 from __future__ import annotations
@@ -44,22 +44,24 @@ from urbihw.buses.engine import Engine
 from urbihw.buses.errors import BadValue, LinkGone
 from urbihw.buses.link import Context, Url
 from urbihw.buses.mailbox import Mailbox
-from urbihw.buses.messages import Begin, Configure, Ended, FromWorker, Pulse, ToWorker, WorkerState
+from urbihw.buses.messages import Begin, Configure, Ended, FromWorker, ToWorker, WorkerHeartbeat, WorkerState
 
 Post = Callable[[FromWorker], None]
 
-LOOK = 0.1
-"""Seconds between two looks whether the worker is heard of."""
-HUNG = 2.0
-"""Seconds without a word after which a worker process is killed; `Pulse` asks for more where more is right."""
-_FULL = 0.005
+CHECK_PERIOD_S = 0.1
+"""Seconds between two checks for silence of the worker."""
+HUNG_TIMEOUT_S = 2.0
+"""Seconds of silence after which a worker process is killed; `WorkerHeartbeat` may allow more."""
+START_TIMEOUT_S = 10.0
+"""The same until the first word of a process: on a busy machine, or a small one, it takes seconds to start."""
+_SEND_TIMEOUT_S = 0.005
 """Seconds to wait for room in the pipe to a worker that does not read."""
-_STOLEN = 0.3
-"""Seconds that a look may come late; when it is later than that, it was this process that was held."""
+_SUSPENDED_AFTER_S = 0.3
+"""Seconds that a check may be late; a longer delay means that this process itself was suspended."""
 
 
 class WorkerBusy(LinkGone):
-    """There is no room in the pipe to the worker: it hangs, or does something slow."""
+    """The pipe to the worker is full: the worker hangs, or executes a slow request."""
 
 
 class Worker:
@@ -82,7 +84,7 @@ class Worker:
         self.killed = False
         self._lock = threading.Lock()
         self._closed = False
-        self._reader = threading.Thread(target=self._listen, name=f"reader of {url}", daemon=True)
+        self._reader = threading.Thread(target=self._read_messages, name=f"reader of {url}", daemon=True)
         self._reader.start()
 
     @classmethod
@@ -152,7 +154,7 @@ class Worker:
                 process.kill()
                 process.wait()
                 return f"the bus worker of {url} hung and was killed"
-            return "" if status == 0 else f"the bus worker of {url} {_ending(status)}"
+            return "" if status == 0 else f"the bus worker of {url} {_exit_words(status)}"
 
         return cls(url, mine, post, join, process.kill)
 
@@ -163,21 +165,21 @@ class Worker:
 
     @property
     def silent(self) -> bool:
-        """True while the worker has not been heard of for longer than it should."""
+        """True while the worker has been silent for longer than its heartbeat allows."""
         return self._silent
 
     def kill(self) -> None:
-        """Kill the process, without a word."""
+        """Kill the process without a safe stop."""
         self._kill()
-        self._reader.join(HUNG)
+        self._reader.join(HUNG_TIMEOUT_S)
 
     def send(self, message: ToWorker) -> None:
         """Send a message; safe from any thread. Raises LinkGone when the worker has ended, WorkerBusy when it
         does not read."""
         with self._lock:
             try:
-                # A worker that hangs must not hold up who talks to it.
-                full = not self._closed and not select.select((), (self._pipe,), (), _FULL)[1]
+                # A worker that hangs must not block the sender.
+                full = not self._closed and not select.select((), (self._pipe,), (), _SEND_TIMEOUT_S)[1]
                 if not self._closed and not full:
                     self._pipe.send(message)
                     return
@@ -209,16 +211,16 @@ class Worker:
     def __exit__(self, *_: object) -> None:
         self.stop()
 
-    def _listen(self) -> None:
-        """Pass on what the worker says until it ends; then see to its remains."""
+    def _read_messages(self) -> None:
+        """Post the worker's messages until it ends, then join the process and post `Ended`."""
         ended: Ended | None = None
         with contextlib.suppress(EOFError, OSError):
             while ended is None:
-                self._wait_for_word()
+                self._wait_for_message()
                 message = self._pipe.recv()
                 if isinstance(message, Ended):
                     ended = message
-                elif isinstance(message, Pulse):
+                elif isinstance(message, WorkerHeartbeat):
                     self._allowance = message.allowance
                 else:
                     self._post(message)
@@ -227,28 +229,32 @@ class Worker:
             self._pipe.close()
         reason = self._join(5.0)
         if self.killed:
-            reason = f"the bus worker of {self._url} hung for {HUNG:g} s and was killed"
+            reason = f"the bus worker of {self._url} hung for {self._longest_silence():g} s and was killed"
         if ended is None:
-            ended = Ended(reason or f"the bus worker of {self._url} ended without a word")
+            ended = Ended(reason or f"the bus worker of {self._url} ended without a message")
         self._post(ended)
 
-    _allowance = HUNG
-    """Seconds in which the worker is to be heard of again; a process takes a while to start."""
+    _allowance = START_TIMEOUT_S
+    """Seconds in which the worker is to be heard of again."""
 
-    def _wait_for_word(self) -> None:
-        """Return when there is something to read; a worker that is silent for too long is told of, then killed."""
+    def _longest_silence(self) -> float:
+        """Seconds without a word after which the worker is killed."""
+        return max(self._allowance, HUNG_TIMEOUT_S)
+
+    def _wait_for_message(self) -> None:
+        """Return when there is something to read; a worker that is silent too long is reported, then killed."""
         heard_at = looked_at = time.monotonic()
-        while not self._pipe.poll(LOOK):
+        while not self._pipe.poll(CHECK_PERIOD_S):
             now = time.monotonic()
-            if now - looked_at > LOOK + _STOLEN:
-                # Both processes were held, or only this one: the worker must have its time to say so.
+            if now - looked_at > CHECK_PERIOD_S + _SUSPENDED_AFTER_S:
+                # This process was suspended, perhaps the worker too: give the worker a full time-out again.
                 heard_at = now
             looked_at = now
             silence = now - heard_at
             if silence >= self._allowance and not self._silent:
                 self._silent = True
                 self._post(WorkerState(f"the bus worker of {self._url} has not answered for {silence:.1f} s"))
-            if silence >= max(self._allowance, HUNG) and not self.killed:
+            if silence >= self._longest_silence() and not self.killed:
                 self.killed = True
                 self._kill()
         if self._silent and not self.killed:
@@ -256,7 +262,7 @@ class Worker:
             self._post(WorkerState(""))
 
 
-def _ending(status: int) -> str:
+def _exit_words(status: int) -> str:
     """How a process ended, in words."""
     if status >= 0:
         return f"ended with exit status {status}"

@@ -1,1 +1,2 @@
-"""The commands ``urbihw`` and ``urbi``: one module a subcommand.  Start at ``main``; may import all but fakes."""
+"""The commands ``urbihw`` and ``urbi``: one module for each subcommand.  Start at ``main``; may import all but
+fakes."""

@@ -1,4 +1,4 @@
-"""Who may come in from the network: make, list and remove tokens, and show the fingerprint of the certificate."""
+"""Manage access from the network: make, list and remove tokens, and show the fingerprint of the certificate."""
 
 from __future__ import annotations
 
@@ -6,28 +6,28 @@ import argparse
 import sys
 from pathlib import Path
 
-from urbihw.cli.options import EX_CONFIG
 from urbihw.daemon import tls
 from urbihw.daemon.access import Tokens
 from urbihw.daemon.config import Config, configure
 from urbihw.daemon.state import state_folder
+from urbihw.exitcodes import EX_CONFIG
 from urbihw.kernel.uobject import BadConfig
 
 
 def options(parser: argparse.ArgumentParser) -> None:
     """The options of ``urbihw access``."""
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
-    add = verbs.add_parser("add", help="make a token for somebody, and print it once")
-    add.add_argument("name", metavar="NAME", help="who, such as alice@laptop: for the log, and to remove it again")
-    verbs.add_parser("list", help="who has a token, and since when")
-    remove = verbs.add_parser("remove", help="let somebody in no more; who is connected is disconnected")
-    remove.add_argument("name", metavar="NAME", help="as it was given to add")
-    fingerprint = verbs.add_parser("fingerprint", help="what clients show of the certificate when they first see it")
-    fingerprint.add_argument("--config", type=Path, metavar="FILE", help="settings, if they have a tls_cert")
+    add = verbs.add_parser("add", help="make a token for a user, and print it once")
+    add.add_argument("name", metavar="NAME", help="its owner, such as alice@laptop, for the log and for remove")
+    verbs.add_parser("list", help="list the owners of tokens, with dates")
+    remove = verbs.add_parser("remove", help="remove a token; its owner is disconnected")
+    remove.add_argument("name", metavar="NAME", help="name given to add")
+    fingerprint = verbs.add_parser("fingerprint", help="print that of the certificate, which clients show")
+    fingerprint.add_argument("--config", type=Path, metavar="FILE", help="settings file, if it has a tls_cert")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Do what a verb says; returns the exit code."""
+    """Run the verb of the command; returns the exit code."""
     try:
         folder = state_folder()
         tokens = Tokens(folder)
@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _add(tokens: Tokens, name: str, folder: Path) -> None:
-    """The token alone goes to standard output, for scripts."""
+    """Add a token.  Standard output gets the token alone, for scripts."""
     token = tokens.add(name)
     print(f"The token of {name}, shown this once (its hash is kept in {folder}):",
           file=sys.stderr, flush=True)

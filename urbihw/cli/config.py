@@ -1,4 +1,4 @@
-"""Check a settings file, show what is in force, print the JSON schema of the settings."""
+"""Check a settings file, show the settings in force, print the JSON schema of the settings."""
 
 from __future__ import annotations
 
@@ -10,40 +10,47 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from urbihw.cli import serve
-from urbihw.cli.options import EX_CONFIG
 from urbihw.daemon.config import Entry, entries, load
 from urbihw.daemon.schema import schema
+from urbihw.exitcodes import EX_CONFIG
 from urbihw.kernel.uobject import BadConfig
 
 
 def options(parser: argparse.ArgumentParser) -> None:
     """The options of ``urbihw config``."""
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB", parser_class=type(parser))
-    check = verbs.add_parser("check", help="say all that is wrong with a file; nothing is opened")
-    check.add_argument("file", type=Path, metavar="FILE")
-    check.add_argument("--platform", metavar="NAME", help="the robot, if the file does not say it")
-    show = verbs.add_parser("show", help="every setting, its value and where that comes from")
-    show.add_argument("--json", action="store_true", help="for programs")
+    check = verbs.add_parser("check", help="report all mistakes of a file; nothing is opened")
+    check.add_argument("--config", type=Path, metavar="FILE", help="the same as FILE, as for serve")
+    check.add_argument("--platform", metavar="NAME", help="the robot, if the file does not name it")
+    show = verbs.add_parser("show", help="show every setting, its value and its source")
+    show.add_argument("--json", action="store_true", help="as JSON, for programs")
     serve.options(show)
+    for verb, what in ((check, "the settings file"), (show, "the same as --config FILE")):
+        verb.add_argument("file", nargs="?", type=Path, metavar="FILE", help=what)
     verbs.add_parser("schema", help="print the JSON schema of a settings file, for editors")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Do what a verb says; 78 if something is wrong with the settings."""
+    """Run the verb of the command; 78 if there are mistakes in the settings."""
     if options.verb == "schema":
         try:
             _print(json.dumps(schema(), indent=2, ensure_ascii=False))
         except BadConfig as error:
             return _complain([str(error)])
         return 0
+    if options.file is not None and options.config is not None:
+        return _complain(["give one file: FILE, or --config FILE"])
+    file = options.file or options.config
     if options.verb == "check":
-        loaded = load(options.file, {"platform": options.platform})
+        if file is None:
+            return _complain(["which file? Give FILE, or --config FILE"])
+        loaded = load(file, {"platform": options.platform})
     else:
-        loaded = load(options.config, serve.flags(options))
+        loaded = load(file, serve.flags(options))
     if loaded.mistakes:
         return _complain(each.line for each in loaded.mistakes)
     if options.verb == "check":
-        _print(f"{options.file}: nothing wrong")
+        _print(f"{file}: nothing wrong")
     elif options.json:
         rows = {each.key: {"value": each.value, "from": each.source} for each in entries(loaded)}
         _print(json.dumps(rows, indent=2, ensure_ascii=False))
@@ -59,8 +66,11 @@ def _complain(lines: Iterable[str]) -> int:
 
 
 def as_toml(rows: list[Entry]) -> str:
-    """What is in force, to be read, or to be used as a settings file."""
-    settings = [f"{each.key} = {json.dumps(each.value, ensure_ascii=False)}" for each in rows]
+    """The settings in force as TOML, which is also a valid settings file."""
+    settings = [
+        f"# {each.key}" if each.value is None else f"{each.key} = {json.dumps(each.value, ensure_ascii=False)}"
+        for each in rows
+    ]
     width = max(map(len, settings))
     return "\n".join(
         f"{text:{width}}  # {'; '.join(filter(None, (each.source, each.note)))}"
@@ -72,5 +82,5 @@ def _print(text: str) -> None:
     try:
         print(text, flush=True)
     except BrokenPipeError:
-        # Who reads it, such as head, has seen enough; at the end Python would try again.
+        # The reader of the pipe, such as head, has ended; Python would try to flush again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

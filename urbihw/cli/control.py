@@ -1,7 +1,8 @@
-"""What ``urbihw stop``, ``urbihw estop`` and ``urbihw release`` share: they ask the bus workers, not the interpreter.
+"""The common part of ``urbihw stop``, ``urbihw estop`` and ``urbihw release``: they ask the bus workers, not the
+interpreter.
 
-Each robot has a control socket (``urbihw.buses.control``).  Who stops a robot is in a hurry, so this imports little:
-no kernel, no asyncio, none of the other commands.
+Each robot has a control socket (``urbihw.buses.control``).  A stop is urgent, so this module imports little: no kernel,
+no asyncio, none of the other commands.
 """
 
 from __future__ import annotations
@@ -16,21 +17,21 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from urbihw.cli.options import EX_CONFIG, EX_UNAVAILABLE
 from urbihw.daemon.runtime import SERVICE_FOLDER, control_sockets
+from urbihw.exitcodes import EX_CONFIG, EX_UNAVAILABLE
 
-TIMEOUT: Final = 1.0
-"""Seconds in which all robots must have answered."""
-STOPPED: Final = {"stop": "stopped", "estop": "emergency stop, held until: urbihw release", "release": "released"}
-"""What is said of a robot that has obeyed."""
-_LONGEST_NAME: Final = 100
+ANSWER_TIMEOUT_S: Final = 1.0
+"""Seconds within which all robots must answer."""
+OUTCOMES: Final = {"stop": "stopped", "estop": "emergency stop, held until: urbihw release", "release": "released"}
+"""The text for a robot that has obeyed, by command."""
+_MAX_NAME_LENGTH: Final = 100
 _RIGHTS: Final = "use sudo, or join the group that it belongs to"
 
 
 class Answer(NamedTuple):
-    """What came of a robot: its ``state`` as it tells it, or ``problem``, in words.
+    """The answer of a robot: its ``state``, or ``problem``, in words.
 
-    ``gone``: nobody listens at the socket any more.
+    ``gone``: no process listens at the socket any more.
     """
 
     name: str
@@ -40,16 +41,16 @@ class Answer(NamedTuple):
 
 
 def options(parser: argparse.ArgumentParser) -> None:
-    """The options of all three."""
-    parser.add_argument("--socket", type=Path, metavar="PATH", help="control socket of the robot (all that are found)")
-    parser.add_argument("--who", metavar="TEXT", help="who asks, for the log (user and terminal)")
+    """The options of all three commands."""
+    parser.add_argument("--socket", type=Path, metavar="PATH", help="control socket of the robot (default: all found)")
+    parser.add_argument("--who", metavar="TEXT", help="name of the requester, for the log (default: user and terminal)")
 
 
 def run(verb: str, options: argparse.Namespace) -> int:
-    """Do what a command says; returns the exit code."""
+    """Run a command; returns the exit code."""
     try:
         paths = [options.socket] if options.socket is not None else control_sockets()
-    except ValueError as error:  # BadConfig; the module that has it takes longer to import than all of this.
+    except ValueError as error:  # BadConfig; its module takes longer to import than all of this.
         paths = sorted(SERVICE_FOLDER.glob("*.sock"))
         if not paths:
             return complain(str(error), EX_CONFIG)
@@ -58,35 +59,35 @@ def run(verb: str, options: argparse.Namespace) -> int:
         if len(paths) > 1:
             names = ", ".join(f"--socket {path}" for path in paths)
             return complain(f"which robot may move again? Give one of: {names}", EX_CONFIG)
-    return report(verb, ask(paths, verb, options.who or asker(verb)))
+    return report(verb, ask(paths, verb, options.who or requester_name(verb)))
 
 
 def report(verb: str, answers: Sequence[Answer]) -> int:
-    """One line for each robot; 0 if somebody has answered, and all did who could."""
+    """Print one line for each robot; 0 if at least one robot has answered and all that could have obeyed."""
     for answer in answers:
         if not answer.problem:
             print(f"{answer.name}: {outcome(verb, answer.state)}")
     answered = any(not answer.problem for answer in answers)
     problems = [answer for answer in answers if answer.problem]
     if not answered and all(answer.gone for answer in problems):
-        return complain(nobody(verb), EX_UNAVAILABLE)
+        return complain(no_daemon_problem(verb), EX_UNAVAILABLE)
     for answer in problems:
         complain(f"{answer.name}: {answer.problem}", EX_UNAVAILABLE)
     return 0 if answered and all(answer.gone for answer in problems) else EX_UNAVAILABLE
 
 
 def outcome(verb: str, state: Mapping[str, Any]) -> str:
-    """What has become of a robot, by its answer."""
-    words = STOPPED[verb]
+    """The text for a robot, from its answer."""
+    words = OUTCOMES[verb]
     if verb == "stop" and state.get("estop"):
         words += f"; an emergency stop holds ({state['estop']}) until: urbihw release"
     if verb != "release" and state.get("link") is False:
-        words += "; its link is down: it is told to stop as soon as that is back"
+        words += "; its link is down: it will be stopped as soon as the link is back"
     return words
 
 
-def nobody(verb: str) -> str:
-    """What to do when no daemon answers."""
+def no_daemon_problem(verb: str) -> str:
+    """The message for the case that no daemon answers."""
     if SERVICE_FOLDER.is_dir() and not os.access(SERVICE_FOLDER, os.R_OK | os.X_OK):
         return f"{SERVICE_FOLDER} may not be read: {_RIGHTS}"
     if verb == "release":
@@ -95,13 +96,13 @@ def nobody(verb: str) -> str:
 
 
 def complain(text: str, code: int) -> int:
-    """Say what is wrong, in one line; returns the exit code."""
+    """Print an error in one line; returns the exit code."""
     print(f"urbihw: {text}", file=sys.stderr)
     return code
 
 
-def asker(verb: str) -> str:
-    """Who asks: a user at a terminal, or else the command."""
+def requester_name(verb: str) -> str:
+    """The name of the requester: the user and terminal, or else the command."""
     import pwd
 
     for descriptor in range(3):
@@ -114,18 +115,18 @@ def asker(verb: str) -> str:
 
 
 def ask(paths: Sequence[Path], verb: str, who: str) -> list[Answer]:
-    """Tell all robots, then wait for what they say: one that hangs keeps none of the others waiting."""
-    end = time.monotonic() + TIMEOUT
-    line = json.dumps({"do": verb, "who": who[:_LONGEST_NAME]}).encode() + b"\n"
-    calls = [_Call(path, line) for path in paths]
+    """Send the command to all robots, then wait for the answers: a robot that hangs does not delay the others."""
+    end = time.monotonic() + ANSWER_TIMEOUT_S
+    line = json.dumps({"do": verb, "who": who[:_MAX_NAME_LENGTH]}).encode() + b"\n"
+    calls = [_Query(path, line) for path in paths]
     answers = [call.answer(end) for call in calls]
     if verb == "estop":
-        answers = [_hold_anyway(path, answer, who) for path, answer in zip(paths, answers, strict=True)]
+        answers = [_latch_replacement(path, answer, who) for path, answer in zip(paths, answers, strict=True)]
     return answers
 
 
-def _hold_anyway(path: Path, answer: Answer, who: str) -> Answer:
-    """A worker that hangs is replaced by another, which looks for the latch before it does anything."""
+def _latch_replacement(path: Path, answer: Answer, who: str) -> Answer:
+    """Set the latch of an emergency stop in its file: the worker that replaces a hanging one reads it first."""
     if not answer.problem or answer.gone:
         return answer
     try:
@@ -135,14 +136,14 @@ def _hold_anyway(path: Path, answer: Answer, who: str) -> Answer:
     return answer._replace(problem=f"{answer.problem}; whatever serves it next will hold it until: urbihw release")
 
 
-class _Call:
-    """One robot that is told something."""
+class _Query:
+    """A command to one robot."""
 
     def __init__(self, path: Path, line: bytes) -> None:
         self._path = path
         self._error: OSError | None = None
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self._socket.settimeout(TIMEOUT)
+        self._socket.settimeout(ANSWER_TIMEOUT_S)
         try:
             self._connect(str(path))
             self._socket.sendall(line)
@@ -150,17 +151,17 @@ class _Call:
             self._error = error
 
     def _connect(self, path: str) -> None:
-        end = time.monotonic() + TIMEOUT
+        end = time.monotonic() + ANSWER_TIMEOUT_S
         while True:
             try:
                 return self._socket.connect(path)
-            except BlockingIOError:  # Many others want to be heard at this moment.
+            except BlockingIOError:  # The queue of the UNIX socket is full, and there is no event for its end.
                 if time.monotonic() > end:
                     raise
                 time.sleep(0.01)
 
     def answer(self, end: float) -> Answer:
-        """What it says until a time."""
+        """Wait for the answer until the time ``end``."""
         with self._socket:
             try:
                 if self._error is not None:
@@ -190,7 +191,8 @@ class _Call:
         if isinstance(error, PermissionError):
             return Answer(name, {}, f"no permission for {path}: {_RIGHTS}")
         if isinstance(error, TimeoutError | BlockingIOError):
-            return Answer(name, {}, f"no answer in {TIMEOUT:g} s: its bus worker hangs; cut the power, or try again")
+            hint = "its bus worker hangs; cut the power, or try again"
+            return Answer(name, {}, f"no answer in {ANSWER_TIMEOUT_S:g} s: {hint}")
         if isinstance(error, ConnectionError):
             return Answer(name, {}, "it ended before it answered; try again")
         return Answer(name, {}, f"cannot be asked at {path}: {error}")
@@ -198,7 +200,7 @@ class _Call:
 
 def _listens(path: Path) -> bool:
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
-        probe.settimeout(TIMEOUT)
+        probe.settimeout(ANSWER_TIMEOUT_S)
         try:
             probe.connect(str(path))
         except (FileNotFoundError, ConnectionRefusedError):

@@ -1,7 +1,7 @@
 """``urbihw stop --direct``: stop a robot whose daemon and bus worker may both be dead.
 
-Whoever serves the robot is asked first.  If nobody does, the bus is opened here, the devices are found, and what moves
-is stopped, as a bus worker does when it begins and when it ends.  The latch of an emergency stop stays as it is.
+A daemon that serves the robot is asked first.  If there is none, the command opens the bus, finds the devices, and
+stops all that move, as a bus worker does at its beginning and at its end.  The latch of an emergency stop is unchanged.
 """
 
 from __future__ import annotations
@@ -17,33 +17,33 @@ from typing import Final
 from urbihw import buses, platforms
 from urbihw.buses.driver import Driver, driver_of
 from urbihw.buses.errors import BadUrl, BadValue, Unavailable
-from urbihw.buses.link import Url, take_off
+from urbihw.buses.link import Url, split_parameters
 from urbihw.buses.messages import Begin, Configure, Found, FromWorker, LinkState, Stopped
 from urbihw.buses.worker import Worker
 from urbihw.cli import control
-from urbihw.cli.options import EX_CONFIG, EX_UNAVAILABLE
 from urbihw.daemon.config import Config, Loaded, load
 from urbihw.daemon.holders import holder_of_file
 from urbihw.daemon.runtime import SERVICE_FOLDER, control_path
+from urbihw.exitcodes import EX_CONFIG, EX_UNAVAILABLE
 from urbihw.kernel.uobject import BadConfig
 from urbihw.settings import BadSetting
 
-PORT_PATIENCE: Final = 2.0
-"""Seconds in which a port must let itself be opened; who held it may be about to end."""
-TO_ASK: Final = {"", "platform", "port", "control"}
-"""The settings by which a daemon is found; "" is the file as a whole."""
-TO_OPEN: Final = {"url", "fake", "torque_off_on_stop", "options"}
-"""The settings by which the bus is opened and the robot stopped."""
-RATE: Final = 50.0
-"""Ticks a second; there is no driver that cannot have as many."""
-PATIENCE: Final = 6.0
-"""Seconds in which the robot must be found."""
-END: Final = 1.0
-"""Seconds for the worker to end, twice at most; all of it stays below ten seconds."""
+PORT_TIMEOUT_S: Final = 2.0
+"""Seconds within which the port must open; the process that has it open may be about to end."""
+CONTROL_SETTINGS: Final = {"", "platform", "port", "control"}
+"""The settings needed to find a daemon; "" is the file as a whole."""
+BUS_SETTINGS: Final = {"url", "fake", "torque_off_on_stop", "options"}
+"""The settings needed to open the bus and to stop the robot."""
+TICK_RATE_HZ: Final = 50.0
+"""Ticks of the worker per second, which every driver supports."""
+FIND_TIMEOUT_S: Final = 6.0
+"""Seconds within which the robot must be found."""
+WORKER_END_TIMEOUT_S: Final = 1.0
+"""Seconds for the worker to end, at most twice; the whole command takes less than ten seconds."""
 
 
 class NotStopped(Exception):
-    """The robot could not be stopped; the message is one line that says why, with an exit code."""
+    """The robot could not be stopped; the message is one line with the reason, ``code`` the exit code."""
 
     def __init__(self, message: str, code: int) -> None:
         super().__init__(message)
@@ -55,16 +55,16 @@ def stop(options: argparse.Namespace) -> int:
     try:
         loaded = load(options.config, {name: getattr(options, name) for name in ("platform", "url")})
         config = loaded.config
-        _refuse(loaded, TO_ASK)
+        _refuse(loaded, CONTROL_SETTINGS)
         if not config.platform:
             raise BadConfig("which robot? Give --config FILE, or --platform NAME and --url URL")
         for path in sockets(config) if options.socket is None else [options.socket]:
-            (answer,) = control.ask([path], "stop", options.who or control.asker("stop"))
+            (answer,) = control.ask([path], "stop", options.who or control.requester_name("stop"))
             if not answer.problem:
                 return control.report("stop", [answer])
-        _refuse(loaded, TO_OPEN)
+        _refuse(loaded, BUS_SETTINGS)
         if config.fake:
-            print(f"{config.platform}: nothing to stop: a robot in software ends with its daemon")
+            print(f"{config.platform}: nothing to stop: a simulated robot ends with its daemon")
             return 0
         print(f"{config.platform}: {stopped(config)}")
     except BadConfig as error:
@@ -75,14 +75,14 @@ def stop(options: argparse.Namespace) -> int:
 
 
 def _refuse(loaded: Loaded, needed: Collection[str]) -> None:
-    """Raise BadConfig for a mistake in what is needed; any other keeps nobody from stopping the robot."""
+    """Raise BadConfig for a mistake in a needed setting; other mistakes must not prevent a stop."""
     for mistake in loaded.mistakes:
         if mistake.setting in needed:
             raise BadConfig(mistake.line)
 
 
 def sockets(config: Config) -> list[Path]:
-    """Where the robot of these settings can be asked to stop."""
+    """The control sockets of the robot with these settings."""
     if config.control == "off":
         return []
     if config.control:
@@ -95,12 +95,12 @@ def sockets(config: Config) -> list[Path]:
 
 
 def stopped(config: Config) -> str:
-    """Stop the robot over its bus: what was stopped, in words.  Raises BadConfig, NotStopped."""
+    """Stop the robot over its bus.  Returns what was stopped, in words.  Raises BadConfig, NotStopped."""
     manifest = platforms.find(config.platform)
     family = getattr(platforms.load(manifest), "family", "")
     url = config.url or manifest.default_url
-    settings = Configure(RATE, 0.0, config.torque_off_on_stop, options=config.options)
-    heard = _Heard()
+    settings = Configure(TICK_RATE_HZ, 0.0, config.torque_off_on_stop, options=config.options)
+    heard = _WorkerReport()
     try:
         driver = driver_of(family)
         worker = Worker.start(url, post=heard.queue.put, process=False, family=family, begin=Begin(settings))
@@ -109,10 +109,10 @@ def stopped(config: Config) -> str:
     try:
         heard.listen()
     finally:
-        worker.stop(END)
-    heard.take()
+        worker.stop(WORKER_END_TIMEOUT_S)
+    heard.drain_queue()
     if not heard.devices:
-        raise _explained(url, driver.url_parameters, heard.problem)
+        raise _port_problem(url, driver.url_parameters, heard.problem)
     if heard.moved:
         return f"stopped: {heard.moved}"
     if type(driver).stop_what_moves is Driver.stop_what_moves:
@@ -121,8 +121,8 @@ def stopped(config: Config) -> str:
 
 
 @dataclass
-class _Heard:
-    """What a worker says that matters here."""
+class _WorkerReport:
+    """Collects the messages of the worker that matter here."""
 
     queue: SimpleQueue[FromWorker] = field(default_factory=SimpleQueue)
     devices: tuple[object, ...] = ()
@@ -132,17 +132,17 @@ class _Heard:
     moved: str = ""
 
     def listen(self) -> None:
-        """Return when the robot is found, or will not be."""
+        """Return when the robot is found, or cannot be."""
         begin = time.monotonic()
         while not self.looked:
-            left = begin + (PATIENCE if self.up or not self.problem else PORT_PATIENCE) - time.monotonic()
+            left = begin + (FIND_TIMEOUT_S if self.up or not self.problem else PORT_TIMEOUT_S) - time.monotonic()
             try:
                 self._hear(self.queue.get(timeout=max(left, 0.001)))
             except Empty:
                 return
 
-    def take(self) -> None:
-        """Hear what is still to be heard."""
+    def drain_queue(self) -> None:
+        """Process the messages that have arrived since."""
         while not self.queue.empty():
             self._hear(self.queue.get())
 
@@ -151,7 +151,7 @@ class _Heard:
             case LinkState():
                 self.up, self.problem = message.up, message.reason
             case Found():
-                # Nobody there: what has no power does not move.
+                # No devices: without power nothing moves.
                 self.devices, self.looked = self.devices or message.devices, True
             case Stopped() if not self.up and message.devices is None:
                 self.moved = message.reason
@@ -159,9 +159,9 @@ class _Heard:
                 pass
 
 
-def _explained(url: str, own: Collection[str], problem: str) -> NotStopped:
-    """Tell a port that cannot be opened from a robot that does not answer."""
-    port, _ = take_off(url, own)
+def _port_problem(url: str, own: Collection[str], problem: str) -> NotStopped:
+    """The error for a robot that was not found: the port cannot be opened, or the robot does not answer."""
+    port, _ = split_parameters(url, own)
     try:
         buses.open(port).close()
     except (BadUrl, Unavailable) as error:

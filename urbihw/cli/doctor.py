@@ -1,4 +1,4 @@
-"""Look whether this machine is ready for a robot."""
+"""Check whether this machine is ready for a robot."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Final, Literal
 
 from urbihw import platforms
-from urbihw.buses.ports import Port, serial_ports
+from urbihw.buses.ports import SerialPort, serial_ports
+from urbihw.exitcodes import EX_CONFIG
 from urbihw.kernel.uobject import BadConfig
 
 Verdict = Literal["ok", "note", "bad"]
@@ -22,7 +23,7 @@ LATENCY: Final = Path("/sys/bus/usb-serial/devices")
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of the report; ``bad`` ones say what to do."""
+    """One line of the report; a ``bad`` one tells what to do."""
 
     verdict: Verdict
     text: str
@@ -33,7 +34,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print what was found; 78 if something is in the way."""
+    """Print the findings; 78 if one of them is a problem."""
     findings = [
         *python(sys.version_info[:2]),
         *packages(version),
@@ -42,11 +43,11 @@ def run(options: argparse.Namespace) -> int:
     ]
     for finding in findings:
         print(f"{finding.verdict:5} {finding.text}")
-    return 78 if any(finding.verdict == "bad" for finding in findings) else 0
+    return EX_CONFIG if any(finding.verdict == "bad" for finding in findings) else 0
 
 
 def python(found: tuple[int, int]) -> Iterable[Finding]:
-    """Is this Python recent enough?"""
+    """Check whether this Python is recent enough."""
     shown = ".".join(map(str, found))
     if found >= (3, 11):
         yield Finding("ok", f"Python {shown}")
@@ -55,7 +56,7 @@ def python(found: tuple[int, int]) -> Iterable[Finding]:
 
 
 def packages(version_of: Callable[[str], str]) -> Iterable[Finding]:
-    """Are the packages there that urbihw needs, and which of its extras?"""
+    """Check which required packages and which extras are installed."""
     for line in requires("urbihw") or ():
         name = line.split(";")[0].split("[")[0].strip()
         for sign in "<>=!~":
@@ -72,8 +73,8 @@ def packages(version_of: Callable[[str], str]) -> Iterable[Finding]:
                 yield Finding("bad", f"{name} is missing: pip install {name}")
 
 
-def adapters(ports: Iterable[Port]) -> Iterable[Finding]:
-    """Which serial ports are there, may we open them, and whose adapters are they?"""
+def adapters(ports: Iterable[SerialPort]) -> Iterable[Finding]:
+    """List the serial ports with their adapters, and check the permission to open them."""
     known = _known_adapters()
     found = False
     for port in ports:
@@ -93,7 +94,7 @@ def adapters(ports: Iterable[Port]) -> Iterable[Finding]:
 
 
 def dialout(groups: Iterable[int]) -> Iterable[Finding]:
-    """Is the user in the group that owns serial ports on Debian?"""
+    """Check whether the user is in the group that owns serial ports on Debian."""
     try:
         group = grp.getgrnam("dialout").gr_gid
     except KeyError:
@@ -111,7 +112,7 @@ def _known_adapters() -> dict[tuple[int, int], str]:
         try:
             manifest = platforms.read(folder)
         except BadConfig:
-            # ``urbihw platforms`` says what is wrong with it.
+            # ``urbihw platforms`` reports its error.
             continue
         for usb in manifest.usb:
             known[usb.vendor, usb.product] = f"{usb.name} ({manifest.name})"

@@ -1,4 +1,4 @@
-"""Show what becomes of urbiscript source on its way to Python."""
+"""Show the stages of compiling urbiscript to Python."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
+from urbihw.exitcodes import EX_CONFIG, EX_SYNTAX
 from urbihw.kernel.stages import dump
-
-EX_SYNTAX, EX_CONFIG = 65, 78
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -23,7 +22,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the stage of each statement; syntax errors go to standard error and make the exit code 65."""
+    """Print the chosen stage of each statement.  Syntax errors go to standard error and set the exit code 65."""
     text, name = options.expression, None
     if text is None:
         name = str(options.file)

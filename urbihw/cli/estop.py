@@ -13,12 +13,12 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--key",
         metavar="DEVICE:KEY",
-        help="do so whenever a key or button is pressed, such as /dev/input/event3:KEY_SPACE, until this is ended",
+        help="stop at each press of a key or button, such as /dev/input/event3:KEY_SPACE, until the command ends",
     )
 
 
 def run(options: argparse.Namespace) -> int:
-    """Ask for it, now or at each press of a key."""
+    """Request the emergency stop, now or at each press of a key."""
     if options.key is None:
         return control.run("estop", options)
     from urbihw.cli import estopkey

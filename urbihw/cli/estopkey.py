@@ -1,7 +1,7 @@
 """``urbihw estop --key DEVICE:KEY``: a key of a keyboard, or a button of a gamepad, stops the robot and holds it.
 
-Keys are named as the kernel names them (``KEY_SPACE``, ``BTN_SOUTH``); ``evtest`` shows them.  A device that is gone is
-the loss of the button, so it counts as a press, and the command ends.
+Keys have the names of the Linux kernel (``KEY_SPACE``, ``BTN_SOUTH``); ``evtest`` shows them.  The loss of the device
+counts as a press, and the command ends.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from typing import Any, Final
 
 from urbihw.cli import control
-from urbihw.cli.options import EX_CONFIG, EX_UNAVAILABLE, INTERRUPTED
+from urbihw.exitcodes import EX_CONFIG, EX_UNAVAILABLE, INTERRUPTED
 
 PRESSED: Final = 1
 """The value of a key event when the key goes down; 0 is up, 2 is held."""
@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def listen(events: Iterable[Any], wanted: tuple[int, int], options: argparse.Namespace) -> int:
-    """Stop the robot at each press of ``wanted``, a type and a code of events; and when the device is gone."""
+    """Stop the robot at each press of ``wanted`` (type and code of an event), and when the device is lost."""
     try:
         for event in events:
             if (event.type, event.code) == wanted and event.value == PRESSED:

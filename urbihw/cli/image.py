@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator, Sequence
+import time
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
-from urbihw.cli.lines import Line
-from urbihw.cli.link import Link
-from urbihw.cli.options import INTERRUPTED, Parser, Refused, complain
+from urbihw.cli.lobby_client import LobbyClient
+from urbihw.cli.options import Parser, Refused, complain, number, whole
 from urbihw.cli.pictures import Picture
 from urbihw.cli.reach import add_server, credentials, server
+from urbihw.client.lines import Line
+from urbihw.exitcodes import INTERRUPTED
 
 PROGRAM: Final = "urbi-image"
 FORMATS: Final = {"rgb": 1, "ycrcb": 2, "jpeg": 3, "ppm": 4}
 """Format -> its number in the slots ``format`` (manual, specs/naming-standard) and ``formatDetail`` (platforms/nao)."""
-PATIENCE: Final = 10.0
+TIMEOUT_S: Final = 10.0
 
 
 def parser() -> Parser:
@@ -25,48 +27,30 @@ def parser() -> Parser:
     made = Parser(PROGRAM, "Fetch images from an urbiscript server, to save one (--output) or to show them.")
     add_server(made)
     made.add_argument("-d", "--device", default="camera", help="query image on DEVICE.val (%(default)s)")
-    made.add_argument("-o", "--output", type=Path, metavar="FILE", help="save one image to FILE; its ending says how")
-    made.add_argument("-p", "--period", type=_number(1, 3_600_000), default=100, metavar="MS",
+    made.add_argument("-o", "--output", type=Path, metavar="FILE",
+                      help="save one image to FILE, in the format of its extension")
+    made.add_argument("-p", "--period", type=whole(1, 3_600_000), default=100, metavar="MS",
                       help="time between two images, in ms (%(default)s)")
-    made.add_argument("-F", "--format", choices=FORMATS, help="tell the camera to give this format")
-    made.add_argument("-r", "--reconstruct", action="store_true", help="tell the camera to reconstruct (Aibo)")
-    made.add_argument("-j", "--jpeg", type=_number(0, 100), metavar="FACTOR",
-                      help="tell the camera this JPEG quality, 0 to 100")
-    made.add_argument("-R", "--resolution", type=_number(0, 100), metavar="N",
-                      help="tell the camera this resolution (0: the biggest)")
-    made.add_argument("-s", "--scale", type=_scale, default=1.0, metavar="FACTOR",
+    made.add_argument("-F", "--format", choices=FORMATS, help="set the format of the camera")
+    made.add_argument("-r", "--reconstruct", action="store_true", help="switch reconstruction of the camera on (Aibo)")
+    made.add_argument("-j", "--jpeg", type=whole(0, 100), metavar="FACTOR",
+                      help="set the JPEG quality of the camera, 0 to 100")
+    made.add_argument("-R", "--resolution", type=whole(0, 100), metavar="N",
+                      help="set the resolution of the camera (0: the largest)")
+    made.add_argument("-s", "--scale", type=number(0.01, 100, "factor"), default=1.0, metavar="FACTOR",
                       help="show images larger or smaller by FACTOR")
     return made
-
-
-def _number(least: int, most: int) -> Callable[[str], int]:
-    def read(text: str) -> int:
-        if not text.isdigit() or not least <= int(text) <= most:
-            raise argparse.ArgumentTypeError(f"{text!r} is no whole number from {least} to {most}")
-        return int(text)
-
-    return read
-
-
-def _scale(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.01 <= value <= 100:
-        raise argparse.ArgumentTypeError(f"{text!r} is no factor from 0.01 to 100")
-    return value
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """The command; returns the exit code."""
     options = parser().parse(argv)
     try:
-        with Link(server(options), credentials(options)) as link:
+        with LobbyClient(server(options), credentials(options)) as link:
             for setting in settings(options):
-                link.ask(setting, PATIENCE)
+                link.ask(setting, TIMEOUT_S)
             if options.output is not None:
-                taken = picture(link.ask(f"{options.device}.val", PATIENCE))
+                taken = one_picture(link, options.device, options.period)
                 taken.save(options.output)
                 print(f"{options.output}: {taken.kind}, {taken.width} x {taken.height}, {len(taken.data)} bytes")
             else:
@@ -81,7 +65,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def settings(options: argparse.Namespace) -> list[str]:
-    """The urbiscript that sets up the camera as the options want it: only what was asked for is changed."""
+    """The urbiscript that configures the camera; only the settings given as options are changed."""
     wanted: list[tuple[tuple[str, ...], int]] = []
     if options.format is not None:
         wanted.append((("formatDetail", "format"), FORMATS[options.format]))
@@ -95,7 +79,7 @@ def settings(options: argparse.Namespace) -> list[str]:
 
 
 def _set(device: str, slots: Sequence[str], value: int) -> str:
-    """Set the first of the slots that the device has; an error if it has none."""
+    """The urbiscript that sets the first existing one of some slots; it is an error if there is none."""
     text = f'throw "{device} has no slot {slots[-1]}"'
     for slot in reversed(slots):
         text = f'if ({device}.hasSlot("{slot}")) {{ {device}.{slot} = {value} }} else {{ {text} }}'
@@ -103,16 +87,30 @@ def _set(device: str, slots: Sequence[str], value: int) -> str:
 
 
 def picture(line: Line) -> Picture:
-    """The image in an answer.  Raises Refused for another value."""
+    """The image in an answer.  Raises Refused if the answer is another value."""
     if not line.binaries:
         raise Refused(f"the server answered {line.shown[:60]!r}, which is no image; which device is it (--device)?")
     return Picture.of(line.binaries[0])
 
 
-def pictures(link: Link, device: str, period: int) -> Iterator[Picture]:
-    """Images without end, one every ``period`` ms."""
-    for line in link.follow(f"every ({period}ms) answers << {device}.val", PATIENCE + period / 1000):
-        yield picture(line)
+def pictures(link: LobbyClient, device: str, period: int) -> Iterator[Picture]:
+    """An endless sequence of images, one every ``period`` ms.  A camera that sends only while it is read has none at
+    first."""
+    deadline = time.monotonic() + TIMEOUT_S
+    for line in link.follow(f"every ({period}ms) answers << {device}.val", TIMEOUT_S + period / 1000):
+        if not is_empty(line) or time.monotonic() > deadline:
+            yield picture(line)
+
+
+def one_picture(link: LobbyClient, device: str, period: int) -> Picture:
+    """One image."""
+    line = link.ask(f"{device}.val", TIMEOUT_S)
+    return next(pictures(link, device, period)) if is_empty(line) else picture(line)
+
+
+def is_empty(line: Line) -> bool:
+    """Whether an answer is an image without content."""
+    return bool(line.binaries) and not line.binaries[0].data
 
 
 if __name__ == "__main__":

@@ -13,16 +13,17 @@ from pathlib import Path
 from typing import Final
 
 from urbihw.cli import logs, urbi
-from urbihw.cli.link import Link
-from urbihw.cli.options import DEFAULT_PORT, EX_CONFIG, EX_USAGE, INTERRUPTED, Parser, Refused, complain, port, split
+from urbihw.cli.lobby_client import LobbyClient
+from urbihw.cli.options import DEFAULT_PORT, Parser, Refused, complain, port, split
 from urbihw.cli.reach import add_access, credentials, server
 from urbihw.client.credentials import Credentials
 from urbihw.client.where import Where
-from urbihw.kernel.server.ending import leave
+from urbihw.exitcodes import EX_CONFIG, EX_USAGE, INTERRUPTED
+from urbihw.kernel.server.exit_watchdog import leave
 
 PROGRAM: Final = "urbi-launch"
-PATIENCE: Final = 10.0
-"""Seconds that a server may take to load a module."""
+LOAD_TIMEOUT_S: Final = 10.0
+"""Maximum seconds for a server to load a module."""
 
 
 def parser() -> Parser:
@@ -71,7 +72,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         from urbihw.remote import run
 
         if where.tls:
-            Link(where, who).close()  # What is to be asked, it asks.
+            LobbyClient(where, who).close()  # asks the user all questions
         return run(options.modules, where.host, where.port, tls=where.tls, credentials=who, arguments=behind)
     except Refused as error:
         return complain(PROGRAM, error)
@@ -80,13 +81,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def server_options(options: argparse.Namespace) -> list[str]:
-    """The options of ``urbi`` that ``urbi-launch`` was given for it."""
+    """The options for ``urbi`` among those of ``urbi-launch``."""
     given = (("host", options.host), ("port", options.port), ("port-file", options.port_file), ("debug", options.debug))
     return [f"--{name}={value}" for name, value in given if value is not None]
 
 
 def server_of(options: argparse.Namespace) -> Where:
-    """The running server that is meant.  Raises Refused."""
+    """The address of the running server.  Raises Refused."""
     try:
         options.port = DEFAULT_PORT if options.port is None else port(options.port)
     except argparse.ArgumentTypeError as error:
@@ -95,11 +96,11 @@ def server_of(options: argparse.Namespace) -> Where:
 
 
 def plug(where: Where, who: Credentials, modules: Sequence[str]) -> int:
-    """Have a running server load modules: it looks for them along its own ``URBI_UOBJECT_PATH``."""
-    with Link(where, who) as link:
+    """Make a running server load modules, which it searches in its own ``URBI_UOBJECT_PATH``."""
+    with LobbyClient(where, who) as link:
         for module in modules:
             escaped = module.replace("\\", "\\\\").replace('"', '\\"')
-            link.ask(f'loadModule("{escaped}") | 1', PATIENCE)
+            link.ask(f'loadModule("{escaped}") | 1', LOAD_TIMEOUT_S)
     return 0
 
 

@@ -1,6 +1,6 @@
-"""The log of the programs, as the ``GD_*`` variables want it (manual, section Environment Variables).
+"""The log of the programs, configured by the ``GD_*`` variables (manual, section Environment Variables).
 
-The variables about colours are not read: nothing here is coloured.
+The variables for colours are ignored: the log has no colours.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ LEVELS: Final = {
     "DEBUG": logging.DEBUG,
     "DUMP": logging.DEBUG,
 }
-"""In order of verbosity."""
+"""The levels, in the order of verbosity."""
 
 _FIELDS: Final = (
     ("GD_TIME", "%(asctime)s "),
@@ -30,14 +30,14 @@ _FIELDS: Final = (
 
 
 def level(text: str) -> str:
-    """One of ``LEVELS``, in any case."""
+    """Parse the name of a level, in upper or lower case."""
     if text.upper() not in LEVELS:
         raise argparse.ArgumentTypeError(f"{text!r} is no level; there are: {', '.join(LEVELS)}")
     return text.upper()
 
 
 class _Categories(logging.Filter):
-    """Only these loggers, or all but those, by the last part of their name or the whole."""
+    """Passes records of the given loggers only, or of all others, by the last part of their name or the whole name."""
 
     def __init__(self, only: str | None, never: str | None) -> None:
         super().__init__()

@@ -15,13 +15,15 @@ from pathlib import Path
 from string import Template
 from typing import Final
 
-from urbihw.cli.options import EX_CONFIG, Refused
+from urbihw.cli.options import Refused
+from urbihw.exitcodes import EX_CONFIG
 from urbihw.kernel import Kernel
 
 SKELETON: Final = Path(__file__).with_name("skeleton")
 SUFFIX: Final = ".tmpl"
 PLACEHOLDER: Final = "NAME"
-"""Stands in the paths of the skeleton for the name of the platform; in its files that is ``$name``, or ``$Name``."""
+"""The placeholder for the name of the platform in the paths of the skeleton; in its files it is ``$name`` or
+``$Name``."""
 RESERVED: Final = ("body", "robot", "wheel")
 """Names of parts of the robot that the skeleton makes."""
 _NAME: Final = re.compile(r"[a-z][a-z0-9]{1,15}")
@@ -34,7 +36,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write the files, and say how to go on; 78 if that cannot be, and then nothing is written."""
+    """Write the files, and print the next steps; 78 if that is impossible, and then nothing is written."""
     try:
         root = _tree(options.folder or Path(__file__).resolve().parents[2])
         _check_name(options.name)
@@ -50,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def write_skeleton(name: str, root: Path) -> list[Path]:
-    """Write the files of a platform into a tree, and return their paths.  Raises Refused when one is there already."""
+    """Write the files of a platform into a tree, and return their paths.  Raises Refused if one exists already."""
     targets = {root / _target(path, name): path for path in sorted(SKELETON.rglob(f"*{SUFFIX}"))}
     folders = {root / folder / name for folder in ("urbihw/platforms", "fakes/urbihw_fakes")}
     for path in sorted(folders | {folder.with_suffix(".py") for folder in folders} | targets.keys()):
@@ -71,7 +73,7 @@ def _target(path: Path, name: str) -> str:
 
 
 def _with_sorted_imports(text: str) -> str:
-    """The text with each run of imports in order: where a module with the name of the platform stands depends on it."""
+    """The text with each block of imports sorted: the position of a module depends on the name of the platform."""
     runs = groupby(text.splitlines(keepends=True), lambda line: line.startswith("from "))
     return "".join(line for imports, lines in runs for line in (sorted(lines) if imports else lines))
 
@@ -85,7 +87,7 @@ def _tree(folder: Path) -> Path:
 
 
 def _check_name(name: str) -> None:
-    """Raise Refused unless Python, urbiscript and its library leave this name free."""
+    """Raise Refused if Python, urbiscript or its library uses this name."""
     if not _NAME.fullmatch(name):
         raise Refused(f"{name!r} cannot be a name: take 2 to 16 letters a to z and digits, a letter first", EX_CONFIG)
     if keyword.iskeyword(name) or name in RESERVED:
@@ -93,9 +95,9 @@ def _check_name(name: str) -> None:
     kernel = Kernel()
     lobby = kernel.open_lobby()
     names = ", ".join(f'Global.hasSlot("{each}")' for each in (name, name.capitalize()))
-    lobby.output.take()
+    lobby.output.take_bytes()
     kernel.feed(lobby, f"{{ var {name} = 0 | [{names}] }};".encode())
     kernel.run()
     kernel.close()
-    if b"[false, false]" not in lobby.output.take():
+    if b"[false, false]" not in lobby.output.take_bytes():
         raise Refused(f"{name!r} is a word or a slot of urbiscript already: take another name", EX_CONFIG)

@@ -1,32 +1,28 @@
-"""What the programs named after those of the SDK share: how they read options, and how they complain.
+"""The common part of the programs named after those of the SDK: options and error messages.
 
-Manual, chapter 18 (Programs).  Their exit codes are those of the original where it had one (server protocol, section
-9): 64 for a bad option, 66 for a file that cannot be read, 69 for a port or a server that is not available.
+Manual, chapter 18 (Programs).  The exit codes are in ``urbihw.exitcodes``.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import os
+import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final, NoReturn
 
-EX_SYNTAX: Final = 65
-EX_RUNTIME: Final = 70
-EX_CONFIG: Final = 78
-EX_USAGE: Final = 64
-EX_NOINPUT: Final = 66
-EX_UNAVAILABLE: Final = 69
-INTERRUPTED: Final = 130
-"""What a shell says of a program that Ctrl-C ended."""
+from urbihw.exitcodes import EX_NOINPUT, EX_UNAVAILABLE, EX_USAGE
 
 DEFAULT_PORT: Final = 54000
+_PORT: Final = re.compile("-1|[0-9]{1,5}")
+_DIGITS: Final = re.compile("[0-9]{1,12}")
 
 
 class Refused(Exception):
-    """The program cannot do what it was asked for; the message is one line that says what to do."""
+    """The program cannot carry out the request; the message is one line that tells what to do."""
 
     def __init__(self, message: str, code: int = EX_UNAVAILABLE) -> None:
         super().__init__(message)
@@ -34,15 +30,15 @@ class Refused(Exception):
 
 
 class Version(argparse.Action):
-    """``--version``; looked up only when it is asked for, since every start would pay for it."""
+    """``--version``.  The version is looked up only on request, since it would slow every start down."""
 
     def __init__(self, option_strings: Sequence[str], dest: str, *, text: str) -> None:
-        """``text`` has ``{}`` in the place of the version."""
+        """``text`` contains ``{}`` for the version."""
         super().__init__(option_strings, argparse.SUPPRESS, 0, help="show program's version number and exit")
         self._text = text
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        """Say it and end."""
+        """Print the version and exit."""
         from importlib.metadata import version
 
         print(self._text.format(version("urbihw")))
@@ -50,10 +46,11 @@ class Version(argparse.Action):
 
 
 class Parser(argparse.ArgumentParser):
-    """Options as ``getopt_long`` reads them: whatever follows an option that wants a value is its value."""
+    """Parses options as ``getopt_long`` does: the word behind an option that needs a value is its value."""
 
     def __init__(self, prog: str, description: str, usage: str | None = None, *, script: bool = False) -> None:
-        """``script``: the first word that is no option is a program, and all that follows is its own."""
+        """``script``: the first word that is no option is a program, and all words behind it are the program's
+        arguments."""
         super().__init__(prog=prog, description=description, usage=usage)
         self._script = script
         self.add_argument("--version", action=Version, text=prog + " (urbihw {}), urbiscript 2.3")
@@ -64,7 +61,7 @@ class Parser(argparse.ArgumentParser):
         return self.parse_args(words) if self._script else self.parse_intermixed_args(words)
 
     def _joined(self, argv: Sequence[str]) -> list[str]:
-        """Values tied to their options, so that ``-e '-1;'`` is no option ``-1``."""
+        """The arguments with values joined to their options, so that ``-e '-1;'`` is not read as an option ``-1``."""
         long = {
             name: next((other for other in action.option_strings if other.startswith("--")), name)
             for action in self._actions
@@ -81,14 +78,14 @@ class Parser(argparse.ArgumentParser):
         return joined
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong in the manual's words (specs/process, stderr), and exit with 64."""
+        """Print the error in the manual's words (specs/process, stderr), and exit with 64."""
         unknown = message.removeprefix("unrecognized arguments: ")
         text = message if unknown == message else f"invalid option: {unknown.split()[0]}"
         self.exit(EX_USAGE, f"{self.prog}: {text}\nTry `{self.prog} --help' for more information.\n")
 
 
 class Source(argparse.Action):
-    """Collects ``-e`` and ``-f`` in the order in which they were given: pairs of ``const`` and value."""
+    """Collects ``-e`` and ``-f`` in the given order, as pairs of ``const`` and value."""
 
     def __call__(
         self,
@@ -101,7 +98,7 @@ class Source(argparse.Action):
 
 
 def add_sources(parser: argparse.ArgumentParser) -> None:
-    """``-e`` and ``-f``, as ``sources``."""
+    """Add the options ``-e`` and ``-f``, whose values become ``sources``."""
     parser.set_defaults(sources=[])
     parser.add_argument("-e", "--expression", action=Source, const="text", dest="sources", metavar="EXP",
                         help="send EXP; no separator is added")
@@ -109,15 +106,47 @@ def add_sources(parser: argparse.ArgumentParser) -> None:
                         help="send the contents of FILE (- is standard input)")
 
 
-def port(text: str) -> int:
-    """A port to connect to."""
-    if not text.isdigit() or not 0 < int(text) < 65536:
-        raise argparse.ArgumentTypeError(f"{text!r} is no port; give a number from 1 to 65535")
-    return int(text)
+def port(text: str, least: int = 1) -> int:
+    """Parse a TCP port.  ``least`` is 1 for a port to connect to, 0 for one to listen on (0: any free one), -1 to allow
+    -1 (none).
+
+    Raises ArgumentTypeError.
+    """
+    number = int(text) if _PORT.fullmatch(text) else least - 1
+    if not least <= number <= 65535:
+        none = ", or -1 for none" if least < 0 else ""
+        raise argparse.ArgumentTypeError(f"{text!r} is no port; give a number from {max(least, 0)} to 65535{none}")
+    return number
+
+
+def whole(least: int, most: int, name: str = "whole number") -> Callable[[str], int]:
+    """The type of an option that is a whole number within bounds; ``name`` describes it in the message."""
+
+    def read(text: str) -> int:
+        if not _DIGITS.fullmatch(text) or not least <= int(text) <= most:
+            raise argparse.ArgumentTypeError(f"{text!r} is no {name} from {least} to {most}")
+        return int(text)
+
+    return read
+
+
+def number(least: float, most: float, name: str) -> Callable[[str], float]:
+    """The type of an option that is a number within bounds; ``name`` describes it in the message."""
+
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not least <= value <= most:
+            raise argparse.ArgumentTypeError(f"{text!r} is no {name} from {least:g} to {most:g}")
+        return value
+
+    return read
 
 
 def source_bytes(kind: str, value: str) -> bytes:
-    """What an entry of ``sources`` stands for.  Raises Refused when a file cannot be read."""
+    """The bytes of an entry of ``sources``.  Raises Refused when a file cannot be read."""
     if kind == "text":
         return value.encode("utf-8", "surrogateescape")
     try:
@@ -127,20 +156,20 @@ def source_bytes(kind: str, value: str) -> bytes:
 
 
 def complain(program: str, error: Refused) -> int:
-    """Print why the program cannot go on; its exit code."""
+    """Print the error of a program; returns the exit code."""
     print(f"{program}: {error}", file=sys.stderr)
     return error.code
 
 
 def split(argv: Sequence[str]) -> tuple[list[str], list[str]]:
-    """What stands before and behind ``--``."""
+    """The arguments before and behind ``--``."""
     words = list(argv)
     at = words.index("--") if "--" in words else len(words)
     return words[:at], words[at + 1 :]
 
 
 def why(error: Exception) -> str:
-    """Why a host or port cannot be had, in a few words.  A name that no host can have is a UnicodeError."""
+    """The reason why a host or port is not available, in a few words.  An impossible host name is a UnicodeError."""
     if isinstance(error, TimeoutError):
         return "no answer"
     if isinstance(error, UnicodeError):

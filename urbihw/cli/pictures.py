@@ -1,4 +1,4 @@
-"""Images as servers send them: the keywords of a Binary and its bytes, into files and windows.
+"""Images in the formats of servers: converts the keywords and bytes of a Binary for files and windows.
 
 Keywords: ``jpeg W H``, ``ppm W H``, ``rgb W H``, ``ycbcr W H``, ``grey8 W H`` (remote UObject protocol, section 6;
 manual, specs/naming-standard and platforms/nao).  Pillow is only needed to convert.
@@ -11,22 +11,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from urbihw.cli.lines import Binary
-from urbihw.cli.options import EX_CONFIG, EX_RUNTIME, Refused
+from urbihw.cli.options import Refused
+from urbihw.client.lines import Binary
+from urbihw.exitcodes import EX_CONFIG, EX_RUNTIME
 
 if TYPE_CHECKING:
     from PIL import Image
 
 RAW: Final = {"rgb": ("RGB", 3), "ycbcr": ("YCbCr", 3), "ycrcb": ("YCbCr", 3), "grey8": ("L", 1)}
-"""Keyword -> mode of Pillow, bytes a pixel."""
+"""Keyword -> Pillow's mode, bytes per pixel."""
 ENCODED: Final = {"jpeg": (".jpg", ".jpeg"), "ppm": (".ppm", ".pnm")}
-"""Keyword -> endings of files that take the bytes as they are."""
-MOST_PIXELS: Final = 64 * 1024 * 1024
+"""Keyword -> extensions of files that store the bytes unchanged."""
+MAX_PIXELS: Final = 64 * 1024 * 1024
 
 
 @dataclass(frozen=True)
 class Picture:
-    """An image; ``width`` and ``height`` in pixels, 0 if not told."""
+    """An image; ``width`` and ``height`` in pixels, 0 if unknown."""
 
     kind: str
     width: int
@@ -35,7 +36,7 @@ class Picture:
 
     @classmethod
     def of(cls, binary: Binary) -> Picture:
-        """The image in a Binary.  Raises Refused for what is none."""
+        """The image in a Binary.  Raises Refused if it is no image."""
         kind, *sizes = binary.keywords.split() or [""]
         if kind not in RAW and kind not in ENCODED:
             known = ", ".join((*ENCODED, *RAW))
@@ -49,7 +50,7 @@ class Picture:
         return cls(kind, width, height, binary.data)
 
     def save(self, path: Path) -> None:
-        """Write a file, of the kind that its ending says.  Raises Refused."""
+        """Write a file in the format of its extension.  Raises Refused."""
         if path.suffix.lower() in ENCODED.get(self.kind, ()):
             data = self.data
         elif self.kind == "rgb" and path.suffix.lower() in ENCODED["ppm"]:
@@ -70,7 +71,7 @@ class Picture:
         return out.getvalue()
 
     def decoded(self) -> Image.Image:
-        """As Pillow sees it.  Raises Refused."""
+        """The image as an object of Pillow.  Raises Refused."""
         try:
             from PIL import Image
         except ImportError as error:
@@ -80,7 +81,7 @@ class Picture:
             if self.kind in RAW:
                 return Image.frombytes(RAW[self.kind][0], (self.width, self.height), self.data)
             image = Image.open(io.BytesIO(self.data), formats=["JPEG", "PPM"])
-            if image.width * image.height > MOST_PIXELS:
+            if image.width * image.height > MAX_PIXELS:
                 raise Refused(f"an image of {image.width} x {image.height} pixels is too large", EX_RUNTIME)
             image.load()
         except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
@@ -89,7 +90,7 @@ class Picture:
 
 
 def _format(path: Path) -> str:
-    """What Pillow calls the kind of image that a file's ending stands for.  Raises Refused."""
+    """Pillow's name for the format of a file's extension.  Raises Refused."""
     from PIL import Image
 
     name = Image.registered_extensions().get(path.suffix.lower())

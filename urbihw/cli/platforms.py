@@ -8,6 +8,7 @@ import tomllib
 from pathlib import Path
 
 from urbihw import platforms
+from urbihw.exitcodes import EX_CONFIG
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -15,7 +16,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """One line for each: name, what it is, how much of its checklist is done."""
+    """Print one line for each robot: name, title, progress of its checklist."""
     broken = False
     for folder in platforms.folders():
         try:
@@ -26,11 +27,11 @@ def run(options: argparse.Namespace) -> int:
             continue
         fake = ", --fake" if manifest.fake else ""
         print(f"{manifest.name:10} {manifest.title} ({maturity(folder)}{fake})")
-    return 78 if broken else 0
+    return EX_CONFIG if broken else 0
 
 
 def maturity(folder: Path) -> str:
-    """How much of the checklist is done, such as ``17 of 18 rules``; rules that do not apply are not counted."""
+    """The progress of the checklist, such as ``17 of 18 rules``; rules that do not apply are not counted."""
     path = folder / "checklist.toml"
     if not path.is_file():
         return "no checklist"

@@ -1,4 +1,4 @@
-"""Which server a program speaks to, and by which way: what the programs that connect to one share."""
+"""The address and credentials of a server, from the options of the programs that connect to one."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from urbihw.cli.options import DEFAULT_PORT, EX_CONFIG, EX_NOINPUT, Refused, port
+from urbihw.cli.options import DEFAULT_PORT, Refused, port
 from urbihw.client.credentials import Credentials
 from urbihw.client.where import DEFAULT_HOST, Where, where_is
 from urbihw.daemon.runtime import client_sockets
+from urbihw.exitcodes import EX_CONFIG, EX_NOINPUT
 
-PROBE: Final = 0.5
-"""Seconds that a daemon on this machine has to accept."""
+PROBE_TIMEOUT_S: Final = 0.5
+"""Maximum seconds for a daemon on this machine to accept a connection."""
 
 
 def add_server(parser: argparse.ArgumentParser) -> None:
@@ -26,23 +27,23 @@ def add_server(parser: argparse.ArgumentParser) -> None:
 
 
 def add_access(parser: argparse._ActionsContainer) -> None:
-    """How to get in."""
+    """Add the options for TLS, tokens and certificates; ``credentials`` reads them."""
     parser.add_argument("--tls", action=argparse.BooleanOptionalAction,
-                        help="speak TLS and show a token (so it is with other machines), or do not")
+                        help="use TLS and a token (the default for other machines), or do not")
     parser.add_argument("--token-file", type=Path, metavar="FILE",
-                        help="the token is in FILE (or in URBIHW_TOKEN, or in ~/.config/urbihw/tokens)")
-    parser.add_argument("--trust", action="store_true", help="trust the certificate of a server that is not known yet")
+                        help="read the token from FILE (default: URBIHW_TOKEN, ~/.config/urbihw/tokens)")
+    parser.add_argument("--trust", action="store_true", help="trust the certificate of an unknown server")
 
 
 def server(options: argparse.Namespace) -> Where:
     """The server that ``add_server``'s options name.  Raises Refused for a port file without a port."""
     number = options.port if options.port_file is None else _port_in(options.port_file)
-    return reached(options.host, number, options.tls)
+    return resolve_server(options.host, number, options.tls)
 
 
-def reached(host: str | None, number: int, tls: bool | None) -> Where:
-    """How to reach a server.  Without a host, that of this machine: by the UNIX socket that the daemon with this port
-    has, if there is one that we may use."""
+def resolve_server(host: str | None, number: int, tls: bool | None) -> Where:
+    """The address of a server.  Without a host it is the server of this machine: the UNIX socket of the daemon with
+    this port, if it exists and is accessible, else TCP."""
     if host is None and not tls:
         for path in _sockets(number):
             if _accepts(path):
@@ -51,7 +52,7 @@ def reached(host: str | None, number: int, tls: bool | None) -> Where:
 
 
 def credentials(options: argparse.Namespace) -> Credentials:
-    """Who we are, by the options of ``add_access``.  At a terminal, what is missing is asked for."""
+    """The credentials from the options of ``add_access``.  At a terminal, the user is asked for missing ones."""
     asks = sys.stdin.isatty() and sys.stderr.isatty()
     return Credentials(options.token_file, options.trust, _confirmed if asks else None, _secret if asks else None)
 
@@ -70,14 +71,14 @@ def _port_in(file: Path) -> int:
 def _sockets(number: int) -> list[Path]:
     try:
         return client_sockets(number)
-    except ValueError:  # BadConfig, of a folder that we may not use: there is TCP.
+    except ValueError:  # BadConfig for a folder without permission: use TCP.
         return []
 
 
 def _accepts(path: Path) -> bool:
-    """Whether a daemon is behind a socket, which may have been left there by one that was killed."""
+    """Whether a daemon listens at a socket; a killed daemon leaves its socket behind."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
-        probe.settimeout(PROBE)
+        probe.settimeout(PROBE_TIMEOUT_S)
         try:
             probe.connect(str(path))
         except OSError:

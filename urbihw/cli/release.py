@@ -1,4 +1,4 @@
-"""Let a robot be moved again after an emergency stop; nothing moves by that."""
+"""Release a robot after an emergency stop, so that programs can move it again; the release itself moves nothing."""
 
 from __future__ import annotations
 
@@ -13,5 +13,5 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Ask for it."""
+    """Request the release."""
     return control.run("release", options)

@@ -1,4 +1,4 @@
-"""``urbi-send``: send commands and files to a server, and show what it says (manual, section 18.6).
+"""``urbi-send``: sends commands and files to a server, and shows its output (manual, section 18.6).
 
 Answers go to standard output, errors (``!!!``) to standard error.
 """
@@ -10,10 +10,11 @@ import sys
 from collections.abc import Sequence
 from typing import BinaryIO
 
-from urbihw.cli.lines import Line
-from urbihw.cli.link import Link
-from urbihw.cli.options import INTERRUPTED, Parser, Refused, add_sources, complain, source_bytes
+from urbihw.cli.lobby_client import LobbyClient
+from urbihw.cli.options import Parser, Refused, add_sources, complain, source_bytes
 from urbihw.cli.reach import add_server, credentials, server
+from urbihw.client.lines import Line
+from urbihw.exitcodes import INTERRUPTED
 
 PROGRAM = "urbi-send"
 
@@ -23,7 +24,7 @@ def parser() -> Parser:
     made = Parser(PROGRAM, "Send commands and files to an urbiscript server.", f"{PROGRAM} OPTION... [FILE...]")
     add_sources(made)
     add_server(made)
-    made.add_argument("-b", "--banner", action="store_true", help="show how the server greets, too")
+    made.add_argument("-b", "--banner", action="store_true", help="show the banner, too")
     made.add_argument("-Q", "--quit", action="store_true",
                       help="disconnect once all is run, as if -e 'quit;' came last")
     made.add_argument("files", nargs="*", metavar="FILE", help="as with --file, after all others")
@@ -36,8 +37,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         texts = [source_bytes(kind, value) for kind, value in options.sources]
         texts += [source_bytes("file", name) for name in options.files]
-        with Link(server(options), credentials(options)) as link:
-            greeting = link.greeting()
+        with LobbyClient(server(options), credentials(options)) as link:
+            greeting = link.read_banner()
             if options.banner:
                 for line in greeting:
                     show(line)
@@ -54,14 +55,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return INTERRUPTED
     except BrokenPipeError:
-        # Whoever read our output has gone; so do we, as everybody in a pipeline does.
+        # The reader of the pipe has ended; end too, as programs in a pipeline do.
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)
         signal.raise_signal(signal.SIGPIPE)
     return 0
 
 
 def show(line: Line) -> None:
-    """Print a line as it came."""
+    """Print a line as it was received."""
     stream: BinaryIO = sys.stderr.buffer if line.is_error else sys.stdout.buffer
     stream.write(line.raw + b"\n")
     stream.flush()

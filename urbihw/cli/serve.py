@@ -7,36 +7,30 @@ import asyncio
 import logging
 import os
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from urbihw.cli.options import port
 from urbihw.daemon.config import Config, configure
 from urbihw.daemon.notify import Notifier
 from urbihw.daemon.service import Service, StartError
-from urbihw.kernel.server.ending import leave
+from urbihw.exitcodes import EX_CONFIG
+from urbihw.kernel.server.exit_watchdog import leave
 from urbihw.kernel.uobject import BadConfig
-
-EX_CONFIG = 78
 
 
 def options(parser: argparse.ArgumentParser) -> None:
     """The options of ``urbihw serve``."""
     parser.add_argument("--platform", metavar="NAME", help="which robot (see: urbihw platforms)")
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--url", help="its bus, such as /dev/ttyUSB0?baud=1000000 or socket://host:port")
-    where.add_argument("--fake", action="store_true", default=None, help="serve the same robot in software")
-    parser.add_argument("--host", help="address to listen on (127.0.0.1); one that others reach wants tokens")
-    parser.add_argument("--port", type=port, help="port to listen on, 0 for a free one (54000)")
-    parser.add_argument("--port-file", metavar="FILE", help="write the port to FILE when clients may come")
+    where.add_argument("--url", help="url of its bus, such as /dev/ttyUSB0?baud=1000000 or socket://host:port")
+    where.add_argument("--fake", action="store_true", default=None, help="serve a simulated robot of the same kind")
+    parser.add_argument("--host", help="address to listen on (127.0.0.1); clients of other machines need a token")
+    parser.add_argument("--port", type=partial(port, least=0), help="port to listen on, 0 for a free one (54000)")
+    parser.add_argument("--port-file", metavar="FILE", help="write the port to FILE when clients can connect")
     parser.add_argument("--quiet", action="store_true", default=None, help="no banner for clients")
-    parser.add_argument("--config", type=Path, metavar="FILE", help="settings, as TOML")
-
-
-def port(text: str) -> int:
-    """A port number."""
-    if not text.isdigit() or int(text) > 65535:
-        raise argparse.ArgumentTypeError(f"{text!r} is no port; give a number from 0 to 65535")
-    return int(text)
+    parser.add_argument("--config", type=Path, metavar="FILE", help="settings file (TOML)")
 
 
 def flags(options: argparse.Namespace) -> dict[str, Any]:
@@ -53,7 +47,7 @@ def config(options: argparse.Namespace) -> Config:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Serve until told to stop."""
+    """Serve until the process is told to stop."""
     try:
         settings = config(options)
         logging.basicConfig(format="urbihw: %(message)s", level=settings.log_level.upper(), stream=sys.stderr)
@@ -66,4 +60,4 @@ def run(options: argparse.Namespace) -> int:
 
 async def _serve(service: Service) -> int:
     code = await service.run()
-    leave(code)  # while the service is there: nothing of it is freed
+    leave(code)  # before the service is freed, which takes long

@@ -1,11 +1,10 @@
-"""``urbi-sound``: record what a device of a server hears, to save or to play it.
+"""``urbi-sound``: records the sound of a device of a server, to save or to play it.
 
 The manual names the program without describing it; host, port, device and output are those of ``urbi-image``.
 """
 
 from __future__ import annotations
 
-import argparse
 import shutil
 import subprocess
 import sys
@@ -13,15 +12,16 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
-from urbihw.cli.link import Link
-from urbihw.cli.options import EX_CONFIG, INTERRUPTED, Parser, Refused, complain
+from urbihw.cli.lobby_client import LobbyClient
+from urbihw.cli.options import Parser, Refused, complain, number
 from urbihw.cli.reach import add_server, credentials, server
 from urbihw.cli.sounds import Sound, wave_file
+from urbihw.exitcodes import EX_CONFIG, INTERRUPTED
 
 PROGRAM: Final = "urbi-sound"
-PATIENCE: Final = 10.0
+TIMEOUT_S: Final = 10.0
 PLAYERS: Final = (("aplay", "-q", "-"), ("pw-cat", "-p", "-"), ("play", "-q", "-t", "wav", "-"))
-"""Programs that play a WAVE file from their standard input; the first that is there is taken."""
+"""Programs that play a WAVE file from their standard input; the first one that is installed is used."""
 
 
 def parser() -> Parser:
@@ -29,20 +29,10 @@ def parser() -> Parser:
     made = Parser(PROGRAM, "Record sound from an urbiscript server, to save it (--output) or to play it.")
     add_server(made)
     made.add_argument("-d", "--device", default="micro", help="record DEVICE.val (%(default)s)")
-    made.add_argument("-t", "--duration", type=_seconds, default=5.0, metavar="S",
+    made.add_argument("-t", "--duration", type=number(0.001, 3600, "number of seconds"), default=5.0, metavar="S",
                       help="record S seconds (%(default)s)")
     made.add_argument("-o", "--output", type=Path, metavar="FILE", help="save the sound to FILE, as WAVE")
     return made
-
-
-def _seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0 < value <= 3600:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number of seconds up to 3600")
-    return value
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -50,7 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser().parse(argv)
     try:
         player = None if options.output is not None else find_player()
-        with Link(server(options), credentials(options)) as link:
+        with LobbyClient(server(options), credentials(options)) as link:
             data = wave_file(recorded(link, options.device, options.duration))
         if player is not None:
             subprocess.run(player, input=data, check=False)
@@ -76,10 +66,10 @@ def find_player() -> Sequence[str]:
                   EX_CONFIG)
 
 
-def recorded(link: Link, device: str, duration: float) -> Iterator[Sound]:
-    """Pieces of sound until there are so many seconds of them: what the device hears since it was last heard."""
+def recorded(link: LobbyClient, device: str, duration: float) -> Iterator[Sound]:
+    """Yield pieces of sound until their total is ``duration`` seconds; each continues where the previous one ended."""
     left = duration
-    for line in link.follow(f"at ({device}.val->changed?) answers << {device}.val", PATIENCE):
+    for line in link.follow(f"at ({device}.val->changed?) answers << {device}.val", TIMEOUT_S):
         if not line.binaries:
             raise Refused(f"the server answered {line.shown[:60]!r}, which is no sound; which device is it (--device)?")
         sound = Sound.of(line.binaries[0])

@@ -1,4 +1,4 @@
-"""Sound as servers send it: the keywords of a Binary and its bytes, into WAVE files.
+"""Sound in the formats of servers: converts the keywords and bytes of Binaries into WAVE files.
 
 Keywords: ``raw C R S F`` and ``wav C R S F``: channels, samples a second, bits of a sample, 1 signed or 2 unsigned
 (remote UObject protocol, section 6).  Samples are little-endian.  A WAVE file has unsigned samples of 8 bits and signed
@@ -13,8 +13,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from urbihw.cli.lines import Binary
-from urbihw.cli.options import EX_RUNTIME, Refused
+from urbihw.cli.options import Refused
+from urbihw.client.lines import Binary
+from urbihw.exitcodes import EX_RUNTIME
 
 RATES: Final = range(1000, 400_001)
 _FLIPPED: Final = bytes(value ^ 0x80 for value in range(256))
@@ -22,27 +23,27 @@ _FLIPPED: Final = bytes(value ^ 0x80 for value in range(256))
 
 @dataclass(frozen=True)
 class Format:
-    """How samples are laid out: channels, samples a second, bytes of a sample (1 or 2)."""
+    """The format of samples: channels, samples per second, bytes per sample (1 or 2)."""
 
     channels: int
     rate: int
     width: int
 
     def seconds(self, size: int) -> float:
-        """How long so many bytes sound."""
+        """The duration of ``size`` bytes, in seconds."""
         return size / (self.channels * self.rate * self.width)
 
 
 @dataclass(frozen=True)
 class Sound:
-    """Samples as a WAVE file has them."""
+    """Samples in the format of a WAVE file."""
 
     format: Format
     samples: bytes
 
     @classmethod
     def of(cls, binary: Binary) -> Sound:
-        """The sound in a Binary.  Raises Refused for what is none."""
+        """The sound in a Binary.  Raises Refused if it is no sound."""
         kind, *numbers = binary.keywords.split() or [""]
         if kind == "wav" and binary.data[:4] == b"RIFF":
             return cls._of_file(binary.data)
@@ -73,7 +74,7 @@ class Sound:
 
 
 def wave_file(sounds: Iterable[Sound]) -> bytes:
-    """Pieces of sound of the same format as one file.  Raises Refused when they are not, and for none at all."""
+    """Join pieces of sound to one file.  Raises Refused if their formats differ, and if there are none."""
     pieces = list(sounds)
     if not pieces:
         raise Refused("the device gave no sound; is it switched on (load = 1)?", EX_RUNTIME)

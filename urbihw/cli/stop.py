@@ -1,4 +1,4 @@
-"""Stop a robot, or all: speeds go to zero, joints hold; what is asked for afterwards moves it again."""
+"""Stop a robot, or all: speeds go to zero, joints hold; later commands move it again."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from urbihw.cli import control
-from urbihw.cli.options import EX_CONFIG
+from urbihw.exitcodes import EX_CONFIG
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -19,7 +19,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Ask for it, or do it."""
+    """Request the stop, or stop the robot directly."""
     if options.direct:
         from urbihw.cli.direct import stop
 

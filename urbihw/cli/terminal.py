@@ -1,4 +1,4 @@
-"""The console of ``urbi``: a lobby that speaks to standard output and, if wanted, listens to standard input."""
+"""The console of ``urbi``: a lobby that writes to standard output and, if interactive, reads standard input."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import sys
 from collections.abc import Callable, Iterable
 from typing import Final
 
-from urbihw.cli.options import EX_RUNTIME, EX_SYNTAX
+from urbihw.exitcodes import EX_RUNTIME, EX_SYNTAX
 from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.lobby.output import Output
-from urbihw.kernel.server.loop import Driver
+from urbihw.kernel.process import KernelProcess
 
 CHUNK: Final = 64 * 1024
 
 
-class _Watched(Output):
-    """An output that notices the errors that pass."""
+class _ErrorRecorder(Output):
+    """An output that records the first error, for the exit code."""
 
     def __init__(self, kernel: Kernel) -> None:
         super().__init__(kernel.scheduler, lambda: None)
@@ -27,7 +27,7 @@ class _Watched(Output):
         self.watching = True
 
     def line(self, text: str, channel: str = "") -> None:
-        """Send one line; the first error decides about the exit code."""
+        """Send one line; the first error determines the exit code."""
         if self.watching and channel == "error" and text.startswith("!!! ") and not self.code:
             self.code = EX_SYNTAX if ": syntax error: " in text else EX_RUNTIME
         super().line(text, channel)
@@ -36,26 +36,25 @@ class _Watched(Output):
 class Terminal:
     """The lobby of the process itself.
 
-    ``ended`` is called at the end of standard input.  ``on_quit`` is called when the console was left by ``quit``: the
-    server goes on without it.
+    The process ends with standard input.  ``on_quit`` is called when ``quit`` has ended the console: the server goes on
+    without it.
     """
 
-    def __init__(self, kernel: Kernel, driver: Driver, ended: Callable[[], None]) -> None:
-        self._kernel = kernel
-        self._driver = driver
-        self._ended = ended
+    def __init__(self, process: KernelProcess) -> None:
+        self._process = process
+        kernel = process.kernel
         self._reading = False
         self.on_quit: Callable[[], None] = lambda: None
         self.lobby: Lobby = kernel.open_lobby()
-        self._output = _Watched(kernel)
-        self._output.write(self.lobby.output.take())
+        self._output = _ErrorRecorder(kernel)
+        self._output.write(self.lobby.output.take_bytes())
         self.lobby.output = self._output
         self.lobby.on_quit = self._quit
         kernel.scheduler.add_round_hook(self._flush)
 
     @property
     def code(self) -> int:
-        """The exit code for what the texts of the command line did: 0, 65 or 70."""
+        """The exit code of the texts of the command line: 0, 65 or 70."""
         return self._output.code
 
     def feed(self, text: bytes) -> None:
@@ -63,18 +62,18 @@ class Terminal:
         self.lobby.feed(text)
 
     def idle(self) -> asyncio.Future[None]:
-        """Done once all that was fed so far was run."""
+        """A future that is done when all texts fed so far have run."""
         done: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
-        def tell() -> None:
+        def set_idle() -> None:
             if not done.done():
                 done.set_result(None)
 
-        self.lobby.shell.when_idle(tell)
+        self.lobby.shell.when_idle(set_idle)
         return done
 
     def start(self, texts: Iterable[bytes], interactive: bool) -> None:
-        """Run the texts given on the command line; then read standard input, if wanted."""
+        """Run the texts of the command line; then read standard input, if ``interactive``."""
         for text in texts:
             self.lobby.feed(text)
         if interactive:
@@ -93,11 +92,11 @@ class Terminal:
         try:
             loop.add_reader(sys.stdin.fileno(), self._read)
         except PermissionError:
-            # A plain file and /dev/null cannot be waited for, and need not be.
+            # epoll does not support a plain file and /dev/null, which are always ready.
             loop.call_soon(self._read_on)
 
     def _read(self) -> bool:
-        """Take what standard input has; whether there may be more."""
+        """Read from standard input; true if there may be more."""
         try:
             data = os.read(sys.stdin.fileno(), CHUNK)
         except BlockingIOError:
@@ -108,7 +107,7 @@ class Terminal:
             self._end_of_input()
         elif self._reading:
             self.lobby.feed(data)
-        self._driver.drive()
+        self._process.drive()
         return bool(data)
 
     def _read_on(self) -> None:
@@ -116,14 +115,14 @@ class Terminal:
             asyncio.get_running_loop().call_soon(self._read_on)
 
     def _end_of_input(self) -> None:
-        """Ctrl-D ends the session at once; the end of a pipe or file when all that came from it was run."""
+        """Handle the end of input: Ctrl-D ends the session at once, a pipe or file when all its statements have run."""
         if not self._reading:
             return
         self._stop_reading()
         if sys.stdin is not None and sys.stdin.isatty():
-            self._ended()
+            self._process.stop()
         else:
-            self._kernel.post(lambda: self.lobby.shell.when_idle(self._ended))
+            self._process.kernel.post(lambda: self.lobby.shell.when_idle(self._process.stop))
 
     def _stop_reading(self) -> None:
         self._reading = False
@@ -137,8 +136,8 @@ class Terminal:
         self.on_quit()
 
     def _flush(self) -> None:
-        """Write what the lobby said; if nobody takes it any more, that is the end."""
-        data = self._output.take()
+        """Write the output of the lobby; end the session if the reader of standard output has ended."""
+        data = self._output.take_bytes()
         if not data:
             return
         try:
@@ -146,13 +145,13 @@ class Terminal:
             sys.stdout.buffer.flush()
         except BrokenPipeError:
             self._output.close()
-            # What Python would flush when it exits must not fail, too.
+            # The flush of Python at exit must not fail, too.
             with contextlib.suppress(OSError):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            self._ended()
+            self._process.stop()
 
     def close(self) -> None:
-        """Say what is left to say, and read no more."""
+        """Write the remaining output, and stop reading."""
         self._flush()
         if self._reading:
             self._stop_reading()

@@ -9,20 +9,24 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import math
 import os
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Final, NoReturn
 
 from urbihw.cli import logs
-from urbihw.cli.options import Parser, Refused, add_sources, complain, source_bytes, split
+from urbihw.cli.options import Parser, Refused, add_sources, complain, number, port, source_bytes, split, whole
 from urbihw.cli.server import Settings, serve
+from urbihw.exitcodes import INTERRUPTED
 from urbihw.kernel.server.bounds import HOLD_LIMIT
-from urbihw.kernel.server.ending import leave
+from urbihw.kernel.server.exit_watchdog import leave
 
 ROOT: Final = Path(__file__).resolve().parents[1]
+DAY_S: Final = 86_400
+"""Maximum of ``--hold-limit``, in seconds."""
+MAX_KB: Final = 1 << 30
 
 
 def parser() -> Parser:
@@ -35,13 +39,16 @@ def parser() -> Parser:
                         help=f"what to log: {', '.join(logs.LEVELS)} (GD_LEVEL, or LOG)")
     tuning.add_argument("-v", "--verbose", action="store_const", const="TRACE", dest="debug", help="--debug=TRACE")
     tuning.add_argument("-F", "--fast", action="store_true", help="simulated time: sleeping costs nothing")
-    tuning.add_argument("-s", "--stack-size", type=_size, metavar="KB", help="accepted and ignored: stacks grow")
+    tuning.add_argument("-s", "--stack-size", type=whole(1, MAX_KB, "size in kilobytes"), metavar="KB",
+                        help="accepted and ignored: stacks grow")
     tuning.add_argument("-q", "--quiet", "--no-banner", action="store_true", help="no banner for clients")
     network = made.add_argument_group("networking")
     network.add_argument("-H", "--host", default="127.0.0.1", help="address to listen on (%(default)s)")
-    network.add_argument("-P", "--port", type=_port, default=-1, help="listen on PORT (0: any free one; -1: none)")
-    network.add_argument("--hold-limit", type=_seconds, default=HOLD_LIMIT, metavar="SECONDS",
-                         help="how long a job may keep all others waiting, with a port (%(default)g; 0: for ever)")
+    network.add_argument("-P", "--port", type=partial(port, least=-1), default=-1,
+                         help="listen on PORT (0: any free one; -1: none)")
+    network.add_argument("--hold-limit", type=number(0, DAY_S, "number of seconds"), default=HOLD_LIMIT,
+                         metavar="SECONDS",
+                         help="maximum time for a job to block all others, with a port (%(default)g; 0: no limit)")
     network.add_argument("-w", "--port-file", type=Path, metavar="FILE", help="write the port to FILE when ready")
     add_sources(made)
     made.add_argument("-i", "--interactive", action="store_true", help="read and run standard input")
@@ -50,28 +57,6 @@ def parser() -> Parser:
     made.add_argument("script", nargs="?", help="a file to run; what follows is System.arguments")
     made.add_argument("arguments", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
     return made
-
-
-def _size(text: str) -> int:
-    if not text.isdigit() or int(text) == 0:
-        raise argparse.ArgumentTypeError(f"{text!r} is no size in kilobytes")
-    return int(text)
-
-
-def _seconds(text: str) -> float:
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = math.nan
-    if not 0 <= seconds < math.inf:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number of seconds")
-    return seconds
-
-
-def _port(text: str) -> int:
-    if text != "-1" and not (text.isdigit() and int(text) < 65536):
-        raise argparse.ArgumentTypeError(f"{text!r} is no port; give a number from 0 to 65535, or -1 for none")
-    return int(text)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -84,7 +69,7 @@ def run(
 ) -> int:
     """A server with modules of UObjects; the options are those of ``urbi``, whatever the program is called.
 
-    ``ended`` is told the exit code of a server that has ended, and may leave the process by it.
+    ``ended`` is called with the exit code of a server that has ended, and may exit the process.
     """
     own, behind = split(argv)
     made = parser()
@@ -101,7 +86,7 @@ def run(
         settings = Settings(
             program=sys.argv[0],
             texts=tuple(_text(kind, value) for kind, value in sources),
-            # as the manual says: with no input at all, the console is one
+            # manual: without any input, the console is interactive
             interactive=options.interactive or (not sources and options.port < 0),
             host=options.host,
             port=options.port,
@@ -115,18 +100,20 @@ def run(
         code = asyncio.run(serve(settings, ended))
     except Refused as error:
         return complain(program, error)
+    except KeyboardInterrupt:  # before the server has its own handler
+        return INTERRUPTED
     return _start_anew() if code is None else code
 
 
 def _start_anew() -> NoReturn:
-    """``reboot``: the same program with the same arguments, in this process."""
+    """``reboot``: execute the same program with the same arguments in this process."""
     sys.stdout.flush()
     sys.stderr.flush()
     os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
 
 
 def _text(kind: str, value: str) -> bytes:
-    """A text to feed to the console; errors in a file name it."""
+    """A text to feed to the console; errors in a file contain its name."""
     data = source_bytes(kind, value)
     if kind == "text":
         return data

@@ -9,11 +9,12 @@ from collections.abc import Iterator
 
 from PIL import ImageTk
 
-from urbihw.cli.options import EX_CONFIG, Refused
+from urbihw.cli.options import Refused
 from urbihw.cli.pictures import Picture
+from urbihw.exitcodes import EX_CONFIG
 
-LOOK: int = 20
-"""Milliseconds between two looks for a new image."""
+POLL_PERIOD_MS: int = 20
+"""Milliseconds between two checks for a new image."""
 
 
 def show(pictures: Iterator[Picture], title: str, scale: float) -> None:
@@ -28,7 +29,7 @@ def show(pictures: Iterator[Picture], title: str, scale: float) -> None:
     threading.Thread(target=_fetch, args=(pictures, news), daemon=True).start()
     problem: list[Refused] = []
 
-    def look() -> None:
+    def check_queue() -> None:
         try:
             view.show(news.get_nowait())
         except queue.Empty:
@@ -37,16 +38,16 @@ def show(pictures: Iterator[Picture], title: str, scale: float) -> None:
             problem.append(error)
             root.destroy()
             return
-        root.after(LOOK, look)
+        root.after(POLL_PERIOD_MS, check_queue)
 
-    root.after(LOOK, look)
+    root.after(POLL_PERIOD_MS, check_queue)
     root.mainloop()
     if problem:
         raise problem[0]
 
 
 def _fetch(pictures: Iterator[Picture], news: queue.Queue[Picture | Refused]) -> None:
-    """Wait for images beside the window; what goes wrong is one of the news."""
+    """Wait for images in a thread beside the window, and put each image or error into the queue."""
     try:
         for picture in pictures:
             news.put(picture)
@@ -64,13 +65,13 @@ class _View:
         self._photo: ImageTk.PhotoImage | None = None
 
     def show(self, news: Picture | Refused) -> None:
-        """Show an image.  Raises Refused if that is the news."""
+        """Show an image.  Raises an error that was received instead."""
         if isinstance(news, Refused):
             raise news
         image = news.decoded().convert("RGB")
         if self._scale != 1.0:
             size = (max(1, round(image.width * self._scale)), max(1, round(image.height * self._scale)))
             image = image.resize(size)
-        # The window does not keep what it shows.
+        # Tk does not hold a reference to the image that it shows.
         self._photo = ImageTk.PhotoImage(image)
         self._label.configure(image=self._photo)

@@ -1,8 +1,8 @@
-"""How a program reaches a server: by a UNIX socket, by plain TCP, or by TLS with a pinned certificate and a token.
+"""Connects a program to a server: by a UNIX socket, by plain TCP, or by TLS with a pinned certificate and a token.
 
-Reading order: ``where`` (which server, and by which way), ``credentials`` (whom we trust and who we are: the files of
-fingerprints and tokens), ``entrance`` (the first words of a connection), ``connect`` (for programs that wait), ``dial``
-(for those of asyncio).
+Reading order: ``where`` (the address of a server), ``credentials`` (the files of fingerprints and tokens), ``login``
+(the first lines of a TLS connection), ``connect`` (blocking sockets), ``secure`` (a blocking TLS socket), ``dial``
+(asyncio).  Then the output of a server: ``lines`` (bytes to lines), ``values`` (lines to values).
 
-May import nothing of urbihw: the commands and the remote devices both stand on it.
+May import nothing of urbihw: the commands and the remote devices both use it.
 """

@@ -1,4 +1,4 @@
-"""Connecting to a server, for programs that wait."""
+"""Connects to a server with blocking sockets."""
 
 from __future__ import annotations
 
@@ -7,42 +7,43 @@ import time
 from typing import Final, Protocol
 
 from urbihw.client.credentials import Credentials
-from urbihw.client.entrance import LONGEST, Answer, question
+from urbihw.client.login import MAX_REPLY_BYTES, LoginReply, login_line
 from urbihw.client.where import Where
 
-PROMPT: Final = 3.0
-"""Seconds after which an answer to a question counts as one of a person; the server waits for ten."""
+PROMPT_TIMEOUT_S: Final = 3.0
+"""Maximum seconds for a login on the same connection.  If the user is asked for longer than this, the login uses a new
+connection, since the server waits for ten seconds only."""
 
-class Wire(Protocol):
-    """A connection, as sockets have it.  One thread may send while another one receives."""
+class ClientSocket(Protocol):
+    """The methods of a socket that clients use.  One thread may send while another one receives."""
 
     def settimeout(self, seconds: float | None, /) -> None:
-        """How long the others may take; then they raise TimeoutError."""
+        """Set the timeout of the other methods, which then raise TimeoutError."""
 
     def sendall(self, data: bytes, /) -> None:
-        """Send."""
+        """Send all bytes."""
 
     def recv(self, size: int, /) -> bytes:
-        """What has come, ``b""`` at the end."""
+        """Receive at most ``size`` bytes; ``b""`` at the end of the connection."""
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
 
 
-def connect(where: Where, credentials: Credentials, patience: float) -> Wire:
-    """A connection, made within so many seconds.  Raises OSError, UnicodeError (a host that cannot be) or Denied.
+def connect(where: Where, credentials: Credentials, timeout: float) -> ClientSocket:
+    """Connect within ``timeout`` seconds.  Raises OSError, UnicodeError (an impossible host name) or Denied.
 
-    The user may be asked whether to trust the server, and for a token.
+    The user may be asked whether to trust the server, and for a token; that time does not count.
     """
     if where.path is not None:
-        return _local(str(where.path), patience)
-    return _secured(where, credentials, patience) if where.tls else _plain(where, patience)
+        return _local(str(where.path), timeout)
+    return _secured(where, credentials, timeout) if where.tls else _plain(where, timeout)
 
 
-def _local(path: str, patience: float) -> socket.socket:
+def _local(path: str, timeout: float) -> socket.socket:
     made = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
-        made.settimeout(patience)
+        made.settimeout(timeout)
         made.connect(path)
     except OSError:
         made.close()
@@ -50,30 +51,30 @@ def _local(path: str, patience: float) -> socket.socket:
     return made
 
 
-def _plain(where: Where, patience: float) -> socket.socket:
-    made = socket.create_connection((where.host, where.port), patience)
+def _plain(where: Where, timeout: float) -> socket.socket:
+    made = socket.create_connection((where.host, where.port), timeout)
     made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return made
 
 
-def _secured(where: Where, credentials: Credentials, patience: float) -> Wire:
-    from urbihw.client.secure import Secure  # TLS takes long to import, and most connections have none.
+def _secured(where: Where, credentials: Credentials, timeout: float) -> ClientSocket:
+    from urbihw.client.secure import TlsSocket  # TLS takes long to import, and most connections have none.
 
     while True:
-        plain = _plain(where, patience)
+        plain = _plain(where, timeout)
         try:
-            secure = Secure(where, plain)
+            secure = TlsSocket(where, plain)
             began = time.monotonic()
-            credentials.judge(where, secure.certificate)
-            first = question(where, credentials)
-            if time.monotonic() - began > PROMPT:
-                # Somebody was asked, and the server does not wait for that long.  The answers are known now.
+            credentials.check_certificate(where, secure.certificate)
+            first = login_line(where, credentials)
+            if time.monotonic() - began > PROMPT_TIMEOUT_S:
+                # The user was asked, and the server does not wait for so long.  The answers are known now.
                 plain.close()
                 continue
             secure.sendall(first)
-            answer, rest = Answer(where, credentials), None
+            answer, rest = LoginReply(where, credentials), None
             while rest is None:
-                rest = answer.feed(secure.recv(LONGEST))
+                rest = answer.feed(secure.recv(MAX_REPLY_BYTES))
         except BaseException:
             plain.close()
             raise

@@ -1,11 +1,11 @@
-"""Whom a client trusts, and who it is: the files of fingerprints and of tokens.
+"""The credentials of a client: the files of trusted fingerprints and of tokens.
 
-As ssh does: the certificate of a server is shown when it is first seen, remembered by its fingerprint in
-``~/.config/urbihw/known_hosts`` (or below ``XDG_CONFIG_HOME``), and from then on any other is refused.  Authorities
-and dates do not count: a robot makes its certificate itself, maybe before its clock is right.
+Trust on first use, as with ssh: the user confirms the certificate of a new server, its fingerprint is stored in
+``~/.config/urbihw/known_hosts`` (or below ``XDG_CONFIG_HOME``), and any other certificate is refused from then on.
+Certificate authorities and dates are not checked: a robot makes its certificate itself, maybe before its clock is set.
 
-A token comes from the file that was named, from ``URBIHW_TOKEN``, or from a line ``HOST TOKEN`` or
-``HOST:PORT TOKEN`` of ``~/.config/urbihw/tokens``; else it is asked for.
+A token comes from the given file, from ``URBIHW_TOKEN``, or from a line ``HOST TOKEN`` or ``HOST:PORT TOKEN`` of
+``~/.config/urbihw/tokens``; otherwise the user is asked for it.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from typing import Final
 from urbihw.client.where import Where
 
 _TOKEN: Final = re.compile(r"[\x21-\x7e]{1,200}")
-_FINGERPRINT: Final = "(the robot tells it: urbihw access fingerprint)"
+_FINGERPRINT: Final = "(the robot prints it: urbihw access fingerprint)"
 
 
 class Denied(Exception):
-    """We do not trust the server, or it does not let us in: trying again would not help.
+    """The client does not trust the server, or the server refuses the client: to try again would not help.
 
-    The message is one line that says what to do.
+    The message is one line that tells what to do.
     """
 
 
@@ -37,7 +37,7 @@ def fingerprint(certificate: bytes) -> str:
 
 
 class Credentials:
-    """Those of the user, for one or several connections."""
+    """The credentials of the user, for one or several connections."""
 
     def __init__(
         self,
@@ -47,8 +47,8 @@ class Credentials:
         ask: Callable[[str], str] | None = None,
         environment: Mapping[str, str] = os.environ,
     ) -> None:
-        """``trust``: take the certificate of an unknown server without a question.  ``confirm`` asks a question to be
-        answered by yes or no, ``ask`` one for a secret; None when there is nobody to ask."""
+        """``trust``: accept the certificate of an unknown server without a question.  ``confirm`` asks a yes-or-no
+        question, ``ask`` asks for a secret; None when there is no terminal."""
         self._token_file = token_file
         self._trust = trust
         self._confirm = confirm
@@ -58,14 +58,15 @@ class Credentials:
 
     @property
     def folder(self) -> Path:
-        """Where the files are."""
+        """The folder of the files."""
         home = self._environment.get("XDG_CONFIG_HOME") or os.path.join(self._environment.get("HOME", "~"), ".config")
         return Path(home).expanduser() / "urbihw"
 
     # ---------------------------------------------------------------- the server
 
-    def judge(self, where: Where, certificate: bytes) -> None:
-        """Is this the server that we know?  One that is not known yet is remembered if it may be trusted.
+    def check_certificate(self, where: Where, certificate: bytes) -> None:
+        """Compare a certificate with the stored fingerprint.  The fingerprint of an unknown server is stored if it is
+        trusted.
 
         Raises Denied.
         """
@@ -87,7 +88,7 @@ class Credentials:
     # ---------------------------------------------------------------- the user
 
     def token(self, where: Where) -> str:
-        """What lets us in.  Raises Denied when there is none."""
+        """The token for a server.  Raises Denied when there is none."""
         found = self._given() or self._kept(where) or self._asked.get(str(where), "")
         if not found and self._ask is not None:
             found = self._asked[str(where)] = self._ask(f"token for {where}: ").strip()
@@ -98,8 +99,8 @@ class Credentials:
             raise Denied(f"the token for {where} is none: it is one word of letters, digits, - and _")
         return found
 
-    def forget(self, where: Where) -> None:
-        """A token that was typed was wrong."""
+    def forget_token(self, where: Where) -> None:
+        """Discard a typed token that the server has refused."""
         self._asked.pop(str(where), None)
 
     def _given(self) -> str:
@@ -114,7 +115,7 @@ class Credentials:
 
 
 def _pairs(file: Path, private: bool = False) -> list[tuple[str, str]]:
-    """The first two words of each line, the first in small letters; a line without them is a pair of empty ones."""
+    """The first two words of each line, the first in lower case; ("", "") for a line without two words."""
     lines = (_private(file) if private else _text(file)).splitlines()
     return [(words[0].lower(), words[1]) if len(words) > 1 else ("", "") for words in (line.split() for line in lines)]
 
@@ -129,7 +130,7 @@ def _text(file: Path, needed: bool = False) -> str:
 
 
 def _private(file: Path, needed: bool = False) -> str:
-    """The text of a file with tokens.  Raises Denied when others can read it, too."""
+    """The text of a file with tokens.  Raises Denied if other users can read it."""
     text = _text(file, needed)
     if file.is_file() and stat.S_IMODE(file.stat().st_mode) & 0o077:
         raise Denied(f"{file} holds tokens and can be read by others: chmod 600 {file}")

@@ -1,4 +1,4 @@
-"""TLS as a client speaks it, and on a socket that two threads share."""
+"""The client side of TLS, on a blocking socket that two threads share."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ import threading
 from typing import Final
 
 from urbihw.client.credentials import Denied
-from urbihw.client.entrance import Turned
+from urbihw.client.login import LoginInterrupted
 from urbihw.client.where import Where
 
 CHUNK: Final = 256 * 1024
 
 
 def context() -> ssl.SSLContext:
-    """TLS 1.2 or later.  Whose certificate it is we judge ourselves, by its fingerprint."""
+    """A context for TLS 1.2 or later.  The certificate is checked by its fingerprint (``Credentials``), not by
+    OpenSSL."""
     made = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     made.minimum_version = ssl.TLSVersion.TLSv1_2
     made.check_hostname = False
@@ -24,24 +25,24 @@ def context() -> ssl.SSLContext:
 
 
 def failed(where: Where, error: ssl.SSLError) -> Exception:
-    """What a failed handshake means."""
+    """The exception for a failed TLS handshake."""
     if isinstance(error, ssl.SSLEOFError) or error.reason is None:
-        return Turned("it closed the connection")
+        return LoginInterrupted("it closed the connection")
     if error.reason == "WRONG_VERSION_NUMBER":
         return Denied(f"{where} does not speak TLS; if everybody on the way may read along and you trust them all: "
                       "--no-tls")
     return Denied(f"{where}: no TLS with it: {error.reason.replace('_', ' ').lower()}")
 
 
-class Secure:
-    """TLS on a connected socket: a ``Wire`` (see ``connect``).  Raises OSError or Denied when it cannot be had.
+class TlsSocket:
+    """TLS on a connected socket: a ``ClientSocket``.  Raises OSError or Denied when the handshake fails.
 
-    An SSLSocket may not be read and written by two threads at once, but the console in a pipe does.
+    Two threads must not read and write an SSLSocket at the same time, but the console in a pipe does.
     """
 
     def __init__(self, where: Where, plain: socket.socket) -> None:
         self.unread = b""
-        """What came too early, to be received first."""
+        """Bytes received during the login, which ``recv`` returns first."""
         self._plain = plain
         self._in, self._out = ssl.MemoryBIO(), ssl.MemoryBIO()
         self._tls = context().wrap_bio(self._in, self._out)
@@ -72,11 +73,11 @@ class Secure:
                 self._in.write_eof()
 
     def settimeout(self, seconds: float | None, /) -> None:
-        """How long the others may take."""
+        """Set the timeout of the other methods."""
         self._plain.settimeout(seconds)
 
     def sendall(self, data: bytes, /) -> None:
-        """Send."""
+        """Send all bytes."""
         with self._sending:  # records leave in the order in which they were made
             with self._state:
                 self._tls.write(data)
@@ -84,7 +85,7 @@ class Secure:
             self._plain.sendall(sealed)
 
     def recv(self, size: int, /) -> bytes:
-        """What has come."""
+        """Receive at most ``size`` bytes; ``b""`` at the end of the connection."""
         if self.unread:
             data, self.unread = self.unread[:size], self.unread[size:]
             return data
@@ -94,9 +95,9 @@ class Secure:
                     return self._tls.read(size)
             except ssl.SSLWantReadError:
                 self._fill()
-            except ssl.SSLError:  # the end, whether it was announced or not
+            except ssl.SSLError:  # the end of the connection, with or without a close_notify
                 return b""
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         self._plain.close()

@@ -1,4 +1,4 @@
-"""Which server is meant, and by which way it is reached."""
+"""The address of a server, and the transport to reach it."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ DEFAULT_HOST: Final = "127.0.0.1"
 
 @dataclass(frozen=True)
 class Where:
-    """A server.
+    """The address of a server.
 
     Attributes:
         host: its name or address, or, with a ``/`` in it, the path of its UNIX socket.
         port: its TCP port.
-        tls: whether to speak TLS, with a token.
+        tls: whether to use TLS, with a token.
     """
 
     host: str
@@ -30,14 +30,14 @@ class Where:
         return Path(self.host) if "/" in self.host else None
 
     def __str__(self) -> str:
-        """The server, for people."""
+        """The address as users write it."""
         if self.path is not None:
             return self.path.stem
         return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
 
 
 def where_is(host: str, port: int, tls: bool | None = None) -> Where:
-    """A server; ``tls`` is None for what is usual: TLS to other machines, none to this one."""
+    """The address of a server.  ``tls`` None means the default: TLS to other machines, none to this one."""
     return Where(host, port, "/" not in host and (not is_loopback(host) if tls is None else tls))
 
 

@@ -1,5 +1,6 @@
-"""The way in that stays: one process that owns a robot and serves it to whoever connects.
+"""The daemon: one process that owns a robot and serves it to all clients.
 
-Reading order: ``service`` (start, reload, stop), ``config`` (its settings), ``notify`` (what the service manager is
-told), ``fake`` (the robot in software beside it), ``holders`` (who has the port that we wanted), ``banner``.
+Reading order: ``service`` (start, reload, stop), ``config`` (its settings), ``access_policy`` and ``access`` (TLS and
+tokens for clients of other machines), ``notify`` (messages to the service manager), ``fake`` (the process of the
+simulated robot), ``holders`` (the process that has the port or the device open).
 """

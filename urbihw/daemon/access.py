@@ -1,12 +1,12 @@
-"""Who may come in from the network: tokens, and the first line of a connection, which has to hold one.
+"""Authentication of clients from the network: tokens, and the first line of a connection, which must contain one.
 
-A token is made by ``urbihw access add NAME``, shown once, and kept here as a salted hash.  A client sends it in the
-first line, ``token TOKEN``, inside TLS; until it is accepted there is no lobby and no banner, and nothing is read as
+A token is made by ``urbihw access add NAME``, shown once, and stored as a salted hash.  A client sends it in the first
+line, ``token TOKEN``, inside TLS; until it is accepted there is no lobby and no banner, and nothing is read as
 urbiscript.  The answer is one line, ``*** urbihw: token accepted ...`` or ``*** urbihw: token refused ...``.
 
-A wrong token is answered late, and later each time, for the sake of the log and the processor; nobody can guess one.
-A right one never waits, so a stranger (or a forgotten program with an old token) behind the same address keeps nobody
-out.
+The answer to a wrong token is delayed, with a delay that doubles each time, to spare the log and the processor; tokens
+cannot be guessed anyway.  A right token never waits, so an attacker (or a forgotten program with an old token) behind
+the same address does not keep other clients out.
 """
 
 from __future__ import annotations
@@ -22,27 +22,28 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
-from urbihw.daemon.state import alone, read_secret, write_secret
-from urbihw.kernel.server.greeting import Refusal, line
+from urbihw.backoff import BackOff
+from urbihw.daemon.state import lock_folder, read_secret, write_secret
+from urbihw.kernel.server.handshake import Refusal, line
 from urbihw.kernel.uobject import BadConfig
 
 log = logging.getLogger("urbihw.access")
 
 FILE: Final = "tokens"
-"""In the state folder: a line of name, date, salt and hash for each token."""
+"""Name of the file in the state folder, with a line of name, date, salt and hash for each token."""
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.@-]{0,63}")
-MOST: Final = 1000
-"""Tokens that a robot may have; each is looked at when one is shown."""
+MAX_TOKENS: Final = 1000
+"""Maximum number of tokens of a robot; all are compared at each login."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A token as it is kept.
+    """A stored token.
 
     Attributes:
-        name: of who has it.
-        made: the day, as ``2026-01-31``.
-        salt, digest: see ``digest``.
+        name: name of the owner.
+        made: day of creation, as ``2026-01-31``.
+        salt, digest: the salt, and the hash of salt and token (function ``digest``).
     """
 
     name: str
@@ -52,18 +53,16 @@ class Entry:
 
 
 def digest(salt: str, token: str) -> str:
-    """The hash of a token.
-
-    One round of SHA-256 is enough: a token is 256 random bits, so there is nothing to try out, unlike a password, for
-    which scrypt would take a Pi a good part of a second while everybody else waits.
+    """The hash of a token. One round of SHA-256 is enough: a token has 256 random bits and cannot be found by trial,
+    unlike a password.  scrypt would block all clients of a Pi for a good part of a second.
     """
     return hashlib.sha256(f"{salt}:{token}".encode()).hexdigest()
 
 
 class Tokens:
-    """The tokens in a folder.  Read anew each time: ``urbihw access`` changes them while the daemon runs.
+    """The tokens in a folder.  The file is read at each call: ``urbihw access`` changes it while the daemon runs.
 
-    All methods raise BadConfig when the file cannot be read or written, or others can read it.
+    All methods raise BadConfig if the file cannot be read or written, or if other users can read it.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -71,7 +70,7 @@ class Tokens:
         self._file = folder / FILE
 
     def entries(self) -> list[Entry]:
-        """All, in the order in which they were made."""
+        """All tokens, in the order of their creation."""
         found = []
         for number, row in enumerate(read_secret(self._file).splitlines(), 1):
             words = row.split()
@@ -81,22 +80,23 @@ class Tokens:
         return found
 
     def add(self, name: str) -> str:
-        """Make a token for somebody; the token, which is not kept.  Raises BadConfig for a name that has one."""
+        """Make a token for a new name, and return it; only its hash is stored.  Raises BadConfig for a name that has
+        one."""
         if not _NAME.fullmatch(name):
             raise BadConfig(f"{name!r} is no name: give letters, digits and . _ @ -, at most 64, such as alice@laptop")
         token, salt = secrets.token_urlsafe(32), secrets.token_hex(16)
-        with alone(self._folder):
+        with lock_folder(self._folder):
             entries = self.entries()
             if any(entry.name == name for entry in entries):
                 raise BadConfig(f"{name} has a token already; to make another one: urbihw access remove {name}")
-            if len(entries) >= MOST:
-                raise BadConfig(f"there are {MOST} tokens, and no room for another one: urbihw access remove NAME")
+            if len(entries) >= MAX_TOKENS:
+                raise BadConfig(f"there are {MAX_TOKENS} tokens, which is the most: urbihw access remove NAME")
             self._write([*entries, Entry(name, datetime.now(UTC).date().isoformat(), salt, digest(salt, token))])
         return token
 
     def remove(self, name: str) -> None:
-        """Let somebody in no more.  Raises BadConfig when there is no such name."""
-        with alone(self._folder):
+        """Remove the token of a name.  Raises BadConfig when there is no such name."""
+        with lock_folder(self._folder):
             entries = self.entries()
             if all(entry.name != name for entry in entries):
                 there = ", ".join(entry.name for entry in entries) or "none"
@@ -107,8 +107,8 @@ class Tokens:
         rows = (f"{entry.name} {entry.made} {entry.salt} {entry.digest}\n" for entry in entries)
         write_secret(self._file, "".join(rows))
 
-    def holder(self, token: str) -> Entry | None:
-        """Whose token this is.  How long it takes tells nothing of how much of it is right."""
+    def find_entry(self, token: str) -> Entry | None:
+        """The entry of a token; None for a wrong one.  The time does not depend on how many characters are right."""
         found = None
         for entry in self.entries():
             if hmac.compare_digest(entry.digest, digest(entry.salt, token)):
@@ -119,54 +119,55 @@ class Tokens:
 # ---------------------------------------------------------------- the first line of a connection
 
 
-PATIENCE: Final = 10.0
-"""Seconds within which the first line must have come."""
-LONGEST: Final = 256
-"""Bytes that it may have."""
-FIRST_DELAY: Final = 0.5
-LONGEST_DELAY: Final = 30.0
-"""Seconds that the answer to the first wrong token of an address is kept back, and the most that it doubles to."""
-MOST_PEERS: Final = 256
-"""Addresses whose wrong tokens are counted; the one that has been quiet for longest is forgotten for a new one."""
+FIRST_LINE_TIMEOUT_S: Final = 10.0
+"""Seconds within which the first line must arrive."""
+MAX_FIRST_LINE: Final = 256
+"""Maximum length of the first line in bytes."""
+FIRST_DELAY_S: Final = 0.5
+MAX_DELAY_S: Final = 30.0
+"""Seconds by which the answer to the first wrong token of an address is delayed, and the maximum of the doubled
+delay."""
+MAX_PEERS: Final = 256
+"""Maximum number of addresses whose wrong tokens are counted; the least recent one is dropped for a new one."""
 
 _LINE: Final = re.compile(rb"token ([\x21-\x7e]+)[ \t]*\r?")
 
 
-class Admission:
-    """Lets in who has a token; ``admission.greeting`` makes the greeting of each connection."""
+class Authenticator:
+    """Accepts clients with a valid token; ``authenticator.handshake`` makes the handshake of each connection."""
 
     def __init__(self, tokens: Tokens) -> None:
         self._tokens = tokens
-        self._wrong: dict[str, int] = {}
+        self._delays: dict[str, BackOff] = {}
+        """The delays, by address, of clients whose last token was wrong."""
 
-    def greeting(self, peer: str) -> FirstLine:
-        """For a connection from an address."""
-        return FirstLine(self, peer)
+    def handshake(self, peer: str) -> TokenHandshake:
+        """Make the handshake of a connection from an address."""
+        return TokenHandshake(self, peer)
 
-    def admit(self, peer: str, token: str) -> Entry:
-        """Whose token it is.  Raises Refusal."""
+    def authenticate(self, peer: str, token: str) -> Entry:
+        """The entry of a token.  Raises Refusal for a wrong one."""
         try:
-            entry = self._tokens.holder(token)
+            entry = self._tokens.find_entry(token)
         except BadConfig as error:
             told = "token refused: the robot cannot read its tokens, its log says why"
             raise Refusal(line(told), str(error)) from error
         if entry is not None:
-            self._wrong.pop(peer, None)
+            self._delays.pop(peer, None)
             return entry
-        wrong = self._wrong.pop(peer, 0)
-        while len(self._wrong) >= MOST_PEERS:
-            del self._wrong[next(iter(self._wrong))]
-        self._wrong[peer] = wrong + 1
-        delay = min(FIRST_DELAY * 2 ** min(wrong, 16), LONGEST_DELAY)
+        delays = self._delays.pop(peer, None) or BackOff(FIRST_DELAY_S, MAX_DELAY_S)
+        while len(self._delays) >= MAX_PEERS:
+            del self._delays[next(iter(self._delays))]
+        self._delays[peer] = delays  # moved to the end: the first one is the least recent
         raise Refusal(line("token refused: it is wrong, or was removed; the robot makes another one: urbihw access add "
-                           "NAME"), "a wrong token", delay)
+                           "NAME"), "a wrong token", delays.next_pause())
 
     def check(self) -> None:
-        """Look whether the tokens can be read.  Raises BadConfig."""
+        """Check that the tokens can be read.  Raises BadConfig."""
         self._tokens.entries()
 
-    def gone(self, entries: Collection[Entry]) -> set[Entry]:
-        """Which of these have been removed.  While the file cannot be read, none has."""
+    def removed_entries(self, entries: Collection[Entry]) -> set[Entry]:
+        """The removed ones of some entries; none while the file cannot be read."""
         if not entries:
             return set()
         try:
@@ -176,35 +177,36 @@ class Admission:
             return set()
 
 
-class FirstLine:
-    """The greeting of a connection that has to begin with ``token TOKEN``."""
+class TokenHandshake:
+    """The handshake of a connection that must begin with ``token TOKEN``."""
 
     welcome_first = False
-    patience = PATIENCE
+    timeout = FIRST_LINE_TIMEOUT_S
 
-    def __init__(self, admission: Admission, peer: str) -> None:
-        self._admission = admission
+    def __init__(self, authenticator: Authenticator, peer: str) -> None:
+        self._admission = authenticator
         self._peer = peer
         self._held = b""
         self.answer = b""
         self.entry: Entry | None = None
-        """Who it is, once let in."""
+        """The entry of the client's token, once it is accepted."""
 
     @property
     def user(self) -> str:
-        """The name, once let in."""
+        """The name of the client, once it is accepted; "" before."""
         return "" if self.entry is None else self.entry.name
 
-    def take(self, data: bytes) -> bytes | None:
-        """See ``Greeting``."""
+    def check_bytes(self, data: bytes) -> bytes | None:
+        """The bytes behind the first line, if that contains a valid token; None until it is complete.  Raises
+        Refusal."""
         self._held += data
         first, end, rest = self._held.partition(b"\n")
-        if not end and len(first) <= LONGEST:
+        if not end and len(first) <= MAX_FIRST_LINE:
             return None
-        match = _LINE.fullmatch(first) if len(first) <= LONGEST else None
+        match = _LINE.fullmatch(first) if len(first) <= MAX_FIRST_LINE else None
         self._held = b""
         if match is None:
             raise Refusal(line("token refused: the first line has to be: token TOKEN"), "no token in its first line")
-        self.entry = self._admission.admit(self._peer, match[1].decode("ascii"))
+        self.entry = self._admission.authenticate(self._peer, match[1].decode("ascii"))
         self.answer = line(f"token accepted: {self.entry.name}")
         return rest

@@ -9,13 +9,14 @@ The keys of the file are the names of the fields; the platform says which ``[opt
     [options]
     protocol = 1
 
-Anything that cannot be meant (an unknown key, a wrong type, a port of 99999, an option or a limit that the platform
-does not have, an unknown parameter of the url) raises BadConfig with one line that names the file and the key.  What is
-wrong is known before anything is opened; ``load`` tells all of it, ``configure`` the first.
+Invalid input (an unknown key, a wrong type, a port of 99999, an option or a limit that the platform does not have, an
+unknown parameter of the url) raises BadConfig with one line that names the file and the key.  All mistakes are found
+before anything is opened; ``load`` reports all of them, ``configure`` the first.
 """
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -24,9 +25,9 @@ from typing import Any, NamedTuple
 
 from urbihw import buses, platforms
 from urbihw.buses.errors import BadUrl, Unavailable
-from urbihw.buses.link import Context, take_off
+from urbihw.buses.link import Context, split_parameters
 from urbihw.daemon.files import read_regular, unreadable
-from urbihw.kernel.server.bounds import HOLD_LIMIT, MAX_JOBS, MEMORY_LIMIT, MOST_JOBS
+from urbihw.kernel.server.bounds import HOLD_LIMIT, MAX_JOBS, MAX_TOTAL_JOBS, MEMORY_LIMIT
 from urbihw.kernel.uobject import BadConfig
 from urbihw.settings import (
     SWITCH,
@@ -44,47 +45,57 @@ from urbihw.settings import (
 )
 
 MIB = 1024 * 1024
-LONGEST_FILE = 64 * 1024
-"""Bytes of a file of settings."""
+MAX_FILE_BYTES = 64 * 1024
+"""Maximum size of a settings file in bytes."""
+MAX_DEPTH = 32
+"""Maximum nesting depth of lists and tables, and maximum number of parts of a dotted key.  Settings need three; the
+time of the TOML parser grows with the square of the depth."""
 _TABLES = ("options", "limits")
+_NESTING = re.compile(
+    r"""(?:\"{3}[\s\S]*?\"{3}|'{3}[\s\S]*?'{3}|"(?:\\.|[^"\\\n])*+"|'[^'\n]*+'|\#[^\n]*+)"""  # strings and comments
+    r"""|([\[{])|([\]}])"""
+    rf"""|((?:\.[ \t]*+(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+){{{MAX_DEPTH}}})"""
+)
+"""The groups that matter for the depth: an opening bracket, a closing one, a key of too many parts."""
 
 
 @dataclass(frozen=True)
 class Config(Table):
-    """The settings.
+    """The settings of the daemon.
 
     Attributes:
-        platform: which robot to serve: the name of a folder of ``urbihw/platforms``; empty for none.
-        url: of the robot's bus (see ``urbihw.buses``); empty for the platform's own default.
-        fake: serve a robot in software instead; not together with ``url``.
-        host: the address to listen on.  The default lets in only what runs on the same machine: urbiscript may do
-            whatever the user may that the daemon runs as.
-        allow_plain: on an address that others can reach, let anybody in, without TLS and token.
+        platform: the robot to serve: the name of a folder of ``urbihw/platforms``; empty for none.
+        url: url of the robot's bus (``urbihw.buses``); empty for the platform's own default.
+        fake: serve a simulated robot instead; not together with ``url``.
+        host: the address to listen on.  The default accepts only clients on the same machine: urbiscript has all rights
+            of the user that runs the daemon.
+        allow_plain: accept every client, without TLS and token, on an address that other machines can reach.
         tls_cert: file of a certificate in PEM, for such an address; empty for one that the daemon makes itself.
-        tls_key: file of its key; empty if that is in ``tls_cert``, too.
+        tls_key: file of the key of the certificate; empty if ``tls_cert`` contains it.
         port: the TCP port; 0 for any free one.
-        port_file: where to write the port once clients can connect; empty for nowhere.
+        port_file: file to which the port is written once clients can connect; empty for none.
         quiet: no banner for new connections.
-        load: urbiscript files to run before clients are let in.
+        load: urbiscript files to run before clients can connect.
         socket: path of the UNIX socket for clients; empty for ``client_path()``, "off" for none.
-        max_clients: how many clients there may be; one more is told so and closed.
-        hold_limit: seconds that a job may keep all others waiting; then it gets an error, and is ended if it goes on
-            all the same; 0: as long as it wants.  After ``dead_man`` seconds of it the bus worker stops the robot.
-        max_jobs: how many jobs one connection may have at the same time; more are refused to it.
-        memory_limit: MiB of memory that the daemon may have, at most half of what the machine has; beyond it, who takes
-            more gets an error; 0: any amount.
-        unread_limit: bytes that may wait for a client to read them.  At half of it the client's own jobs wait as well;
-            what others say to it closes its connection when the limit is passed.
-        rate: how often devices are read and written, in Hz.
+        max_clients: maximum number of clients; further ones get a line that says so and are disconnected.
+        hold_limit: seconds for which a job may block all others; then it gets an error, and is ended if it goes on; 0:
+            no limit.  When a job blocks for ``dead_man`` seconds, the bus worker stops the robot.
+        max_jobs: maximum number of simultaneous jobs of one connection; further ones are refused.
+        memory_limit: maximum memory of the daemon in MiB, at most half of the machine's memory; beyond it, jobs that
+            allocate more get an error; 0: no limit.
+        unread_limit: maximum unread output of a client in bytes.  At half of it the client's own jobs wait when they
+            write; output of other jobs beyond the limit closes the connection.
+        rate: frequency of reading and writing devices, in Hz.
         dead_man: seconds without a sign of life from the daemon after which the bus worker stops the robot; 0: never.
-        torque_off_on_stop: stopping also switches the motors off; a robot that stands then falls.
-        on_disconnect: what becomes of motion whose client is gone: "stop" (speeds go to zero, joints hold) or "keep".
-        on_lost: what becomes of a movement whose device or link is lost: when that is back, the movement is taken up
-            again ("resume"), or it is over ("end").
-        limits: what each device may be asked for: see ``urbihw.platforms.limits``.
+        torque_off_on_stop: a stop also switches the motors off; a standing robot then falls.
+        on_disconnect: the effect of a disconnect on the client's motions: "stop" (speeds go to zero, joints hold) or
+            "keep".
+        on_lost: the effect of the loss of a device or link on a movement: it continues when the device is back
+            ("resume"), or it is ended ("end").
+        limits: the limits of each device for requested values (``urbihw.platforms.limits``).
         control: path of the control socket of the bus worker; empty for ``control_path()``, "off" for none.
-        log_level: the least important messages that are logged.
-        options: what else the platform knows, by name.
+        log_level: the minimum level of logged messages.
+        options: further settings that the platform defines, by name.
     """
 
     platform: str = setting("", TEXT)
@@ -111,11 +122,11 @@ class Config(Table):
     socket: str = setting("", TEXT)
     max_clients: int = setting(256, whole(1, 10_000))
     hold_limit: float = setting(HOLD_LIMIT, number(0, 3600, " s"))
-    max_jobs: int = setting(MAX_JOBS, whole(10, MOST_JOBS))
+    max_jobs: int = setting(MAX_JOBS, whole(10, MAX_TOTAL_JOBS))
     memory_limit: int = setting(MEMORY_LIMIT, whole(0, 1_000_000, " MiB"))
 
     def clashes(self) -> Iterator[Mistake]:
-        """See ``Table``."""
+        """The conflicts between settings that are valid by themselves."""
         if self.url and self.fake:
             yield Mistake("fake", "a fake robot has no url; give one or the other")
         if self.tls_key and not self.tls_cert:
@@ -123,7 +134,7 @@ class Config(Table):
 
 
 class Complaint(NamedTuple):
-    """A mistake, as a line for the user; ``setting`` is the name of the setting, "" for the file as a whole."""
+    """A mistake as a line for the user; ``setting`` is the name of the setting, "" for the file as a whole."""
 
     setting: str
     line: str
@@ -131,14 +142,14 @@ class Complaint(NamedTuple):
 
 @dataclass(frozen=True)
 class Loaded:
-    """What came of a file and flags.
+    """The result of loading a file and flags.
 
     Attributes:
         config: the settings in force; a mistake leaves a setting at its default.
         file: the file, "" for none.
-        in_file: the settings that it gives.
-        flags: the settings that flags give, which win.
-        mistakes: all of them.
+        in_file: the settings that the file contains.
+        flags: the settings given by flags, which override the file.
+        mistakes: all mistakes.
     """
 
     config: Config
@@ -148,7 +159,7 @@ class Loaded:
     mistakes: tuple[Complaint, ...]
 
     def source(self, key: str) -> str:
-        """Where a setting, or a row of a table, comes from: ``robot.toml: options.ids``, ``--port`` or ``default``."""
+        """The source of a setting or of a row of a table: ``robot.toml: options.ids``, ``--port`` or ``default``."""
         setting = key.partition(".")[0]
         if setting in self.flags:
             return _place(key, "")
@@ -156,9 +167,10 @@ class Loaded:
 
 
 class Entry(NamedTuple):
-    """A setting in force: its name (``options.protocol`` in a table), its value, and where that comes from.
+    """A setting in force: its name (``options.protocol`` in a table), its value, and the source of the value.
 
-    ``note`` is what follows from it together with others, "" for nothing that one would not expect.
+    ``note`` is an unexpected consequence of the setting together with others, "" for none.  The value of a secret is
+    None.
     """
 
     key: str
@@ -168,7 +180,7 @@ class Entry(NamedTuple):
 
 
 def configure(file: Path | None = None, flags: Mapping[str, Any] | None = None) -> Config:
-    """The settings from a file and from flags (by the names of the settings; None: not given), which win.
+    """The settings from a file and from flags (by the names of the settings; None: not given), which override the file.
 
     Raises BadConfig for the first mistake.
     """
@@ -179,7 +191,7 @@ def configure(file: Path | None = None, flags: Mapping[str, Any] | None = None) 
 
 
 def load(file: Path | None = None, flags: Mapping[str, Any] | None = None) -> Loaded:
-    """The same with all mistakes, and with where each setting comes from."""
+    """Load the settings like ``configure``, with all mistakes and the source of each setting."""
     name = "" if file is None else str(file)
     mistakes: list[Complaint] = []
     in_file: dict[str, Any] = {}
@@ -190,7 +202,7 @@ def load(file: Path | None = None, flags: Mapping[str, Any] | None = None) -> Lo
             mistakes.append(Complaint("", one_line(str(error))))
     values, wrong = _read(in_file, name)
     typed, wrong_flags = _read({key: value for key, value in (flags or {}).items() if value is not None}, "")
-    # A robot chosen on the command line replaces the one of the file, whichever way it was chosen there.
+    # A robot chosen on the command line replaces the one of the file, whether the file has a url or ``fake``.
     if typed.get("url") or typed.get("fake"):
         values.pop("url", None)
         values.pop("fake", None)
@@ -204,7 +216,7 @@ def load(file: Path | None = None, flags: Mapping[str, Any] | None = None) -> Lo
 
 
 def entries(loaded: Loaded) -> Iterator[Entry]:
-    """Every setting in force, with the options of the platform and the limits that were given."""
+    """All settings in force, with the options of the platform and the given limits."""
     config = loaded.config
     manifest = platforms.find(config.platform) if config.platform else None
     for key in Config.rules():
@@ -223,7 +235,8 @@ def entries(loaded: Loaded) -> Iterator[Entry]:
 
 
 def _note_of_hold(config: Config) -> str:
-    """A job that holds the interpreter makes the daemon silent, and the bus worker waits for dead_man only."""
+    """The note on ``hold_limit``: a job that blocks the interpreter silences the daemon, and the bus worker stops the
+    robot after ``dead_man``."""
     if not config.dead_man or 0 < config.hold_limit <= config.dead_man:
         return ""
     return f"a job that holds for longer than dead_man ({config.dead_man:g} s) stops the robot before"
@@ -231,29 +244,44 @@ def _note_of_hold(config: Config) -> str:
 
 def _options_in_force(loaded: Loaded, table: type[Table]) -> Iterator[Entry]:
     given = loaded.config.options
-    _, in_url = take_off(loaded.config.url, table.in_url())
+    _, in_url = split_parameters(loaded.config.url, table.in_url())
     made = table.of(from_texts(table.rules(), in_url, "parameter")[0] | given)
     for key in table.rules():
         source = f"options.{key}" if key in given else "url" if key in in_url else ""
-        yield Entry(f"options.{key}", getattr(made, key), loaded.source(source))
+        if key in table.secrets():
+            yield Entry(f"options.{key}", None, loaded.source(source), "secret, not shown")
+        else:
+            yield Entry(f"options.{key}", getattr(made, key), loaded.source(source))
 
 
 def read_toml(file: Path) -> dict[str, Any]:
     """The keys and values of a file.  Raises BadConfig if it cannot be read or is no TOML."""
     try:
-        text = read_regular(file, LONGEST_FILE).data.decode("utf-8")
+        text = read_regular(file, MAX_FILE_BYTES).data.decode("utf-8")
     except FileNotFoundError as error:
         raise unreadable(file, error) from error
     except UnicodeDecodeError as error:
         raise BadConfig(f"{file}: is not UTF-8 text (byte {error.start})") from error
+    _check_depth(text, file)
     try:
         return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # ValueError also of a number with thousands of digits
+    except (ValueError, RecursionError) as error:  # ValueError also for a number with thousands of digits
         raise BadConfig(f"{file}: is not TOML: {error}") from error
 
 
+def _check_depth(text: str, file: Path) -> None:
+    """Check the nesting depth before the text is parsed.  Raises BadConfig with the line."""
+    depth = 0
+    for match in _NESTING.finditer(text):
+        depth += (match[1] is not None) - (match[2] is not None and depth > 0)
+        if depth > MAX_DEPTH or match[3] is not None:
+            line = text.count("\n", 0, match.start()) + 1
+            raise BadConfig(f"{file}: nests more than {MAX_DEPTH} deep (line {line}): no setting does, "
+                            "correct that line")
+
+
 def _read(given: Mapping[str, Any], file: str) -> tuple[dict[str, Any], list[Complaint]]:
-    """What one source says, in the types of the settings, and what is wrong with it; ``file`` is empty for flags."""
+    """The settings of one source, converted by their rules, and the mistakes; ``file`` is empty for flags."""
     made, mistakes = Config.read(given, "setting")
     wrong = {each.key for each in mistakes}
     values = {key: getattr(made, key) for key in given if key not in wrong}
@@ -261,7 +289,7 @@ def _read(given: Mapping[str, Any], file: str) -> tuple[dict[str, Any], list[Com
 
 
 def _mistakes_about_robot(config: Config) -> Iterator[Mistake]:
-    """What is wrong with the settings that only the platform and the bus know."""
+    """The mistakes in settings that only the platform and the bus can check."""
     options = Table
     try:
         manifest = platforms.find(config.platform) if config.platform else None
@@ -276,14 +304,14 @@ def _mistakes_about_robot(config: Config) -> Iterator[Mistake]:
             if getattr(config, top):
                 yield Mistake(top, "cannot be checked without a platform; add platform = ..., or say --platform")
     if manifest is not None and config.fake and not manifest.fake:
-        yield Mistake("fake", f"platform {manifest.name} has no robot in software; give its url")
+        yield Mistake("fake", f"platform {manifest.name} has no simulated robot; give its url")
     if config.url:
         yield from _mistakes_in_url(config.url, options)
 
 
 def _mistakes_in_url(url: str, options: type[Table]) -> Iterator[Mistake]:
     try:
-        port, own = take_off(url, options.in_url())
+        port, own = split_parameters(url, options.in_url())
         values, mistakes = from_texts(options.rules(), own, "parameter")
         yield from (Mistake("url", str(each)) for each in mistakes or options.read(values, "parameter")[1])
         buses.port_for(port, Context())

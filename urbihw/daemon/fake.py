@@ -1,4 +1,4 @@
-"""A robot in software in a process of its own: ``urbihw serve --fake``."""
+"""A simulated robot in a process of its own: ``urbihw serve --fake``."""
 
 from __future__ import annotations
 
@@ -12,38 +12,38 @@ from pathlib import Path
 
 from urbihw.kernel.uobject import NotReady
 
-_PATIENCE = 10.0
+_START_TIMEOUT_S = 10.0
 PACKAGE = "urbihw_fakes"
-"""What ``python -m`` runs; nothing of it is imported here."""
+"""The package that ``python -m`` runs; it is never imported here."""
 
 
 def _home_of_fakes() -> str:
-    """The folder that holds the package of the fakes: beside this one, or in the tree of the sources in ``fakes``."""
+    """The folder that contains the package of the fakes: the one of this package, or ``fakes`` in the source tree."""
     root = Path(__file__).resolve().parents[2]
     return str(root if (root / PACKAGE).is_dir() else root / "fakes")
 
 
 class Fake:
-    """A running ``python -m urbihw_fakes``; it ends when its standard input does, so it cannot outlive us."""
+    """A running ``python -m urbihw_fakes``.  It ends with its standard input, so it cannot outlive the daemon."""
 
     def __init__(self, arguments: Sequence[str]) -> None:
-        # It must be the fakes of this very installation, wherever it was imported from.
+        # It must be the fakes of this installation, wherever that was imported from.
         path = os.pathsep.join(filter(None, (_home_of_fakes(), os.environ.get("PYTHONPATH"))))
         self._process = subprocess.Popen(
             (sys.executable, "-m", PACKAGE, *arguments),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env={**os.environ, "PYTHONPATH": path},
-            # Ctrl-C must reach us alone: the robot is stopped first, and a fake that is gone cannot be.
+            # Ctrl-C must reach the daemon alone, which stops the robot first; a fake that has ended cannot be stopped.
             start_new_session=True,
         )
 
     async def url(self) -> str:
-        """The url to reach it by, once it serves.  Raises NotReady."""
+        """The url of the simulated robot, once it serves.  Raises NotReady."""
         stdout = self._process.stdout
         assert stdout is not None
         try:
-            line = await asyncio.wait_for(asyncio.to_thread(stdout.readline), _PATIENCE)
+            line = await asyncio.wait_for(asyncio.to_thread(stdout.readline), _START_TIMEOUT_S)
         except TimeoutError:
             raise NotReady(f"the fake robot (process {self._process.pid}) did not start") from None
         if not line:
@@ -51,7 +51,7 @@ class Fake:
         return line.decode().strip()
 
     def close(self) -> None:
-        """End it; twice is fine."""
+        """End the process.  A second call does nothing."""
         process = self._process
         for pipe in (process.stdin, process.stdout):
             if pipe is not None:

@@ -1,7 +1,7 @@
-"""Reading a file that a user names: settings, tokens, certificates, programs to load.
+"""Reads files named by a user: settings, tokens, certificates, programs to load.
 
-Whoever reads it is the thread that serves everybody, so nothing may wait there: a FIFO or a device is refused before it
-is opened, and a file that is too long is not read to its end.
+The thread that serves all clients reads them, so reading must not block: a FIFO or a device is refused before it is
+opened, and a file that is too long is not read to its end.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ from urbihw.kernel.uobject import BadConfig
 
 
 class Content(NamedTuple):
-    """What a file holds, and its mode (``st_mode``), both of the same moment."""
+    """The content of a file, and its mode (``st_mode``) at the same moment."""
 
     data: bytes
     mode: int
 
 
 def read_regular(file: Path, longest: int) -> Content:
-    """Read a regular file of at most so many bytes.
+    """Read a regular file of at most ``longest`` bytes.
 
     Raises BadConfig, in one line that names the file, if it cannot be read, is something else than a regular file, or
     is longer; FileNotFoundError if there is none.
     """
     try:
-        # Opening can itself do something: a serial port resets a board behind it, a FIFO lets its writer go on.
+        # To open a file can have effects: a serial port resets the board behind it, a FIFO lets its writer go on.
         _require_regular(file, file.stat().st_mode)
-        # It may have been replaced meanwhile, and opening a FIFO would wait for a writer.
+        # The file may have been replaced meanwhile, and to open a FIFO would wait for a writer.
         with open(os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC), "rb") as opened:
             mode = os.fstat(opened.fileno()).st_mode
             _require_regular(file, mode)
@@ -45,7 +45,7 @@ def read_regular(file: Path, longest: int) -> Content:
 
 
 def unreadable(file: Path, error: OSError) -> BadConfig:
-    """What to say of a file that cannot be read."""
+    """The error for a file that cannot be read."""
     return BadConfig(f"{file}: cannot be read: {error.strerror}")
 
 

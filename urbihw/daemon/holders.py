@@ -1,6 +1,6 @@
-"""Who holds what we wanted: the process behind a listening port or an open device, for error messages.
+"""Finds the process that has a port or a device open, for error messages.
 
-Linux only, and only as far as the rights of this user reach; elsewhere nobody is named.
+Works on Linux only, and for processes that this user can inspect; otherwise the result is "".
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ _LISTEN = "0A"  # state in /proc/net/tcp
 
 
 def holder_of_port(port: int, proc: Path = PROC) -> str:
-    """The process that listens on a TCP port, such as ``python3 (process 4242)``; "" if it cannot be told."""
+    """The process that listens on a TCP port, such as ``python3 (process 4242)``; "" if unknown."""
     inodes = set(_listening(port, proc))
     return _holder({f"socket:[{inode}]" for inode in inodes}, proc) if inodes else ""
 
 
 def holder_of_file(path: str, proc: Path = PROC) -> str:
-    """The process, other than this one, that has a file or device open; "" if it cannot be told."""
+    """The process, other than this one, that has a file or device open; "" if unknown."""
     return _holder({os.path.realpath(path)}, proc)
 
 
@@ -44,7 +44,7 @@ def _holder(targets: set[str], proc: Path) -> str:
             if any(_target(entry) in targets for entry in (process / "fd").iterdir()):
                 return f"{(process / 'comm').read_text('utf-8').strip()} (process {process.name})"
         except OSError:
-            # Somebody else's process, or one that has just ended.
+            # A process of another user, or one that has just ended.
             continue
     return ""
 

@@ -1,10 +1,10 @@
-"""Tells the service manager how we are: systemd's sd_notify protocol, by hand.
+"""Reports the state of the daemon to the service manager: systemd's sd_notify protocol, without its library.
 
 Source: ``man 3 sd_notify``.  Newline-separated ``KEY=value`` lines in one datagram to the socket that the environment
-names in ``NOTIFY_SOCKET``; a name that begins with ``@`` is in the abstract namespace.  ``WATCHDOG_USEC`` is the time
-within which we must be heard again, and is meant for the process in ``WATCHDOG_PID`` only.
+names in ``NOTIFY_SOCKET``; a name that begins with ``@`` is in the abstract namespace.  ``WATCHDOG_USEC`` is the
+maximum time between two watchdog messages of the process in ``WATCHDOG_PID``.
 
-Telling is best effort: a service manager that has gone away must not take the robot's daemon with it.
+Errors are ignored: a service manager that has ended must not end the daemon.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ log = logging.getLogger("urbihw.notify")
 
 
 class Notifier:
-    """Speaks to the service manager; without an address it says nothing.
+    """Sends messages to the service manager; without an address it sends nothing.
 
     ::
 
@@ -27,8 +27,8 @@ class Notifier:
             notifier.ready("bioloid: 18 servos")
             if notifier.watchdog_period is not None: ...    # call watchdog() this often
 
-    ``address`` is a path or ``@name``; ``watchdog_period`` is in seconds, half of what the manager asks for (None: it
-    does not).
+    ``address`` is a path or ``@name``; ``watchdog_period`` is in seconds, half of what the manager requires (None: no
+    watchdog).
     """
 
     def __init__(self, address: str = "", watchdog_period: float | None = None) -> None:
@@ -36,15 +36,15 @@ class Notifier:
         self._address = "\0" + address[1:] if address.startswith("@") else address
         self._socket: socket.socket | None = None
         if address and address[0] not in "@/":
-            log.warning("NOTIFY_SOCKET=%s is of a kind we do not speak: the service manager is told nothing", address)
+            log.warning("NOTIFY_SOCKET=%s is no supported address: the service manager gets no messages", address)
         elif address:
             self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC)
-            # A manager that does not read must not hold us up.
+            # A manager that does not read must not block the daemon.
             self._socket.setblocking(False)
 
     @classmethod
     def from_environment(cls, environment: Mapping[str, str], pid: int | None = None) -> Notifier:
-        """The notifier that the environment asks for; ``pid`` is the own process id."""
+        """The notifier for the variables of the environment; ``pid`` is the own process id."""
         wanted = environment.get("WATCHDOG_USEC", "")
         whose = environment.get("WATCHDOG_PID", "")
         mine = not whose or whose == str(os.getpid() if pid is None else pid)
@@ -52,23 +52,23 @@ class Notifier:
         return cls(environment.get("NOTIFY_SOCKET", ""), period)
 
     def ready(self, status: str) -> None:
-        """Clients can connect."""
+        """Report that clients can connect."""
         self._send("READY=1", _status(status))
 
     def status(self, text: str) -> None:
-        """A few words for ``systemctl status``."""
+        """Report a short status for ``systemctl status``."""
         self._send(_status(text))
 
     def stopping(self, status: str = "stopping") -> None:
-        """We are on our way out."""
+        """Report that the daemon is shutting down."""
         self._send("STOPPING=1", _status(status))
 
     def watchdog(self) -> None:
-        """We are alive."""
+        """Send the watchdog message."""
         self._send("WATCHDOG=1")
 
     def close(self) -> None:
-        """Say no more; twice is fine."""
+        """Close the socket.  A second call does nothing."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None

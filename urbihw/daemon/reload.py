@@ -1,7 +1,7 @@
-"""Settings that are read again while the robot is served (SIGHUP).
+"""Reloads the settings while the robot is served (SIGHUP).
 
-A file that cannot be used is one line in the log, and what is in force stays.  Nothing is half applied: all is checked
-before anything changes.
+An invalid file causes one line in the log, and the settings in force stay.  All settings are checked before any is
+changed, so none is applied halfway.
 """
 
 from __future__ import annotations
@@ -15,22 +15,25 @@ from urbihw.daemon.config import Config
 
 log = logging.getLogger("urbihw.daemon")
 
-INTERVAL: Final = 1.0
-"""Seconds between two readings: each takes some milliseconds of everybody's time, and lines of the log."""
-LIVE: Final = frozenset(("rate", "dead_man", "torque_off_on_stop", "on_disconnect", "on_lost", "limits", "options"))
-"""The settings that change at once.  Of ``options`` those of finding the robot count when it is found again."""
+RELOAD_INTERVAL_S: Final = 1.0
+"""Minimum seconds between two reloads: each blocks all clients for some milliseconds, and writes lines to the log."""
+LIVE_SETTINGS: Final = frozenset(
+    ("rate", "dead_man", "torque_off_on_stop", "on_disconnect", "on_lost", "limits", "options")
+)
+"""The settings that change at once.  Those ``options`` that matter for finding the robot take effect when it is found
+again."""
 
 
-def waiting(served: Config, read: Config) -> Collection[str]:
-    """The settings that were changed and need a new start."""
-    return [key for key in Config.rules() if key not in LIVE and getattr(served, key) != getattr(read, key)]
+def restart_settings(served: Config, read: Config) -> Collection[str]:
+    """The changed settings that take effect at the next start only."""
+    return [key for key in Config.rules() if key not in LIVE_SETTINGS and getattr(served, key) != getattr(read, key)]
 
 
 class Reloader:
-    """Calls ``read`` when it is asked to: at once, and at most once in ``INTERVAL``.
+    """Calls ``read`` on request: at once, but at most once in ``RELOAD_INTERVAL_S``.
 
-    Several requests in that time become one, at its end, so the last one is never lost.  Requests before ``begin`` wait
-    for it.
+    Further requests in that time are combined into one at its end, so the last one is never lost.  Requests before
+    ``begin`` wait for it.
     """
 
     def __init__(self, read: Callable[[], None]) -> None:
@@ -41,20 +44,20 @@ class Reloader:
         self._asked = False
         self._begun = False
 
-    def ask(self) -> None:
-        """Read the settings again; called in the loop's thread."""
+    def request_reload(self) -> None:
+        """Request a reload; called in the loop's thread."""
         self._asked = True
         if self._begun and self._timer is None:
             self._timer = self._loop.call_at(max(self._next, self._loop.time()), self._due)
 
     def begin(self) -> None:
-        """From now on there is something that can take settings."""
+        """Start to serve requests: from now on settings can be applied."""
         self._begun = True
         if self._asked:
-            self.ask()
+            self.request_reload()
 
     def end(self) -> None:
-        """No more; twice is fine."""
+        """Stop serving requests.  A second call does nothing."""
         self._begun = False
         if self._timer is not None:
             self._timer.cancel()
@@ -62,5 +65,5 @@ class Reloader:
 
     def _due(self) -> None:
         self._timer, self._asked = None, False
-        self._next = self._loop.time() + INTERVAL
+        self._next = self._loop.time() + RELOAD_INTERVAL_S
         self._read()

@@ -1,4 +1,4 @@
-"""Where the daemon keeps what lasts as long as it runs: the sockets of its clients and of its bus workers."""
+"""The runtime folder of the daemon: the sockets for its clients and of its bus workers."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ if TYPE_CHECKING:
     from urbihw.kernel.uobject import BadConfig
 
 SERVICE_FOLDER: Final = Path("/run/urbihw")
-"""RuntimeDirectory of the unit in share/."""
+"""The RuntimeDirectory of the unit in share/."""
 
 
 def runtime_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """The folder of the sockets, made if need be.
+    """The folder of the sockets, which is created if needed.
 
-    Under systemd that of the unit (RUNTIME_DIRECTORY), else one of the user's own: in XDG_RUNTIME_DIR, or for a system
-    without it one in the folder for temporary files that nobody else may write.  Raises BadConfig if somebody else can.
+    Under systemd it is that of the unit (RUNTIME_DIRECTORY), otherwise a folder of the user: in XDG_RUNTIME_DIR, or on
+    a system without it a private one in the folder for temporary files.  Raises BadConfig if other users can write
+    there.
     """
     if environment.get("RUNTIME_DIRECTORY"):
         return Path(environment["RUNTIME_DIRECTORY"].split(":")[0])
@@ -36,23 +37,23 @@ def runtime_folder(environment: Mapping[str, str] = os.environ) -> Path:
 
 
 def control_path(platform: str, port: int, environment: Mapping[str, str] = os.environ) -> Path:
-    """Where the control socket of a robot is that a daemon on ``port`` serves.  Raises BadConfig."""
+    """The path of the control socket of the robot that a daemon on ``port`` serves.  Raises BadConfig."""
     return runtime_folder(environment) / f"{platform}-{port}.sock"
 
 
 def control_sockets(environment: Mapping[str, str] = os.environ) -> list[Path]:
-    """All control sockets that this user can find, those of the service last."""
+    """The paths of all control sockets that this user can find, those of the service last."""
     folders = [runtime_folder(environment), SERVICE_FOLDER]
     return [path for folder in dict.fromkeys(folders) for path in sorted(folder.glob("*.sock"))]
 
 
 def client_path(port: int, environment: Mapping[str, str] = os.environ) -> Path:
-    """Where the UNIX socket for clients is of a daemon on ``port``.  Raises BadConfig."""
+    """The path of the UNIX socket for clients of a daemon on ``port``.  Raises BadConfig."""
     return runtime_folder(environment) / f"urbi-{port}.socket"
 
 
 def client_sockets(port: int, environment: Mapping[str, str] = os.environ) -> list[Path]:
-    """The UNIX sockets for clients of daemons on ``port`` that this user can find, that of the service last.
+    """The paths of the client sockets of daemons on ``port`` that this user can find, that of the service last.
 
     Raises BadConfig.
     """
@@ -60,7 +61,7 @@ def client_sockets(port: int, environment: Mapping[str, str] = os.environ) -> li
     return [path for folder in dict.fromkeys(folders) for path in folder.glob(f"urbi-{port}.socket")]
 
 
-# ``urbihw estop`` needs this module in a hurry: what takes long to import is imported when it is needed.
+# ``urbihw estop`` needs this module quickly: modules that import slowly are imported on use.
 
 
 def _temporary() -> Path:

@@ -1,7 +1,7 @@
-"""The settings file as a JSON schema, for editors: made of the rules that the loader checks by.
+"""The settings file as a JSON schema, for editors, generated from the rules of the loader.
 
-A schema cannot say everything: that numbers must rise, that a whole number is not written 1.0, what a url may hold.
-``urbihw config check`` does.
+A schema cannot express all rules: that numbers must rise, that a whole number is not written 1.0, the parameters of a
+url.  ``urbihw config check`` checks them.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def schema() -> dict[str, Any]:
 
 
 def of_table(table: type[Table]) -> dict[str, Any]:
-    """The rows of a table, with their defaults and what its documentation says of them."""
+    """The rows of a table, with their defaults and descriptions."""
     default, about = table(), meanings(table)
     rows = {}
     for name, rule in table.rules().items():
@@ -51,7 +51,8 @@ def of_table(table: type[Table]) -> dict[str, Any]:
 
 
 def meanings(table: type[Table]) -> dict[str, str]:
-    """What the documentation of a table, and of those it inherits from, says under "Attributes", by name."""
+    """The descriptions of the rows of a table, by name, from "Attributes" in its docstring and in those of its
+    bases."""
     found: dict[str, str] = {}
     for kind in reversed(table.__mro__):
         _, _, rows = inspect.cleandoc(kind.__doc__ or "").partition("Attributes:\n")
@@ -61,7 +62,7 @@ def meanings(table: type[Table]) -> dict[str, str]:
 
 
 def _of_platform(manifest: Manifest) -> dict[str, Any]:
-    """What a file must fulfil that names a platform."""
+    """The schema of a file that names the platform of ``manifest``."""
     tables = {"options": of_table(platforms.load_options(manifest)), "limits": _limits(manifest)}
     return {
         "if": {"properties": {"platform": {"const": manifest.name}}, "required": ["platform"]},
@@ -70,7 +71,7 @@ def _of_platform(manifest: Manifest) -> dict[str, Any]:
 
 
 def _limits(manifest: Manifest | None) -> dict[str, Any]:
-    """The table of limits, for one platform or for any."""
+    """The schema of the table of limits, for one platform or for any."""
     if manifest is None:
         return _kinds(DeviceLimits.rules()) | {"additionalProperties": _kinds(DeviceLimits.rules()) | _CLOSED}
     kinds = [kind for kind in DeviceLimits.rules() if any(kind in known for known in manifest.limits.values())]

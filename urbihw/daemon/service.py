@@ -1,10 +1,11 @@
-"""One daemon: a kernel, a robot, a port.  Start, reload, stop.
+"""One daemon: a kernel, a robot, a port; start, reload, stop.  The common part of all processes with a kernel is
+``urbihw.kernel.process``.
 
-Order of a start: port free? robot's library, robot found, its slots filled, the user's files, and only then clients.
-Everything that is wrong by then ends the start with a ``StartError``: one line, and exit code 78.  Afterwards nothing
-about the robot ends the daemon.
+Order of a start: bind the port, load the robot's library, find the robot and fill its slots, load the user's files,
+listen for clients.  A fault during the start raises ``StartError``: one line, and exit code 78.  Later no fault of the
+robot ends the daemon.
 
-Order of a stop: the robot (its effectors stop within the second), the clients (told, then disconnected), the rest.
+Order of a stop: the robot (its effectors stop within a second), the clients (notified, then disconnected), the rest.
 """
 
 from __future__ import annotations
@@ -18,47 +19,39 @@ import signal
 import socket
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
 
 from urbihw import platforms
 from urbihw.buses.errors import BadUrl
 from urbihw.buses.link import Url
+from urbihw.daemon.access_policy import AccessPolicy, access_policy
 from urbihw.daemon.config import Config
 from urbihw.daemon.fake import Fake
 from urbihw.daemon.files import read_regular
 from urbihw.daemon.holders import holder_of_file, holder_of_port
 from urbihw.daemon.notify import Notifier
-from urbihw.daemon.reload import Reloader, waiting
+from urbihw.daemon.reload import Reloader, restart_settings
 from urbihw.daemon.runtime import client_path, control_path
-from urbihw.daemon.wayin import WayIn, way_in
-from urbihw.kernel import Kernel
+from urbihw.kernel.process import KernelProcess
 from urbihw.kernel.server.bounds import bounds
-from urbihw.kernel.server.doors import bind, bind_unix, let_go
-from urbihw.kernel.server.ending import PATIENCE, LastResort
-from urbihw.kernel.server.interrupt import Interrupter
-from urbihw.kernel.server.loop import Driver
-from urbihw.kernel.server.tcp import Server
 from urbihw.kernel.uobject import BadConfig, DeviceError, Robot, RobotSettings
-from urbihw.kernel.uobject.owed import owe_robot
+from urbihw.kernel.uobject.protection import protect_robot
 from urbihw.platforms import Manifest
 
 log = logging.getLogger("urbihw.daemon")
 
-OPEN_PATIENCE = 15.0
-"""Seconds that a robot may take to be found; a scan of two protocols with a slow adapter takes a few."""
-STATUS_PERIOD = 1.0
-LONGEST_PROGRAM = 16 * 1024 * 1024
-"""Bytes of a file of ``load``."""
-LONGEST_SOCKET = 107
-"""Bytes of the path of a UNIX socket (``man 7 unix``)."""
-ENDING = (signal.SIGTERM, signal.SIGINT)
-"""The signals that end the service."""
-STOPPING = 10.0
-"""Seconds that the robot may take to stop and be let go of; one whose bus worker hangs is stopped by another one."""
+OPEN_TIMEOUT_S = 30.0
+"""Maximum seconds to find the robot; a scan of two protocols with a slow adapter takes a few seconds."""
+STATUS_PERIOD_S = 1.0
+MAX_PROGRAM_BYTES = 16 * 1024 * 1024
+"""Maximum size of a file of ``load`` in bytes."""
+MAX_SOCKET_PATH_BYTES = 107
+"""Maximum length of the path of a UNIX socket in bytes (``man 7 unix``)."""
+STOP_TIMEOUT_S = 10.0
+"""Maximum seconds to stop and close the robot; if its bus worker hangs, another one stops it."""
 
 
 class StartError(Exception):
-    """The daemon cannot serve as it is set up; the message is one line that says what to do."""
+    """The daemon cannot serve with its configuration; the message is one line that tells what to do."""
 
 
 class Service:
@@ -67,72 +60,43 @@ class Service:
     def __init__(
         self, config: Config, notifier: Notifier | None = None, reread: Callable[[], Config] | None = None
     ) -> None:
-        """``notifier`` tells the service manager; ``reread`` gives the settings anew, for SIGHUP."""
+        """``notifier`` reports to the service manager; ``reread`` loads the settings again, for SIGHUP."""
         self._config = config
         self._notifier = notifier if notifier is not None else Notifier()
         self._reread = reread
-        self._stop = asyncio.Event()
-        self._kernel: Kernel
-        self._driver: Driver | None = None
-        self._server: Server | None = None
+        self._process: KernelProcess
         self._robot: Robot | None = None
         self._robot_url = ""
         self._fake: Fake | None = None
-        self._bound: list[socket.socket] = []
-        self._bound_unix: list[socket.socket] = []
-        self._way_in = WayIn()
-        self._port = -1
-        self._last_resort: LastResort | None = None
+        self._access_policy = AccessPolicy()
         self._reloader: Reloader
 
     async def run(self) -> int:
-        """Serve.  Raises StartError when it cannot begin."""
-        loop = asyncio.get_running_loop()
-        former = {number: signal.getsignal(number) for number in ENDING}
-        for number in ENDING:
-            # Not by the loop: a signal that comes while the kernel is made would be forgotten with the loop's handler,
-            # when that is replaced before the loop has had its turn.
-            signal.signal(number, lambda *_: loop.call_soon_threadsafe(self.stop))
+        """Serve, and return the exit code.  Raises StartError when the start fails."""
+        self._process = process = KernelProcess(self._abandon_robot)
+        process.install_signals()
         self._reloader = Reloader(self._read_again)
-        loop.add_signal_handler(signal.SIGHUP, self._reloader.ask)
+        asyncio.get_running_loop().add_signal_handler(signal.SIGHUP, self._reloader.request_reload)
         try:
-            starting = asyncio.ensure_future(self._start())
-            stopping = asyncio.ensure_future(self._stop.wait())
-            await asyncio.wait((starting, stopping), return_when=asyncio.FIRST_COMPLETED)
-            if starting.done():
-                starting.result()
-                await self._report(stopping)
-            else:
-                starting.cancel()
+            await process.run_until_stopped(self._start())
+            await self._report()
         finally:
             self._notifier.stopping()
             await self._close()
-            for number, handler in former.items():
-                signal.signal(number, handler)
-            if self._last_resort is not None:
-                self._last_resort.uninstall()
-        return 0 if self._driver is None else self._kernel.programs.exit_status or 0
+            process.restore_signals()
+        return process.exit_status or 0
 
-    def _end_whatever_runs(self) -> None:
-        """From now on a signal ends the service even while a job never gives way, which the loop would not notice."""
-        interrupter = Interrupter(self._kernel.scheduler, self.stop)
-        for number in ENDING:
-            signal.signal(number, interrupter)
-        self._last_resort = LastResort(ENDING, self._abandon)
-        self._last_resort.install()
-
-    def _abandon(self) -> None:
-        """In another thread: what must be done although a program keeps the service from ending in order."""
+    def _abandon_robot(self) -> None:
+        """Stop the robot from another thread, when a program prevents an orderly shutdown."""
         if self._robot is not None:
             self._robot.abandon()
-        self._forget_port()
 
     def stop(self) -> None:
-        """End the service, in order."""
-        self._stop.set()
+        """Begin an orderly shutdown of the service."""
+        self._process.stop()
 
     def _read_again(self) -> None:
-        """Read settings, tokens and certificate again: what is wrong is logged, what is in force stays."""
+        """Read settings, tokens and certificate again; mistakes are logged, and the settings in force stay."""
         if self._reread is None or self._robot is None:
             return
         try:
@@ -143,9 +107,9 @@ class Service:
         except BadConfig as error:
             log.error("settings stay as they were: %s", error)
         else:
-            later = waiting(self._config, config)
+            later = restart_settings(self._config, config)
             log.info("settings read again%s", f"; with the next start: {', '.join(later)}" if later else "")
-        for problem in self._way_in.problems():
+        for problem in self._access_policy.problems():
             log.error("%s", problem)
 
     # ---------------------------------------------------------------- start
@@ -160,15 +124,12 @@ class Service:
         self._bind()
         if config.fake:
             if not manifest.fake:
-                raise StartError(f"platform {manifest.name} has no robot in software; give its --url")
+                raise StartError(f"platform {manifest.name} has no simulated robot; give its --url")
             self._fake = Fake(manifest.fake)
-        self._kernel = Kernel()
-        self._driver = Driver(self._kernel.scheduler, bounds(config.hold_limit, config.memory_limit, config.max_jobs))
-        self._end_whatever_runs()
-        self._kernel.programs.shutdown = self.stop
-        self._kernel.programs.quiet = config.quiet
+        kernel = self._process.boot(bounds(config.hold_limit, config.memory_limit, config.max_jobs))
+        kernel.programs.quiet = config.quiet
         for known in (kind, *kind.classes):
-            self._kernel.host.register(known)
+            kernel.host.register(known)
         _show_to_load(manifest.folder)
         for name in manifest.library:
             await self._load(manifest.folder / name)
@@ -179,38 +140,34 @@ class Service:
         for name in config.load:
             await self._load(Path(name))
         if self._robot is not None:
-            owe_robot(self._robot, manifest.slot)
-        self._kernel.complete()
-        await self._listen()
+            protect_robot(self._robot, manifest.slot)
+        kernel.complete()
+        self._listen()
 
     def _bind(self) -> None:
-        """Take the port and the path for clients before the robot is touched; nobody can connect yet."""
+        """Bind the port and the socket path for clients before the robot is opened; no client can connect yet."""
         config = self._config
         try:
-            self._bound = bind(config.host, config.port)
+            addresses = self._process.bind(config.host, config.port)
         except (socket.gaierror, UnicodeError) as error:
             why = getattr(error, "strerror", None) or error
             raise StartError(f"cannot listen on {config.host!r}: {why}; choose --host") from error
         except OSError as error:
             raise self._no_port(error) from error
         try:
-            self._way_in = way_in(config, [one.getsockname()[0] for one in self._bound])
+            self._access_policy = access_policy(config, addresses)
         except BadConfig as error:
             raise StartError(str(error)) from error
         if config.socket == "off":
             return
         try:
-            path = Path(config.socket) if config.socket else client_path(self._bound_port())
+            path = Path(config.socket) if config.socket else client_path(self._process.bound_port)
         except BadConfig as error:
             raise StartError(str(error)) from error
         try:
-            self._bound_unix.append(bind_unix(path))
+            self._process.bind_unix(path)
         except OSError as error:
             raise StartError(f"socket: cannot listen at {path}: {error.strerror}; choose another path") from error
-
-    def _bound_port(self) -> int:
-        """The port that was taken: a free one, if none was asked for."""
-        return int(self._bound[0].getsockname()[1])
 
     def _no_port(self, error: OSError) -> StartError:
         host, port = self._config.host, self._config.port
@@ -224,22 +181,15 @@ class Service:
             return StartError(f"this machine has no address {host}; choose --host 127.0.0.1 or --host 0.0.0.0")
         return StartError(f"cannot listen on {host}:{port}: {error.strerror}")
 
-    def _drive(self) -> None:
-        assert self._driver is not None
-        self._driver.drive()
-
     async def _load(self, path: Path) -> None:
         """Run an urbiscript file in Global."""
         try:
-            text = read_regular(path, LONGEST_PROGRAM).data.decode("latin-1")
+            text = read_regular(path, MAX_PROGRAM_BYTES).data.decode("latin-1")
         except FileNotFoundError as error:
             raise StartError(f"cannot load {path}: {error.strerror}") from error
         except BadConfig as error:
             raise StartError(f"cannot load {error}") from error
-        done: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-        self._kernel.host.run(text, str(path), done.set_result)
-        self._drive()
-        problem = await done
+        problem = await self._process.run_text(text, str(path))
         if problem:
             raise StartError(f"cannot load a file: {problem}")
 
@@ -249,13 +199,13 @@ class Service:
             url = await self._fake.url()
         self._robot_url = url
         opened: asyncio.Future[DeviceError | None] = asyncio.get_running_loop().create_future()
-        self._robot = self._kernel.host.create(kind, manifest.slot)
+        self._robot = self._process.kernel.host.create(kind, manifest.slot)
         self._robot.open(_robot_settings(self._config, url, self._control()), opened.set_result)
-        self._drive()
+        self._process.drive()
         try:
-            error = await asyncio.wait_for(opened, OPEN_PATIENCE)
+            error = await asyncio.wait_for(opened, OPEN_TIMEOUT_S)
         except TimeoutError:
-            raise StartError(f"no word from the robot on {url} in {OPEN_PATIENCE:g} s") from None
+            raise StartError(f"no word from the robot on {url} in {OPEN_TIMEOUT_S:g} s") from None
         if error is not None:
             raise error
 
@@ -264,20 +214,20 @@ class Service:
         config = self._config
         if config.control == "off":
             return ""
-        path = Path(config.control) if config.control else control_path(config.platform, self._bound_port())
+        path = Path(config.control) if config.control else control_path(config.platform, self._process.bound_port)
         if not path.parent.is_dir():
             raise BadConfig(f"control: there is no folder {path.parent}; make it, or choose another path")
         if path.exists() and not path.is_socket():
             raise BadConfig(f"control: {path} is something else than a socket; choose another path")
-        if len(os.fsencode(path)) > LONGEST_SOCKET:
-            raise BadConfig(f"control: a path of more than {LONGEST_SOCKET} bytes cannot be a socket: {path}")
+        if len(os.fsencode(path)) > MAX_SOCKET_PATH_BYTES:
+            raise BadConfig(f"control: a path of more than {MAX_SOCKET_PATH_BYTES} bytes cannot be a socket: {path}")
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe, contextlib.suppress(OSError):
             probe.connect(str(path))
             raise BadConfig(f"another urbihw serves its robot at {path}: stop that, or choose another control")
         return str(path)
 
     def _explained(self, reason: str) -> str:
-        """Add who holds the port, if that is what is wrong."""
+        """Add the process that has the port open to a reason, if that is the problem."""
         with contextlib.suppress(BadUrl):
             url = Url.parse(self._robot_url)
             if url.scheme == "serial" and "in use" in reason:
@@ -286,26 +236,21 @@ class Service:
                     return reason.replace("by another program", f"by {holder}")
         return reason
 
-    async def _listen(self) -> None:
-        config = self._config
-        assert self._driver is not None
-        self._server = Server(self._driver, self._kernel.open_lobby, config.unread_limit, config.max_clients)
-        port = self._bound_port()
-        bound, self._bound = self._bound, []
+    def _listen(self) -> None:
+        config, process, access_policy = self._config, self._process, self._access_policy
         try:
-            self._server.listen_on(bound, self._way_in.greeting, self._way_in.ssl)
+            process.listen(
+                access_policy.handshake, access_policy.ssl,
+                unread_limit=config.unread_limit, max_clients=config.max_clients,
+            )
         except OSError as error:
             raise self._no_port(error) from error
-        bound, self._bound_unix = self._bound_unix, []
-        self._server.listen_on(bound)
-        self._port = port
-        self._kernel.programs.listen_port = self._port
         if config.port_file:
             try:
-                Path(config.port_file).write_text(f"{self._port}\n", "ascii")
+                process.write_port_file(Path(config.port_file))
             except OSError as error:
                 raise StartError(f"cannot write the port to {config.port_file}: {error.strerror}") from error
-        log.info("port %d of %s: %s", self._port, config.host, self._status())
+        log.info("port %d of %s: %s", process.port, config.host, self._status())
         self._notifier.ready(self._status())
         self._reloader.begin()
 
@@ -314,56 +259,48 @@ class Service:
     def _status(self) -> str:
         return "" if self._robot is None else f"{self._config.platform}: {self._robot.status()}"
 
-    async def _report(self, stopping: asyncio.Future[Literal[True]]) -> None:
-        """Keep the service manager informed until it is time to stop; its watchdog is fed while the bus is served.
+    async def _report(self) -> None:
+        """Report the status to the service manager until the service stops, and disconnect clients whose token was
+        removed.
 
-        Clients whose token was removed are let go of meanwhile.
+        This polls periodically instead of waiting for events: a watchdog needs messages even when nothing happens, the
+        age of the worker's last message shows whether it is alive, and another process changes the file of tokens.
         """
-        said, period = "", min(STATUS_PERIOD, self._notifier.watchdog_period or STATUS_PERIOD)
-        while not stopping.done():
+        process, said = self._process, ""
+        period = min(STATUS_PERIOD_S, self._notifier.watchdog_period or STATUS_PERIOD_S)
+        while not process.stopped.done():
             status = self._status()
             if status != said:
                 self._notifier.status(status)
                 said = status
             if self._robot is None or self._robot.alive():
                 self._notifier.watchdog()
-            if self._server is not None:
-                self._way_in.let_go(self._server.connections)
-            await asyncio.wait((stopping,), timeout=period)
+            if process.server is not None:
+                self._access_policy.disconnect_removed(process.server.connections)
+            await asyncio.wait((process.stopped,), timeout=period)
 
     # ---------------------------------------------------------------- stop
 
     async def _close(self) -> None:
+        process = self._process
         self._reloader.end()
         if self._robot is not None:
-            if self._last_resort is not None:
-                self._last_resort.allow(STOPPING)
+            process.extend_deadline(STOP_TIMEOUT_S)
             self._robot.close()
-        if self._last_resort is not None:
-            self._last_resort.allow(PATIENCE)
-        if self._server is not None:
-            for connection in list(self._server.connections):
+        if process.server is not None:
+            for connection in list(process.server.connections):
                 if connection.lobby is not None:
                     connection.lobby.output.line("*** urbihw: shutting down, the robot is stopped")
-            await self._server.close()
-        for one in (*self._bound, *self._bound_unix):
-            let_go(one)
-        if self._driver is not None:
-            self._driver.close()
+        await process.close()
         if self._fake is not None:
+            process.extend_deadline()
             self._fake.close()
-        self._forget_port()
-        if self._port >= 0:
+        if process.port >= 0:
             log.info("stopped")
-
-    def _forget_port(self) -> None:
-        if self._config.port_file and self._port >= 0:
-            with contextlib.suppress(OSError):
-                os.unlink(self._config.port_file)
 
 
 def _show_to_load(folder: Path) -> None:
-    """Let ``load`` find the files of the platform, such as its examples, behind those of the user."""
+    """Make ``load`` search the folder of the platform, with its examples, after those of the user."""
     os.environ["URBI_PATH"] = os.pathsep.join((os.environ.get("URBI_PATH", ""), str(folder)))
 
 

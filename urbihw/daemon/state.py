@@ -1,6 +1,6 @@
-"""Where the daemon keeps what outlasts it: its certificate, and the hashes of the tokens that let clients in.
+"""The state folder of the daemon: its certificate, and the hashes of the tokens of clients.
 
-Who can write there can let anybody in, so a folder that others can write is refused.
+A user who can write there can give access to anyone, so a folder that other users can write is refused.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from urbihw.daemon.files import read_regular
 from urbihw.kernel.uobject import BadConfig
 
 SERVICE_STATE: Final = Path("/var/lib/urbihw")
-"""StateDirectory of the unit in share/."""
-LONGEST_SECRET: Final = 1024 * 1024
-"""Bytes of a file of tokens, or of a key with its certificate."""
+"""The StateDirectory of the unit in share/."""
+MAX_SECRET_BYTES: Final = 1024 * 1024
+"""Maximum size in bytes of a file of tokens, or of a key with its certificate."""
 
 
 def state_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """The folder of certificate and tokens, made if need be; it is apart from what programs may leave beside it.
+    """The folder of certificate and tokens, created if needed; files of programs are outside of it.
 
-    Under systemd in that of the unit (STATE_DIRECTORY); for root in that of the service if there is one, so that ``sudo
-    urbihw access`` is about the service; else in ``urbihw`` of XDG_STATE_HOME.  Raises BadConfig if it cannot be made,
-    or others can write there.
+    Under systemd it is in that of the unit (STATE_DIRECTORY); for root in that of the service if there is one, so that
+    ``sudo urbihw access`` applies to the service; otherwise in ``urbihw`` of XDG_STATE_HOME.  Raises BadConfig if it
+    cannot be created, or if other users can write there.
     """
     if environment.get("STATE_DIRECTORY"):
         above = Path(environment["STATE_DIRECTORY"].split(":")[0])
@@ -40,7 +40,7 @@ def state_folder(environment: Mapping[str, str] = os.environ) -> Path:
     try:
         if not folder.is_dir():
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            _give(folder, above)
+            _give_to_owner(folder, above)
         about = folder.lstat()
     except OSError as error:
         raise BadConfig(f"no folder for certificate and tokens: {folder}: {error.strerror}") from error
@@ -50,16 +50,16 @@ def state_folder(environment: Mapping[str, str] = os.environ) -> Path:
     return folder
 
 
-def _give(file: Path | int, folder: Path) -> None:
-    """What root makes for the service belongs to it, as the folder does that it is in."""
+def _give_to_owner(file: Path | int, folder: Path) -> None:
+    """Give a file created by root to the owner of its folder, which is the user of the service."""
     if os.geteuid() == 0:
         about = folder.stat()
         os.chown(file, about.st_uid, about.st_gid)
 
 
 @contextlib.contextmanager
-def alone(folder: Path) -> Iterator[None]:
-    """While others who want the same wait: for what is read, changed and written again."""
+def lock_folder(folder: Path) -> Iterator[None]:
+    """Hold an exclusive lock on the folder, for files that are read, changed and written again."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX)
@@ -69,9 +69,10 @@ def alone(folder: Path) -> Iterator[None]:
 
 
 def read_secret(file: Path) -> str:
-    """The text of a file, "" for none.  Raises BadConfig when it cannot be read, or when others can."""
+    """The text of a file, "" if there is none.  Raises BadConfig if it cannot be read, or if other users can read
+    it."""
     try:
-        content = read_regular(file, LONGEST_SECRET)
+        content = read_regular(file, MAX_SECRET_BYTES)
     except FileNotFoundError:
         return ""
     if stat.S_IMODE(content.mode) & 0o077:
@@ -80,15 +81,15 @@ def read_secret(file: Path) -> str:
 
 
 def write_secret(file: Path, text: str) -> None:
-    """Replace a file by one that its owner alone may read: at once, so that nobody sees half of it.
+    """Replace a file atomically by one that only its owner can read.
 
-    It belongs to whom the folder belongs to: root writes for the service.  Raises BadConfig.
+    It gets the owner of the folder: root writes for the service.  Raises BadConfig.
     """
     fresh = file.with_name(f"{file.name}.{os.getpid()}")
     try:
         descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o600)
         with open(descriptor, "w", encoding="utf-8") as opened:
-            _give(descriptor, file.parent)
+            _give_to_owner(descriptor, file.parent)
             opened.write(text)
             opened.flush()
             os.fsync(descriptor)

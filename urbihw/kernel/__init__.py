@@ -1,7 +1,8 @@
 """The urbiscript kernel.  ``Kernel`` is its whole door: start, feed, run, stop.
 
 Reading order: ``syntax`` (text to nodes), ``compiler`` (nodes to Python), ``sched`` (jobs, time, tags), ``runtime``
-(objects), ``stdlib`` (the classes), ``lobby`` (a connection), ``server`` (sockets), ``uobject`` (devices), ``boot``.
+(objects), ``stdlib`` (the classes), ``lobby`` (a connection), ``server`` (sockets), ``uobject`` (devices), ``boot``,
+``process`` (signals, ports and the end of a process that has a kernel).
 """
 
 from urbihw.kernel.facade import Kernel

@@ -1,47 +1,65 @@
-"""Builds a world: natives first, then the urbiscript half of the library, from one ordered list.
+"""Builds a world: first the natives, then the urbiscript half of the library, from one ordered list.
 
-The only file of the kernel that imports all of it.
+The only file of the kernel that imports all other packages.
 """
 
 from __future__ import annotations
 
+from types import FrameType
 from typing import Any
 
 from urbihw.kernel.compiler import compile_node
 from urbihw.kernel.lobby.shell import Programs, report_failure
-from urbihw.kernel.runtime.backtrace import describe_frame, is_program
+from urbihw.kernel.runtime import backtrace
 from urbihw.kernel.runtime.ops import make_ops
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.sched.hooks import SchedulerHooks
+from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.scheduler import Scheduler
 from urbihw.kernel.stdlib import install
+from urbihw.kernel.uobject import Host
 from urbihw.kernel.uobject.natives import install as install_uobject
+from urbihw.kernel.uremote.external import declare
 from urbihw.kernel.uremote.external import install as install_remotes
 
-OWED = ("shutdown", "reboot", "resetLibrary")
-"""Slots of System that no program can take from the others."""
-OWED_BY_LOBBY = ("lobby", "quit", "interrupt", "onDisconnect")
-"""Slots of Lobby of that kind."""
+PROTECTED_SYSTEM_SLOTS = ("shutdown", "reboot", "resetLibrary")
+"""Protected slots of System: no program can remove, replace or hide them."""
+PROTECTED_LOBBY_SLOTS = ("lobby", "quit", "interrupt", "onDisconnect")
+"""Protected slots of Lobby."""
 
 
-def build(scheduler: Scheduler) -> Programs:
-    """A world with the standard library, and what lobbies need to run programs in it."""
+class KernelHooks(SchedulerHooks):
+    """The scheduler's hooks in a kernel: its jobs run urbiscript, and their errors are reported to their lobbies."""
+
+    def job_failed(self, job: Job, error: Exception) -> None:
+        """Report an error that has ended a job."""
+        report_failure(job, error)
+
+    def describe_frame(self, frame: FrameType) -> str:
+        """The location of a frame in the urbiscript source."""
+        return backtrace.describe_frame(frame)
+
+    def is_program(self, frame: FrameType) -> bool:
+        """Whether a frame is generated code, or may be left in the same way."""
+        return backtrace.is_program(frame)
+
+
+def build(scheduler: Scheduler) -> tuple[Programs, Host]:
+    """A world with the standard library: the programs that lobbies run, and the host for devices."""
     world = World(scheduler)
-    ops = make_ops(world)
-
     def run_late(node: Any, this: Any, local: Any) -> Any:
         unit = compile_node(node, world.lazy_names, late=local.names, generic=world.generic_floats)
         place = local.place
         return unit.function(ops, place.base, place.system, late_locals=local)(this)
 
-    world.run_late = run_late
-    scheduler.failed = report_failure
-    scheduler.place = describe_frame
-    scheduler.is_program = is_program
+    ops = make_ops(world, run_late, declare)
     programs = Programs(world, ops)
     install(world, programs)
-    install_remotes(world, install_uobject(world))
+    host = install_uobject(world, programs)
+    install_remotes(world, host.registry)
     system = world.classes["System"]
-    world.record.owe(world.lobby_proto, "System", "Lobby", "Global", "Object", *OWED, *OWED_BY_LOBBY)
-    world.record.owe(system, *OWED)
-    return programs
+    names = ("System", "Lobby", "Global", "Object", *PROTECTED_SYSTEM_SLOTS, *PROTECTED_LOBBY_SLOTS)
+    world.record.protect(world.lobby_proto, *names)
+    world.record.protect(system, *PROTECTED_SYSTEM_SLOTS)
+    return programs, host
 

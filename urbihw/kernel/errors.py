@@ -2,14 +2,13 @@
 
 ::
 
-    UrbiError                an urbiscript value on its way up: thrown by ``throw`` or by native code
-      Raised                 made by native code: a kind of Exception and its arguments, built into an object only if
-                             somebody looks at it
+    UrbiError                a urbiscript value, thrown by ``throw`` or by native code
+      Raised                 raised by native code: a kind of Exception and its arguments, built into an object only
+                             on demand
         LookupFailed         a slot was not found
         TooDeep, TooLong     a statement that cannot be compiled
-    KernelBug                our own fault, reported as such
 
-``sched.signals`` holds what unwinds a job without being an error.
+``sched.signals`` has the exceptions that unwind a job without being errors.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from typing import Any
 
 
 class UrbiError(Exception):
-    """A value thrown by urbiscript code; ``value`` is what was thrown."""
+    """A value thrown by urbiscript code; ``value`` is the thrown value."""
 
     def __init__(self, value: Any) -> None:
         super().__init__()
@@ -26,9 +25,10 @@ class UrbiError(Exception):
 
 
 class Raised(UrbiError):
-    """An exception raised by native code: ``kind`` is a slot of Exception, ``args`` are those of its constructor.
+    """An exception raised by native code: ``kind`` is a slot of Exception, ``args`` are the arguments of its
+    constructor.
 
-    The routine named in the message is that of the urbiscript call which led here, unless ``routine`` says otherwise.
+    The routine in the message is that of the urbiscript call which led here, unless ``routine`` is given.
     """
 
     def __init__(self, kind: str, message: str, routine: str | None = "", **slots: Any) -> None:
@@ -40,7 +40,7 @@ class Raised(UrbiError):
 
 
 class LookupFailed(Raised):
-    """A slot was not found; ``target`` is the value that was asked for it, None if there is none to tell of."""
+    """A slot was not found; ``target`` is the object of the lookup, None if it is unknown."""
 
     def __init__(self, name: str, target: Any) -> None:
         super().__init__("Lookup", f"lookup failed: {name}", None, name=name)
@@ -48,50 +48,52 @@ class LookupFailed(Raised):
 
 
 class TooDeep(Raised):
-    """A statement nests deeper than can be compiled; who knows where it stands makes a syntax error of it."""
+    """A statement nests deeper than can be compiled; a caller that knows its location converts the error to a syntax
+    error.
+    """
 
     def __init__(self) -> None:
         super().__init__("Scheduling", TOO_DEEP, None)
 
 
 class TooLong(Raised):
-    """A statement is longer than can be compiled; who knows where it stands makes a syntax error of it."""
+    """A statement is longer than can be compiled; a caller that knows its location converts the error to a syntax
+    error.
+    """
 
     def __init__(self) -> None:
         super().__init__("Scheduling", TOO_LONG, None)
 
 
 class Refused(Raised):
-    """Something may not move now; a write that fails by it is taken back."""
+    """A movement is not allowed now; the write that caused it is undone."""
 
     def __init__(self, message: str) -> None:
         super().__init__("Primitive", message, None)
 
 
 class Stopped(Refused):
-    """A statement that began before a stop wants to move what was stopped; only who catches this may go on."""
+    """A statement that began before a stop tried to move a stopped device; a program continues only if it catches this
+    error.
+    """
 
 
 TOO_DEEP = "statement too deeply nested"
 TOO_LONG = "statement too long: make several of it"
 
 
-class KernelBug(Exception):
-    """Something that cannot happen did; always our fault, never the user's."""
-
-
 def lookup_failed(name: str, target: Any = None) -> Raised:
-    """``lookup failed: name``; whoever looks at it is told what slot of ``target`` may have been meant."""
+    """``lookup failed: name``; the message suggests a similar slot of ``target`` when it is read."""
     return LookupFailed(name, target)
 
 
 def unexpected_void() -> Raised:
-    """``unexpected void``: a value was needed."""
+    """``unexpected void``: void was used where a value is required."""
     return Raised("UnexpectedVoid", "unexpected void", None)
 
 
 def arity(given: int, least: int, most: int | None = None, routine: str | None = "") -> Raised:
-    """``name: expected N arguments, given M``; ``most`` None is the same as ``least``, -1 is no limit."""
+    """``name: expected N arguments, given M``; ``most`` None stands for the same as ``least``, -1 for no limit."""
     if most is None or most == least:
         wanted = f"{least} argument{'s' if least > 1 else ''}"
     elif most < 0:
@@ -102,7 +104,7 @@ def arity(given: int, least: int, most: int | None = None, routine: str | None =
 
 
 def primitive(message: str, routine: str | None = "") -> Raised:
-    """``name: message`` raised by a built-in routine."""
+    """``name: message``, raised by a primitive."""
     return Raised("Primitive", message, routine)
 
 
@@ -116,8 +118,8 @@ def constness() -> Raised:
     return Raised("Constness", "cannot modify const slot", None)
 
 
-def owed(name: str) -> Raised:
-    """A slot that all connections need cannot be removed, replaced or hidden."""
+def protected_slot(name: str) -> Raised:
+    """The error for removing, replacing or hiding a slot that all connections need."""
     return Raised("Constness", f"{name} is for everybody: it cannot be removed, replaced or hidden", None)
 
 
@@ -132,5 +134,5 @@ def unfinalizable(routine: str | None = "") -> Raised:
 
 
 def bad_number(kind: str, message: str) -> Raised:
-    """``name: message`` about a number; kind is BadInteger, BadNumber, NegativeNumber or NonPositiveNumber."""
+    """``name: message`` for a number; ``kind`` is BadInteger, BadNumber, NegativeNumber or NonPositiveNumber."""
     return Raised(kind, message)

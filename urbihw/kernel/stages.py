@@ -1,4 +1,4 @@
-"""What the commands ask of the compiler: its stages as text for people, its words, and whether a text is whole."""
+"""The compiler's services for the commands: its stages as text, its keywords, and whether a text is complete."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from urbihw.kernel.syntax.reader import Reader, Statement, SyntaxProblem, parse_
 from urbihw.kernel.syntax.tokens import ANGLES, DURATIONS, IGNORED, KEYWORDS, SYNONYMS
 
 WORDS: Final = frozenset({*KEYWORDS, *SYNONYMS, *IGNORED})
-"""The words that are no names."""
+"""The words that cannot be names."""
 UNITS: Final = (*DURATIONS, *ANGLES)
-"""What may stand behind a number."""
+"""The units that may follow a number."""
 
 
 def tokens(statement: Statement) -> str:
-    """One token a line: where it stands in its statement, its kind, its value."""
+    """The tokens of a statement, one per line: position within the statement, kind, value."""
     lexer = Lexer([])
     lexer.feed(statement.text)
     lexer.close()
@@ -35,7 +35,7 @@ def tree(statement: Statement) -> str:
 
 
 def python(statement: Statement) -> str:
-    """The generated Python; ``_K`` are its constants, ``_N`` syntax that it carries along."""
+    """The generated Python; ``_K`` are its constants, ``_N`` the syntax trees that it uses at run time."""
     unit = compile_node(statement.node, keep_tree=True)
     assert unit.tree is not None
     return pyast.unparse(unit.tree)
@@ -45,7 +45,7 @@ STAGES: Final[dict[str, Callable[[Statement], str]]] = {"tokens": tokens, "ast":
 
 
 def dump(text: str, stage: str, file: str | None = None) -> tuple[list[str], list[str]]:
-    """The statements of a program at one of ``STAGES``, and its syntax errors and warnings, each with its place."""
+    """The statements of a program at one of ``STAGES``, and its syntax errors and warnings with their locations."""
     shown, problems = [], []
     for item in parse_program(text, file):
         if isinstance(item, SyntaxProblem):
@@ -56,22 +56,22 @@ def dump(text: str, stage: str, file: str | None = None) -> tuple[list[str], lis
 
 
 class Input:
-    """What is on its way to a server, watched for where its statements end."""
+    """Tracks whether the bytes sent to a server end within a statement."""
 
     def __init__(self) -> None:
         self._reader = Reader()
 
     def feed(self, data: bytes) -> None:
-        """Some more of it."""
+        """Add bytes."""
         self._reader.feed(data)
 
     def ends_within(self) -> bool:
-        """Whether a server waits for the rest of a statement.  To be asked once, at the end."""
+        """Whether a server waits for the rest of a statement.  Must be called once, at the end."""
         return bool(self._reader.finish())
 
 
 def unfinished(text: str) -> bool:
-    """Whether a server that was sent this text waits for the rest of a statement."""
+    """Whether a server waits for the rest of this text."""
     watched = Input()
     watched.feed(text.encode("utf-8", "surrogateescape") + b"\n")
     return watched.ends_within()

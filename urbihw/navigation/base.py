@@ -1,7 +1,7 @@
-"""What the navigator needs of a mobile base and of its range scanner; SI units.
+"""The interfaces of a mobile base and of its range scanner for the navigator; SI units.
 
-A platform implements ``Base`` on its robot: it owns a ``Drive``, asks that how fast to go whenever its pose was
-measured, and orders these speeds.  Whether the wheels are those of a Pioneer, a Segway or an NXT is not known here.
+A platform implements ``Base`` on its robot: it owns a ``Drive``, asks it for the speeds after each measurement of the
+pose, and orders these speeds.  The interfaces do not depend on the kind of base (Pioneer, Segway, NXT).
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ Echo = tuple[float, float]
 
 
 class Log(Protocol):
-    """Where warnings go: a logger of the standard library, or one that thins out repetitions."""
+    """Receives warnings: a logger of the standard library, or one that limits repetitions."""
 
     def warning(self, text: str, *values: Any) -> None:
-        """Log a line, formatted with ``%``."""
+        """Log a warning, formatted with ``%``."""
         ...
 
 
@@ -34,7 +34,7 @@ class Worker(Protocol):
 
 
 class PoseEstimate(Protocol):
-    """Where the base is on the map, as its odometry says; ``navigation.odometry.Odometry`` is one."""
+    """The pose of the base on the map by its odometry; ``navigation.odometry.Odometry`` is one."""
 
     @property
     def absolute(self) -> Pose:
@@ -42,49 +42,49 @@ class PoseEstimate(Protocol):
         ...
 
     def correct(self, pose: Pose) -> None:
-        """The base is at this pose of the map."""
+        """Set the pose of the base on the map."""
         ...
 
 
 class Scanner(Protocol):
-    """A laser, or what else measures ranges; ``navigation.scanner.RangeScanner`` is one."""
+    """A laser or another range sensor; ``navigation.scanner.RangeScanner`` is one."""
 
     place: float
-    """m from the middle of the base to the scanner, ahead."""
+    """Distance in m from the middle of the base ahead to the scanner."""
     scanned: Callable[[], None]
     """Called after each scan; the navigator sets it."""
 
     def check_on(self) -> None:
-        """Raises ValueError, saying how to switch it on, while it is off."""
+        """Raises ValueError while the scanner is off; the message tells how to switch it on."""
         ...
 
     def echoes(self) -> Sequence[Echo]:
-        """The readings of the last scan that hit something."""
+        """The readings of the last scan with an echo."""
         ...
 
     def fresh_echoes(self) -> Sequence[Echo]:
-        """The same; none when the scan is older than a second."""
+        """The readings of the last scan with an echo; none if the scan is older than a second."""
         ...
 
 
 class Base(Protocol):
-    """A base that drives where the navigator wants it to.
+    """A base that the navigator can drive.
 
-    When its pose was measured it calls ``Navigator.pose_changed``, and when its ``Drive`` reports the end of a motion,
-    ``Navigator.motion_ended``.
+    It calls ``Navigator.pose_changed`` after each measurement of its pose, and ``Navigator.motion_ended`` when its
+    ``Drive`` reports the end of a motion.
     """
 
     drive: Drive
-    """Its limits, and the motion that is under way; the base orders the speeds that it decides on."""
+    """The limits and the current motion; the base orders the speeds that the ``Drive`` computes."""
 
     @property
     def odometry(self) -> PoseEstimate:
-        """Where it is."""
+        """The pose of the base on the map."""
         ...
 
     @property
     def scanner(self) -> Scanner | None:
-        """What measures ranges, None for a base without such a thing."""
+        """The range scanner; None for a base without one."""
         ...
 
     @property
@@ -94,7 +94,7 @@ class Base(Protocol):
 
     @property
     def radius(self) -> float:
-        """m from its middle to its farthest edge."""
+        """Distance in m from the middle of the base to its farthest edge."""
         ...
 
     @property
@@ -103,11 +103,11 @@ class Base(Protocol):
         ...
 
     def check_motors(self) -> None:
-        """Raises ValueError, saying what to do, while the base cannot drive."""
+        """Raises ValueError while the base cannot drive; the message tells what to do."""
         ...
 
     def claim_motion(self) -> None:
-        """The running job will move the base; raises as ``kernel.uobject.Motion.admit`` does."""
+        """Claim the base for motions of the running job.  Raises what ``kernel.uobject.Motion.admit`` raises."""
         ...
 
     def begin_motion(self, motion: Motion) -> None:
@@ -115,5 +115,6 @@ class Base(Protocol):
         ...
 
     def obstacles(self) -> list[Point]:
-        """What sensors other than the scanner see now, ahead of and to the left of the middle of the base."""
+        """Points that sensors other than the scanner detect now, in m ahead of and to the left of the middle of the
+        base."""
         ...

@@ -1,6 +1,6 @@
-"""How fast the robot shall go: speeds as set, or a motion that decides about them, and room to keep; no I/O, SI units.
+"""Computes the speeds of the robot: fixed speeds or those of a motion, within safety distances; no I/O, SI units.
 
-``Drive.step`` is asked with each packet of the robot (ten times a second) and whenever something was set.
+``Drive.step`` is called for each packet of the robot (ten times a second) and after each new target.
 """
 
 from __future__ import annotations
@@ -11,18 +11,18 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 LATENCY_S: Final = 0.2
-"""Seconds from a position that was measured until the speed that follows from it is reached: two packets."""
+"""Seconds from the measurement of a position until the robot has the speed computed from it: two packets."""
 STALL_TIMEOUT_S: Final = 1.0
 """Seconds of stalling after which a motion is given up."""
 BRAKING_SHARE: Final = 0.7
-"""Share of the deceleration that is counted with."""
+"""Share of the deceleration that braking distances assume."""
 
 FINISHED, STALLED = "finished", "stalled"
 
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """What is known of the robot at one moment.
+    """The state of the robot at one moment.
 
     Attributes:
         v, w: speeds, m/s and rad/s.
@@ -40,25 +40,35 @@ class State:
 
 @dataclass(slots=True)
 class Limits:
-    """What the robot can do, and how fast it goes when only a distance was said."""
+    """The limits of the robot, and the speeds of motions without a given speed; m/s, rad/s, m/s2, rad/s2.
+
+    Attributes:
+        fastest, fastest_turn: maximum speeds.
+        slowest, slowest_turn: minimum speeds at which the robot still moves; a motion ends with them.
+        braking, braking_turn: guaranteed decelerations.
+        cruise, cruise_turn: speeds of a motion without a given speed.
+    """
 
     fastest: float = 0.75
     fastest_turn: float = math.radians(100)
     braking: float = 0.3
     braking_turn: float = math.radians(100)
+    slowest: float = 0.05
+    slowest_turn: float = math.radians(4)
     cruise: float = 0.3
     cruise_turn: float = 0.7
 
 
 @dataclass(slots=True)
 class Safety:
-    """Room to keep: nearer than ``least`` nothing moves towards an obstacle, farther than ``most`` it is free."""
+    """Safety distances in m: nearer to an obstacle than ``least`` the robot does not move towards it, farther than
+    ``most`` the speed is not limited."""
 
     least: float = 0.0
     most: float = 0.0
 
     def limited_speed(self, v: float, state: State) -> float:
-        """The speed that is allowed."""
+        """The allowed speed, m/s."""
         room = state.front if v > 0 else state.rear
         if not v or room >= max(self.most, self.least):
             return v
@@ -68,23 +78,24 @@ class Safety:
 
 
 class Motion(Protocol):
-    """What decides about the speeds for some time."""
+    """Computes the speeds until its end."""
 
     safe: bool
-    """Whether the safety distances count for it."""
+    """Whether the safety distances limit the motion."""
 
     def speeds(self, state: State) -> tuple[float, float] | None:
-        """The speeds, m/s and rad/s; None when it is over."""
+        """The speeds, m/s and rad/s; None when the motion has ended."""
         ...
 
 
 class Drive:
-    """Holds what the robot shall do; ``ended(motion, how)`` is told when a motion is over: FINISHED, STALLED or why.
+    """The target speeds or the motion of the robot.  ``ended(motion, how)`` is called at the end of a motion; ``how``
+    is FINISHED, STALLED or another reason.
 
     Attributes:
-        limits, safety: see there.
-        motion: what is under way, None while only speeds are set.
-        v, w: the speeds as set.
+        limits, safety: the limits of the robot and its safety distances.
+        motion: the current motion; None while the robot drives at fixed speeds.
+        v, w: the fixed speeds, m/s and rad/s.
     """
 
     def __init__(self, ended: Callable[[Motion, str], None]) -> None:
@@ -96,14 +107,14 @@ class Drive:
         self._stalled_at: float | None = None
 
     def start(self, motion: Motion) -> None:
-        """Begin a motion; one that is under way is over."""
+        """Begin a motion; the current one is ended."""
         self.end("another motion began")
         self.v = self.w = 0.0
         self._stalled_at = None
         self.motion = motion
 
     def set(self, v: float | None = None, w: float | None = None) -> None:
-        """Set one speed or both; a motion that is under way is over."""
+        """Set one or both fixed speeds; the current motion is ended."""
         self.end("a speed was set")
         if v is not None:
             self.v = max(-self.limits.fastest, min(self.limits.fastest, v))
@@ -111,12 +122,12 @@ class Drive:
             self.w = max(-self.limits.fastest_turn, min(self.limits.fastest_turn, w))
 
     def halt(self, why: str = "stopped") -> None:
-        """Nothing shall move any more."""
+        """Set both speeds to 0; the current motion is ended."""
         self.v = self.w = 0.0
         self.end(why)
 
     def end(self, how: str) -> None:
-        """The motion is over, if there is one."""
+        """End the current motion, if there is one."""
         motion, self.motion = self.motion, None
         if motion is not None:
             self._ended(motion, how)
@@ -131,7 +142,7 @@ class Drive:
             return 0.0, 0.0
         speeds = motion.speeds(state)
         if speeds is None:
-            # It may have begun another motion meanwhile.
+            # The callback may have begun another motion.
             if self.motion is motion:
                 self.end(FINISHED)
             return 0.0, 0.0

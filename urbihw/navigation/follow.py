@@ -1,4 +1,4 @@
-"""Driving along a planned path, and waiting before what is in the way; SI units, no I/O."""
+"""Drives along a planned path, and waits in front of obstacles; SI units, no I/O."""
 
 from __future__ import annotations
 
@@ -9,27 +9,29 @@ from typing import Final
 from urbihw.navigation.drive import BRAKING_SHARE, LATENCY_S, Limits, State
 from urbihw.navigation.frames import Point, Pose, wrapped
 
-AHEAD: Final = 0.35
-"""m along the path to the point that the robot heads for."""
+LOOKAHEAD: Final = 0.35
+"""Distance in m along the path to the point that the robot steers to."""
 ARRIVED: Final = 0.06
-"""m from the end of the path at which the robot has arrived."""
+"""Distance in m to the end of the path at which the robot has arrived."""
 ARRIVED_TURN: Final = math.radians(3)
 TURN_FIRST: Final = 0.7
-"""rad off course beyond which the robot turns on the spot."""
-STEER: Final = 1.6
+"""Course error in rad above which the robot turns on the spot."""
+STEERING_GAIN: Final = 1.6
 STOP_DISTANCE: Final = 0.3
-"""m to something ahead at which the robot waits for it to go away."""
+"""Distance in m to an obstacle ahead at which the robot waits until it is gone."""
 BLOCKED_TIMEOUT_S: Final = 3.0
-"""Seconds it waits."""
-SLOW: Final = 0.05
-SLOW_TURN: Final = math.radians(4)
+"""Seconds of waiting after which the path is blocked."""
+STANDING: Final = 0.05
+STANDING_TURN: Final = math.radians(4)
+"""Speeds in m/s and rad/s below which the robot counts as standing at its goal."""
 
 
 class PathFollower:
-    """A motion along a path to a heading; ``pose()`` says where the robot is, ``room()`` how far it is free ahead.
+    """A motion along a path to a final heading.  ``pose()`` returns the pose of the robot, ``room()`` the free distance
+    ahead.
 
     Attributes:
-        blocked: it ended because something stood in the way for too long.
+        blocked: the motion has ended because an obstacle stood in the way for too long.
     """
 
     safe = False
@@ -48,7 +50,7 @@ class PathFollower:
         self._waiting_since: float | None = None
 
     def speeds(self, state: State) -> tuple[float, float] | None:
-        """See ``drive.Motion``."""
+        """Return the speeds towards the next point of the path, or of the final turn at its end."""
         x, y, heading = self._pose()
         end = self.path[-1]
         if self._turning_in or math.dist((x, y), end) <= ARRIVED:
@@ -66,14 +68,15 @@ class PathFollower:
         limits = self._limits
         free = max(0.0, min(left, room - STOP_DISTANCE / 2) - LATENCY_S * abs(state.v))
         braked = math.sqrt(2 * BRAKING_SHARE * limits.braking * free)
-        v = max(SLOW, min(limits.cruise, limits.fastest, braked)) * math.cos(off)
-        return v, max(-limits.cruise_turn, min(limits.cruise_turn, STEER * off))
+        v = max(limits.slowest, min(limits.cruise, limits.fastest, braked)) * math.cos(off)
+        turn = min(limits.cruise_turn, limits.fastest_turn)
+        return v, max(-turn, min(turn, STEERING_GAIN * off))
 
     def _turn_in(self, heading: float, state: State) -> tuple[float, float] | None:
         self._turning_in = True
         off = wrapped(self._heading - heading)
         if abs(off) <= ARRIVED_TURN:
-            return None if abs(state.w) < SLOW_TURN and abs(state.v) < SLOW else (0.0, 0.0)
+            return None if abs(state.w) < STANDING_TURN and abs(state.v) < STANDING else (0.0, 0.0)
         return 0.0, self._turn(off, state.w)
 
     def _turn(self, off: float, w: float) -> float:
@@ -81,7 +84,7 @@ class PathFollower:
         room = max(0.0, abs(off) - max(0.0, w * math.copysign(LATENCY_S, off)))
         fastest = min(limits.cruise_turn, limits.fastest_turn)
         braked = math.sqrt(2 * BRAKING_SHARE * limits.braking_turn * room)
-        return math.copysign(max(SLOW_TURN, min(fastest, braked)), off)
+        return math.copysign(max(limits.slowest_turn, min(fastest, braked)), off)
 
     def _wait(self, now: float) -> tuple[float, float] | None:
         if self._waiting_since is None:
@@ -92,13 +95,13 @@ class PathFollower:
         return None
 
     def _target(self, at: Point) -> Point:
-        """The point to head for: some way ahead on the path, and never behind what was passed."""
+        """The point to steer to: ``LOOKAHEAD`` further on the path, and never behind a segment that was passed."""
         path = self.path
         while self._leg < len(path) - 2 and _along(path[self._leg], path[self._leg + 1], at) >= 1.0:
             self._leg += 1
         a, b = path[self._leg], path[self._leg + 1]
         length = math.dist(a, b)
-        ahead = max(0.0, min(1.0, _along(a, b, at))) * length + AHEAD
+        ahead = max(0.0, min(1.0, _along(a, b, at))) * length + LOOKAHEAD
         leg = self._leg
         while ahead > length and leg < len(path) - 2:
             ahead -= length
@@ -109,14 +112,14 @@ class PathFollower:
         return a[0] + (b[0] - a[0]) * share, a[1] + (b[1] - a[1]) * share
 
     def _left(self, at: Point) -> float:
-        """m to the end of the path."""
+        """Distance in m to the end of the path."""
         path = self.path
         rest = sum(math.dist(path[i], path[i + 1]) for i in range(self._leg + 1, len(path) - 1))
         return math.dist(at, path[self._leg + 1]) + rest
 
 
 def _along(a: Point, b: Point, at: Point) -> float:
-    """Where a point lies beside a line: 0 at its beginning, 1 at its end."""
+    """The projection of a point on a line: 0 at its beginning, 1 at its end."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     square = dx * dx + dy * dy
     return ((at[0] - a[0]) * dx + (at[1] - a[1]) * dy) / square if square else 1.0

@@ -7,6 +7,8 @@ import math
 Point = tuple[float, float]
 Pose = tuple[float, float, float]
 ORIGIN: Pose = (0.0, 0.0, 0.0)
+_STRAIGHT = 1e-6
+"""rad; an arc of less is as long as its chord."""
 
 
 def wrapped(angle: float) -> float:
@@ -15,14 +17,24 @@ def wrapped(angle: float) -> float:
 
 
 def compose(frame: Pose, pose: Pose) -> Pose:
-    """A pose that is known in a frame, where the frame itself is known."""
+    """Transform a pose in ``frame`` to the frame in which ``frame`` itself is given."""
     x, y, heading = frame
     c, s = math.cos(heading), math.sin(heading)
     return (x + c * pose[0] - s * pose[1], y + s * pose[0] + c * pose[1], wrapped(heading + pose[2]))
 
 
+def moved(pose: Pose, way: float, angle: float) -> Pose:
+    """The pose after ``way`` m and a turn by ``angle`` rad at constant speeds, which is an arc."""
+    half = angle / 2
+    # The direction of the chord is half way between the two headings.
+    chord = way * math.sin(half) / half if abs(half) > _STRAIGHT else way
+    x, y, heading = pose
+    middle = heading + half
+    return (x + chord * math.cos(middle), y + chord * math.sin(middle), wrapped(heading + angle))
+
+
 def frame_of(outside: Pose, inside: Pose) -> Pose:
-    """The frame in which ``inside`` is the pose that is ``outside`` of it: compose(frame, inside) == outside."""
+    """The frame for which compose(frame, inside) == outside."""
     heading = wrapped(outside[2] - inside[2])
     c, s = math.cos(heading), math.sin(heading)
     return (outside[0] - c * inside[0] + s * inside[1], outside[1] - s * inside[0] - c * inside[1], heading)

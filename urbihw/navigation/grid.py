@@ -1,4 +1,4 @@
-"""A map as cells, and how far each of them is from the nearest wall."""
+"""A map as a grid of cells, with the distance of each cell to the nearest wall."""
 
 from __future__ import annotations
 
@@ -8,26 +8,27 @@ from typing import Final
 from urbihw.navigation.maps import Map
 
 MARGIN: Final = 0.5
-"""m of free cells around a map."""
-MOST_CELLS: Final = 160_000
-"""Larger grids get larger cells: planning takes about 10 us a cell, and 0.6 kB."""
+"""Width in m of the free cells around a map."""
+MAX_CELLS: Final = 160_000
+"""Maximum number of cells; larger maps get larger cells.  Planning takes about 10 us and 0.6 kB per cell."""
 
 _STRAIGHT, _DIAGONAL = 1.0, math.sqrt(2)
 _FAR: Final = 1e9
 
 
 class Grid:
-    """Cells of a map.
+    """The cells of a map.
 
     Attributes:
-        cell: m; width, height: cells.
+        cell: size of a cell in m.
+        width, height: numbers of columns and rows.
         blocked: 1 for each cell that is occupied, row by row from the bottom.
     """
 
     def __init__(self, left: float, bottom: float, right: float, top: float, cell: float) -> None:
         wide, high = right - left + 2 * MARGIN, top - bottom + 2 * MARGIN
-        self.cell = max(cell, math.sqrt(wide * high / MOST_CELLS))
-        # Half a cell aside, so that walls at round numbers lie in the middle of cells and not on their borders.
+        self.cell = max(cell, math.sqrt(wide * high / MAX_CELLS))
+        # Shifted by half a cell, so that walls at round numbers lie in the middle of cells and not on their borders.
         self.left, self.bottom = left - MARGIN - self.cell / 2, bottom - MARGIN - self.cell / 2
         self.width, self.height = math.ceil(wide / self.cell), math.ceil(high / self.cell)
         self.blocked = bytearray(self.width * self.height)
@@ -41,7 +42,7 @@ class Grid:
         return grid
 
     def copy(self) -> Grid:
-        """Another grid with the same walls, to add some to."""
+        """A copy, to which walls can be added."""
         made = object.__new__(Grid)
         made.__dict__.update(self.__dict__)
         made.blocked = bytearray(self.blocked)
@@ -51,33 +52,33 @@ class Grid:
     # ---------------------------------------------------------------- where
 
     def column_row(self, x: float, y: float) -> tuple[int, int]:
-        """The cell of a place; it may lie outside."""
+        """The cell of a point, which may lie outside of the grid."""
         return math.floor((x - self.left) / self.cell), math.floor((y - self.bottom) / self.cell)
 
     def middle(self, column: int, row: int) -> tuple[float, float]:
-        """The middle of a cell."""
+        """The middle of a cell, in m."""
         return self.left + (column + 0.5) * self.cell, self.bottom + (row + 0.5) * self.cell
 
     def holds(self, column: int, row: int) -> bool:
-        """Whether there is such a cell."""
+        """Whether the grid has this cell."""
         return 0 <= column < self.width and 0 <= row < self.height
 
     # ---------------------------------------------------------------- what is in the way
 
     def block(self, x: float, y: float) -> None:
-        """One place is occupied."""
+        """Mark the cell of a point as occupied."""
         column, row = self.column_row(x, y)
         if self.holds(column, row):
             self.blocked[row * self.width + column] = 1
 
     def block_line(self, x1: float, y1: float, x2: float, y2: float) -> None:
-        """See ``maps.Walls``."""
+        """Block the cells along a line: points half a cell apart, so that none is passed over."""
         steps = max(1, math.ceil(math.hypot(x2 - x1, y2 - y1) / self.cell * 2))
         for step in range(steps + 1):
             self.block(x1 + (x2 - x1) * step / steps, y1 + (y2 - y1) * step / steps)
 
     def block_box(self, left: float, bottom: float, right: float, top: float) -> None:
-        """See ``maps.Walls``."""
+        """Block every cell that the box overlaps."""
         first_column, first_row = self.column_row(left, bottom)
         # A box that ends where a cell begins does not touch it.
         last_column, last_row = self.column_row(max(left, right - 1e-9), max(bottom, top - 1e-9))
@@ -92,19 +93,19 @@ class Grid:
     # ---------------------------------------------------------------- how far
 
     def distances(self) -> list[float]:
-        """m from each cell to the nearest occupied one, by two passes over the grid (within 8 percent)."""
+        """Distance in m from each cell to the nearest occupied one, by two passes over the grid (within 8 percent)."""
         if self._distances is None:
             self._distances = self._measure()
         return self._distances
 
     def distance(self, x: float, y: float) -> float:
-        """The same of a place; outside, inf."""
+        """Distance in m from a point to the nearest occupied cell; inf outside of the grid."""
         column, row = self.column_row(x, y)
         return self.distances()[row * self.width + column] if self.holds(column, row) else math.inf
 
     def _measure(self) -> list[float]:
         width, height = self.width, self.height
-        # A frame of far cells around saves all tests for the edge.
+        # A border of far cells avoids all tests for the edge.
         wide = width + 2
         field = [_FAR] * (wide * (height + 2))
         for row in range(height):

@@ -1,8 +1,8 @@
-"""Where the robot is on a map: a laser scan is moved about until its points lie on the walls; no I/O.
+"""Localization on a map: shifts a laser scan until its points lie on the walls; no I/O.
 
-A pose is good when the ends of the readings are near occupied cells.  The pose that the odometry says is improved by
-steps that get smaller (hill climbing), which finds its way over some decimetres and some ten degrees: enough to keep up
-with slip, not to find a robot that was carried away.
+A pose scores by the distances of the readings' end points to occupied cells.  Hill climbing with decreasing steps
+improves the pose of the odometry by up to some decimetres and about ten degrees: enough to compensate slip, not to find
+a robot that was carried away.
 """
 
 from __future__ import annotations
@@ -15,30 +15,31 @@ from typing import Final
 from urbihw.navigation.frames import Pose, wrapped
 from urbihw.navigation.grid import Grid
 
-POINTS: Final = 60
-"""Readings used of a scan."""
+MAX_POINTS: Final = 60
+"""Maximum number of readings used of a scan."""
 CELL: Final = 0.05
-"""m; size of the cells of the grid that scans are fitted to."""
-NEAR: Final = 0.25
-"""m within which a point counts as seen on a wall, the nearer the more."""
-GOOD: Final = 0.5
-"""Share of the greatest score that a localized robot has."""
+"""Size in m of the cells of the grid to which scans are matched."""
+NEAR_WALL: Final = 0.25
+"""Distance in m to a wall up to which a point adds to the score; a nearer point adds more."""
+GOOD_SCORE: Final = 0.5
+"""Minimum share of the maximum score for a localized robot."""
 STEPS: Final = ((0.1, 0.05), (0.05, 0.02), (0.02, 0.01), (0.01, 0.005))
-"""m and rad."""
+"""The steps of the search, in m and rad."""
 ROUNDS: Final = 6
 
 
 @dataclass(frozen=True, slots=True)
 class Match:
-    """The best pose near a guess, and how well the scan fits there, from 0 to 1."""
+    """The best pose near a guess, and the score of the scan there, from 0 to 1."""
 
     pose: Pose
     score: float
 
 
-def match(grid: Grid, guess: Pose, points: Sequence[tuple[float, float]], place: float) -> Match:
-    """Fit a scan, (distance, angle) from a laser ``place`` m ahead of the robot's middle, to the walls of a grid."""
-    step = max(1, len(points) // POINTS)
+def match_scan(grid: Grid, guess: Pose, points: Sequence[tuple[float, float]], place: float) -> Match:
+    """Match a scan, (distance, angle) from a laser ``place`` m ahead of the robot's middle, with the walls of a
+    grid."""
+    step = max(1, len(points) // MAX_POINTS)
     local = [(place + r * math.cos(a), r * math.sin(a)) for r, a in points[::step]]
     if not local:
         return Match(guess, 0.0)
@@ -68,6 +69,6 @@ def _score(grid: Grid, pose: Pose, local: list[tuple[float, float]]) -> float:
         column, row = int((ox + c * px - s * py) / cell), int((oy + s * px + c * py) / cell)
         if 0 <= column < width and 0 <= row < height:
             distance = distances[row * width + column]
-            if distance < NEAR:
-                total += 1.0 - distance / NEAR
+            if distance < NEAR_WALL:
+                total += 1.0 - distance / NEAR_WALL
     return total / len(local)

@@ -17,39 +17,39 @@ from typing import Final, Protocol
 
 from urbihw.navigation.frames import ORIGIN, Pose
 
-LARGEST_FILE: Final = 64 * 1024 * 1024
-MOST_LINES: Final = 2_000_000
+MAX_FILE_BYTES: Final = 64 * 1024 * 1024
+MAX_LINES: Final = 2_000_000
 
 Segment = tuple[float, float, float, float]
 Bounds = tuple[float, float, float, float]
 
 
 class BadMap(Exception):
-    """A map that cannot be used; the message names the file and what is wrong."""
+    """A map that cannot be used; the message gives the file and the error."""
 
 
 class Walls(Protocol):
-    """Takes in what is in the way."""
+    """Receives the obstacles of a map."""
 
     def block_line(self, x1: float, y1: float, x2: float, y2: float) -> None:
-        """A wall from one point to another, m."""
+        """Add a wall from one point to another, in m."""
         ...
 
     def block_box(self, left: float, bottom: float, right: float, top: float) -> None:
-        """All within a box, m."""
+        """Add an occupied box, in m."""
         ...
 
 
 @dataclass(frozen=True)
 class Map:
-    """A map: what is in the way, in m.
+    """A map: its obstacles, in m.
 
     Attributes:
         bounds: left, bottom, right, top.
-        home: where the robot starts, None if the map does not say.
+        home: pose at which the robot starts; None if the map has none.
         goals: named places.
         lines, boxes: walls and blocks that are occupied or forbidden.
-        fine: m below which a grid shows nothing more (the size of a pixel), 0 if there is no such.
+        fine: resolution in m (the size of a pixel), below which a smaller cell of a grid gains nothing; 0 for none.
     """
 
     bounds: Bounds
@@ -60,7 +60,7 @@ class Map:
     fine: float = 0.0
 
     def draw(self, walls: Walls) -> None:
-        """Tell everything that is in the way."""
+        """Add all obstacles to ``walls``."""
         for line in self.lines:
             walls.block_line(*line)
         for box in self.boxes:
@@ -74,8 +74,8 @@ def read(path: str) -> Map:
     if reader is None:
         raise BadMap(f"{path}: maps end in {', '.join(sorted(_READERS))}")
     try:
-        if file.stat().st_size > LARGEST_FILE:
-            raise BadMap(f"{path}: larger than {LARGEST_FILE >> 20} MB, which is no map")
+        if file.stat().st_size > MAX_FILE_BYTES:
+            raise BadMap(f"{path}: larger than {MAX_FILE_BYTES >> 20} MB, which is no map")
         text = file.read_text("latin-1")
     except OSError as error:
         raise BadMap(f"{path}: cannot be read: {error.strerror}") from error
@@ -89,7 +89,7 @@ def read(path: str) -> Map:
 
 
 class _AriaReader:
-    """Goes through the lines of a map."""
+    """Parses the lines of a map of ARIA."""
 
     def __init__(self) -> None:
         self.home: Pose | None = None
@@ -112,7 +112,7 @@ class _AriaReader:
             self.forbid(kind, pose[2], corners)
 
     def forbid(self, kind: str, turned: float, corners: list[float]) -> None:
-        """A line or an area; the corners of an area are those of a box in a frame that is turned."""
+        """Add a forbidden line or area; the corners of an area are those of a box in a turned frame."""
         x1, y1, x2, y2 = corners
         c, s = math.cos(turned), math.sin(turned)
 
@@ -141,8 +141,8 @@ def _aria(text: str, file: Path) -> Map:
     rows = text.splitlines()
     if not rows or not rows[0].startswith("2D-Map"):
         raise ValueError("a map of ARIA begins with 2D-Map")
-    if len(rows) > MOST_LINES:
-        raise ValueError(f"more than {MOST_LINES} lines")
+    if len(rows) > MAX_LINES:
+        raise ValueError(f"more than {MAX_LINES} lines")
     reader = _AriaReader()
     section = ""
     for number, row in enumerate(rows[1:], 2):
@@ -214,4 +214,4 @@ def _ros(text: str, file: Path) -> Map:
 
 
 _READERS: Final[dict[str, Callable[[str, Path], Map]]] = {".map": _aria, ".yaml": _ros, ".yml": _ros}
-"""How a file name ends -> what reads it."""
+"""Extension of a file -> function that reads it."""

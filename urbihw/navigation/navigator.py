@@ -1,8 +1,8 @@
-"""The navigator of a base: a map, where the base is on it, and driving to goals; an object of urbiscript.
+"""The navigator of a base: a map, the pose of the base on it, and driving to goals; an object of urbiscript.
 
-Reading a map and planning take long, so they run in threads; what they find comes back into the kernel's thread and is
-dropped if it is no longer wanted.  The base is where its odometry says, from the map's home on; with the option
-``localization = "scan"`` each scan of its laser corrects that.  What it needs of the base says ``navigation.base``.
+To read a map and to plan take long, so they run in threads; the results return to the kernel's thread and are dropped
+if they are obsolete.  The pose is that of the odometry, which begins at the map's home; with the option ``localization
+= "scan"`` each scan of the laser corrects it.  ``navigation.base`` is the interface of the base.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ from urbihw.navigation.drive import FINISHED, STALLED, Motion
 from urbihw.navigation.follow import PathFollower
 from urbihw.navigation.frames import Point, Pose
 from urbihw.navigation.grid import Grid
-from urbihw.navigation.localize import CELL, GOOD, match
+from urbihw.navigation.localize import CELL, GOOD_SCORE, match_scan
 from urbihw.navigation.maps import BadMap, Map, read
 from urbihw.navigation.options import SCAN
 from urbihw.navigation.planner import NoPath, plan
 
 FAILED, SUCCEEDED, CANCELED = 0.0, 1.0, 2.0
-"""What ``pathPlanningEvent`` tells."""
+"""The payload of ``pathPlanningEvent``."""
 MAX_DETOURS: Final = 3
-"""How often another way is looked for when something stands in the way."""
-LOST_AFTER: Final = 5
-"""Scans in a row that do not fit the map after which the robot is lost."""
-FIRST_SCANS: Final = 20
-"""Scans in which the robot must find itself on a new map."""
+"""Maximum number of new plans for one goal because of obstacles."""
+MAX_MISFITS: Final = 5
+"""Consecutive scans that do not match the map after which the robot is lost."""
+MAX_FIRST_SCANS: Final = 20
+"""Maximum number of scans to find the pose on a new map."""
 SIDE_CLEARANCE: Final = 0.03
-"""m beside the robot's radius that must be free ahead."""
+"""Clearance in m beside the robot's radius that must be free ahead."""
 
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """Where to go: a place and a heading of the map; ``detours`` may still be made."""
+    """A goal: a point and a heading on the map; ``detours`` is the remaining number of new plans."""
 
     place: Point
     heading: float
@@ -46,13 +46,13 @@ class Goal:
 
 
 class Navigator(UObject):
-    """Maps, paths, and where the base is.
+    """Maps, paths, and the pose of the base.
 
-    A platform derives its own class, which has the name that urbiscript knows, and says in ``slot_name`` where it is.
+    A platform derives its own class, whose name is that in urbiscript, and sets ``slot_name`` to its slot.
     """
 
     slot_name: ClassVar[str] = "planner"
-    """How urbiscript reaches it, for messages."""
+    """Its slot in urbiscript, for messages."""
 
     mapFileName = owned("")
     pathPlanningEvent = event()
@@ -65,7 +65,7 @@ class Navigator(UObject):
     turnSpeed = variable(0.7)
 
     def init(self, base: Base) -> None:
-        """``base`` is what drives."""
+        """``base`` is the base to drive."""
         self._base = base
         self._grid: Grid | None = None
         self._walls: Grid | None = None
@@ -130,14 +130,14 @@ class Navigator(UObject):
         self._lose(str(error))
 
     def _localized(self) -> None:
-        """The robot knows where it is: a goal that waited for that can be planned."""
+        """The pose is known: plan a goal that has waited for it."""
         self._found_itself = True
         self.ready.sense(True)
         if self._goal is not None:
             self._plan(self._goal)
 
     def _lose(self, why: str) -> None:
-        """The robot does not know where it is."""
+        """The pose is not known any more: report it and cancel the goal."""
         self._base.log.warning("localization failed: %s", why)
         self._drop_map()
         self.locFailureEvent.emit(why)
@@ -149,32 +149,33 @@ class Navigator(UObject):
         return grid is not None and not grid.holds(*grid.column_row(*self._base.odometry.absolute[:2]))
 
     def pose_changed(self) -> None:
-        """The base has measured its pose; to be called by it."""
+        """The base calls this after each measurement of its pose."""
         if self._found_itself and self._is_outside():
             self._lose("the robot is outside the map")
 
     def _scan_came(self) -> None:
-        """A scan came: correct the pose by it, if that is wanted."""
+        """Correct the pose by a new scan, if the options require that."""
         walls, scanner = self._walls, self._base.scanner
         if walls is None or scanner is None or not self._uses_scans():
             return
         odometry = self._base.odometry
-        found = match(walls, odometry.absolute, scanner.echoes(), scanner.place)
+        found = match_scan(walls, odometry.absolute, scanner.echoes(), scanner.place)
         self.score.sense(found.score)
-        if found.score >= GOOD:
+        if found.score >= GOOD_SCORE:
             self._misfits = 0
             odometry.correct(found.pose)
             if not self._found_itself:
                 self._localized()
             return
         self._misfits += 1
-        if self._misfits >= (LOST_AFTER if self._found_itself else FIRST_SCANS):
+        if self._misfits >= (MAX_MISFITS if self._found_itself else MAX_FIRST_SCANS):
             self._lose(f"the laser does not see what the map shows (score {found.score:.2f})")
 
     # ---------------------------------------------------------------- goals
 
     def move_to(self, goal: Any) -> None:
-        """Plan a path to [x, y, heading] and go.  Raises ValueError without a map, motors or a goal with sense."""
+        """Plan a path to [x, y, heading] and drive.  Raises ValueError without a map or motors, and for an invalid
+        goal."""
         x, y, heading = finite_numbers(goal, 3, 3, "[x, y, heading]")
         if not self.mapFileName.sensed:
             raise ValueError(f"there is no map; set {self.slot_name}.mapFileName first")
@@ -209,7 +210,7 @@ class Navigator(UObject):
         self._end_goal(FAILED)
 
     def motion_ended(self, motion: Motion, how: str) -> None:
-        """A motion of the base is over, it may have been ours; to be called by the base."""
+        """The base calls this at the end of each motion, which may be one of the navigator."""
         if motion is not self._follower or self._follower is None:
             return
         follower, self._follower = self._follower, None
@@ -225,7 +226,7 @@ class Navigator(UObject):
             self._detour(goal)
 
     def _detour(self, goal: Goal) -> None:
-        """Plan again, with what stands in the way on the map of this goal."""
+        """Plan again, with the detected obstacles added to the map of this goal."""
         assert self._grid is not None, "a path was followed on a map"
         self._grid = self._grid.copy()
         for x, y in self._echoes_on_map():
@@ -234,7 +235,7 @@ class Navigator(UObject):
         self._plan(self._goal)
 
     def cancel(self) -> None:
-        """Give the goal up: it was overtaken by another one, by a motion of another kind, or by a change of map."""
+        """Cancel the goal: another goal, a motion of another kind, or a change of the map has replaced it."""
         if self._goal is not None:
             self._end_goal(CANCELED)
 
@@ -253,13 +254,14 @@ class Navigator(UObject):
         return self._base.odometry.absolute
 
     def _room(self) -> float:
-        """m that are free ahead of the robot's hull, in a lane as wide as itself."""
+        """Free distance in m ahead of the robot's hull, in a lane of its own width."""
         radius = self._base.radius
         ahead = (x for x, y in self._echoes() if x > 0 and abs(y) <= radius + SIDE_CLEARANCE)
         return min(ahead, default=math.inf) - radius
 
     def _echoes(self) -> list[Point]:
-        """What the scanner and other sensors see now, in m ahead of and to the left of the middle of the base."""
+        """Points that the scanner and other sensors detect now, in m ahead of and to the left of the middle of the
+        base."""
         scanner = self._base.scanner
         if scanner is None:
             return self._base.obstacles()
@@ -276,7 +278,7 @@ class Navigator(UObject):
     def _in_thread(
         self, work: Callable[[], Any], done: Callable[[Any], None], failed: Callable[[Exception], None]
     ) -> None:
-        """Do some work beside the kernel; what comes of it counts only if nothing else was begun meanwhile."""
+        """Run some work in a thread; its result is used only if no other work was begun meanwhile."""
         self._task += 1
         task = self._task
 
@@ -297,7 +299,7 @@ class Navigator(UObject):
 
 
 def _load(name: str, cell: float, *, scans: bool) -> tuple[Map, Grid, Grid]:
-    """Read a map; its grid for paths, and that for scans (the same if there will be none).  Raises BadMap."""
+    """Read a map, and make its grids for paths and for scans (the same one without scans).  Raises BadMap."""
     map_ = read(name)
     grid = Grid.of(map_, cell)
     walls = Grid.of(map_, CELL) if scans else grid

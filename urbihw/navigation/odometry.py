@@ -1,15 +1,15 @@
-"""Where the wheels say that a base is, and where it is on the map: an object of urbiscript."""
+"""The pose of a base by its wheels, and its pose on the map: an object of urbiscript."""
 
 from __future__ import annotations
 
 from urbihw.kernel.uobject import UObject, finite_numbers, owned, reading
-from urbihw.navigation.frames import ORIGIN, Pose, compose, frame_of, wrapped
+from urbihw.navigation.frames import ORIGIN, Pose, compose, frame_of, moved, wrapped
 
 
 class Odometry(UObject):
     """The pose in the frame of the odometry (``x``, ``y``, ``yaw``) and in the absolute frame (``position``).
 
-    A platform derives its own class, which has the name that urbiscript knows.
+    A platform derives its own class, whose name is that in urbiscript.
     """
 
     x = reading(0.0)
@@ -21,7 +21,7 @@ class Odometry(UObject):
     position = owned([0.0, 0.0, 0.0, 0.0])
 
     def init(self) -> None:
-        """Both frames are the same until ``position`` is written."""
+        """Both frames are identical until ``position`` is written."""
         self.odometric: Pose = ORIGIN
         self.frame: Pose = ORIGIN
         self.notify_change(self.position, self._position_written)
@@ -31,8 +31,12 @@ class Odometry(UObject):
         """The pose in the absolute frame."""
         return compose(self.frame, self.odometric)
 
+    def add_way(self, way: float, angle: float, stamp: float) -> None:
+        """Add a distance (m) and a turn (rad, to the left) since the last reading."""
+        self.show_pose(*moved(self.odometric, way, angle), way, angle, stamp)
+
     def show_pose(self, x: float, y: float, heading: float, way: float, angle: float, stamp: float) -> None:
-        """The odometry moved on: to a pose, by a way and an angle."""
+        """Show a new pose of the odometry, and the distance and turn to it."""
         self.odometric = (x, y, wrapped(heading))
         for var, value in ((self.x, x), (self.y, y), (self.yaw, self.odometric[2])):
             var.sense(value, stamp)
@@ -44,7 +48,7 @@ class Odometry(UObject):
             self._show_position(stamp)
 
     def correct(self, pose: Pose) -> None:
-        """The robot is at a pose of the absolute frame."""
+        """Set the pose in the absolute frame."""
         self.frame = frame_of(pose, self.odometric)
         self._show_position(self.host.now())
 

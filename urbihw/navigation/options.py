@@ -1,4 +1,4 @@
-"""What the configuration may say about navigation: rows that a platform adds to its ``[options]`` by inheritance."""
+"""The options of navigation, which a platform adds to its ``[options]`` by inheritance."""
 
 from __future__ import annotations
 
@@ -18,9 +18,20 @@ class NavigationOptions(Table):
     Attributes:
         localization: "odometry", or "scan" to correct it by matching laser scans with the map.
         cell: size of the planner's grid cells, m.
-        clearance: m that planned paths keep from walls, beside the robot's own radius.
+        clearance: distance in m between planned paths and walls, in addition to the robot's radius.
     """
 
     localization: str = setting(ODOMETRY, choice(ODOMETRY, SCAN))
     cell: float = setting(0.1, number(0.02, 1.0, " m"))
     clearance: float = setting(0.05, number(0.0, 2.0, " m"))
+
+
+@dataclass(frozen=True)
+class DrivenBaseOptions(NavigationOptions):
+    """The options of a base that does not report its own size.
+
+    Attributes:
+        radius: distance in m from the middle between the wheels to the farthest edge of the robot.
+    """
+
+    radius: float = setting(0.4, number(0.02, 3.0, " m"))

@@ -1,6 +1,6 @@
-"""The picture of a map (PGM, PNG ...), by Pillow: what is not free, row by row.
+"""Reads the image of a map (PGM, PNG ...) with Pillow: the occupied pixels, row by row.
 
-Unknown cells (grey) count as occupied: a robot is not sent where nobody has been.
+Unknown cells (grey) count as occupied: a robot is not sent into unexplored areas.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ from typing import Final
 
 from PIL import Image, UnidentifiedImageError
 
-MOST_PIXELS: Final = 16_000_000
+MAX_PIXELS: Final = 16_000_000
 
 Run = tuple[int, int, int]
-"""Row from the top, first column, the column behind the last."""
+"""A run of pixels: row from the top, first column, column behind the last."""
 
 
 def dark_runs(path: Path, free_above: float, *, negate: bool) -> tuple[int, int, list[Run]]:
@@ -21,8 +21,8 @@ def dark_runs(path: Path, free_above: float, *, negate: bool) -> tuple[int, int,
     try:
         with Image.open(path) as picture:
             width, height = picture.size
-            if width * height > MOST_PIXELS:
-                raise ValueError(f"{path.name} has {width} by {height} pixels; {MOST_PIXELS} are the most")
+            if width * height > MAX_PIXELS:
+                raise ValueError(f"{path.name} has {width} by {height} pixels; {MAX_PIXELS} are the most")
             data = picture.convert("L").tobytes()
     except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:
         raise ValueError(f"{path.name} cannot be read as a picture: {error}") from error

@@ -1,8 +1,8 @@
 """Paths on a grid: A* by the package ``pathfinding``, then as few corners as the walls allow.
 
 ``pathfinding`` is pure Python and takes 0.4 s for a grid of 200 by 200 with a wall to go around twice (0.1 s of it to
-make its grid).  It runs in a thread, beside which others wait some 5 ms for their turn (``bench/p3dx.py``), so that is
-fast enough.  It is asked for in the extra ``planner``.
+make its grid).  It runs in a thread, which delays the kernel by about 5 ms at a time (``bench/p3dx.py``), so that is
+fast enough.  The package belongs to the extra ``planner``.
 """
 
 from __future__ import annotations
@@ -14,21 +14,22 @@ from typing import Any, Final
 from urbihw.navigation.frames import Point
 from urbihw.navigation.grid import Grid
 
-NEARBY: Final = 0.6
-"""m within which a free cell is looked for when the robot stands, or shall stand, too near a wall."""
+MAX_DETOUR_TO_FREE: Final = 0.6
+"""Maximum distance in m to a free cell when the start or the goal is too near to a wall."""
 _COMFORT: Final = 0.3
-"""m beside the clearance within which cells cost more."""
+"""Width in m of the zone beside the clearance in which cells cost more."""
 _CLOSE_COST: Final = 4
 
 
 class NoPath(Exception):
-    """There is no way; the message says why."""
+    """There is no path; the message gives the reason."""
 
 
 def plan(grid: Grid, start: Point, goal: Point, clearance: float) -> list[Point]:
     """The corners of a path from start to goal that keeps ``clearance`` m from walls.  Raises NoPath.
 
-    Start and goal themselves are its ends; when the robot stands nearer to a wall than that, it first leaves it.
+    It begins at the start and ends at the goal; if the start is nearer to a wall than that, the path first leads away
+    from the wall.
     """
     first = _free_cell(grid, start, clearance, "the robot")
     last = _free_cell(grid, goal, 0.0 if _roomy(grid, goal, clearance) else clearance, "the goal")
@@ -46,11 +47,11 @@ def _roomy(grid: Grid, place: Point, clearance: float) -> bool:
 
 
 def _free_cell(grid: Grid, place: Point, clearance: float, what: str) -> tuple[int, int]:
-    """The nearest cell with room enough.  Raises NoPath."""
+    """The nearest cell with enough clearance.  Raises NoPath."""
     column, row = grid.column_row(*place)
     if not grid.holds(column, row):
         raise NoPath(f"{what} is outside the map")
-    distances, reach = grid.distances(), math.ceil(NEARBY / grid.cell)
+    distances, reach = grid.distances(), math.ceil(MAX_DETOUR_TO_FREE / grid.cell)
     found = [
         (math.hypot(c - column, r - row), c, r)
         for r in range(max(0, row - reach), min(grid.height, row + reach + 1))
@@ -80,7 +81,7 @@ def _search(grid: Grid, first: tuple[int, int], last: tuple[int, int], clearance
 
 
 def _straightened(grid: Grid, points: list[Point], clearance: float) -> list[Point]:
-    """Leave out the corners that a straight line can pass by."""
+    """Remove the corners that a straight line makes unnecessary."""
     kept = [points[0]]
     at = 0
     while at < len(points) - 1:

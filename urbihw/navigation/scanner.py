@@ -1,4 +1,4 @@
-"""A range scanner as urbiscript sees it, whatever measures: its slots, and its scans for the navigator.
+"""The urbiscript object of any range scanner: its slots, and its scans for the navigator.
 
 The manual counts the readings from the left: the first one is at ``angleMax``, the last one at ``angleMin``.
 """
@@ -13,18 +13,18 @@ from urbihw.kernel.uobject import UObject, event, finite_number, owned, reading,
 from urbihw.navigation.base import Echo, Log
 
 FRESH_S: Final = 1.0
-"""Seconds for which a scan tells what is ahead."""
+"""Seconds for which a scan is valid."""
 _HALF: Final = math.pi / 2
 
 
 class RangeScanner(UObject):
-    """A scanner; ``load`` 1 connects to it, 0 lets go of it.
+    """A scanner; ``load`` 1 connects to it, 0 disconnects.
 
-    A platform derives its own class, which has the name that urbiscript knows, and says in ``slot_name`` where it is.
+    A platform derives its own class, whose name is that in urbiscript, and sets ``slot_name`` to its slot.
     """
 
     slot_name: ClassVar[str] = "laser"
-    """How urbiscript reaches it, for messages."""
+    """Its slot in urbiscript, for messages."""
 
     load = owned(0.0)
     val = reading([])
@@ -41,10 +41,10 @@ class RangeScanner(UObject):
     back = event()
 
     log: Log
-    """Set by the robot."""
+    """The log of the robot, which sets it."""
 
     def init(self, place: float) -> None:
-        """``place`` is m from the middle of the base to the scanner, ahead."""
+        """``place`` is the distance in m from the middle of the base ahead to the scanner."""
         set_range(self.load, 0.0, 1.0)
         self.place = place
         self.wanted = False
@@ -52,17 +52,17 @@ class RangeScanner(UObject):
         self.stamp = -math.inf
         self.scanned: Callable[[], None] = lambda: None
         for name in ("Min", "Max"):
-            self.variables["laserDistance" + name].put(self.face, "distance" + name)
+            self.variables["laserDistance" + name].add_slot(self.face, "distance" + name)
         self.notify_change(self.load, self._load_written)
 
     # ---------------------------------------------------------------- hooks
 
     def connect(self) -> None:
-        """Begin to scan.  Raises ValueError when that cannot be."""
+        """Start to scan.  Raises ValueError if that is impossible."""
         raise NotImplementedError
 
     def disconnect(self) -> None:
-        """Scan no more; nobody waits for it."""
+        """Stop scanning, without waiting for the end."""
         raise NotImplementedError
 
     # ---------------------------------------------------------------- on and off
@@ -85,14 +85,14 @@ class RangeScanner(UObject):
         self.ranges, self.stamp = (), -math.inf
 
     def show_lost(self, reason: str) -> None:
-        """The scanner does not answer (any more); what it is connected by goes on trying."""
+        """The scanner does not answer (any more); its driver goes on trying."""
         if self.wanted and self.state.sensed != "lost":
             self.log.warning("laser: %s; trying again until it answers", reason)
             self._show_off("lost")
             self.lost.emit(reason)
 
     def show_ended(self, reason: str) -> None:
-        """The scanner is off, and nothing tries to reach it any more: ``load`` must be written again."""
+        """The scanner is off, and its driver has ended: ``load`` must be written again."""
         if self.wanted:
             self.wanted = False
             self.log.warning("laser: off: %s", reason)
@@ -102,13 +102,13 @@ class RangeScanner(UObject):
     # ---------------------------------------------------------------- what was measured
 
     def show_geometry(self, field: float, resolution: float) -> None:
-        """The field of view, symmetric about straight ahead, and the step between two readings: rad."""
+        """Show the field of view, symmetric about straight ahead, and the step between two readings, in rad."""
         self.angleMin.sense(-field / 2)
         self.angleMax.sense(field / 2)
         self.resolution.sense(resolution)
 
     def show_scan(self, ranges: Sequence[float], stamp: float, farthest: float) -> None:
-        """A scan came: m from right to left, inf where nothing was hit; ``farthest`` is the most it can measure."""
+        """Show a scan: distances in m from right to left, inf without an echo; ``farthest`` is the maximum range."""
         self.rate.sense(1 / (stamp - self.stamp) if stamp > self.stamp > -math.inf else 0.0)
         self.ranges, self.stamp = ranges, stamp
         self.laserDistanceMax.sense(farthest, stamp)
@@ -125,20 +125,20 @@ class RangeScanner(UObject):
     # ---------------------------------------------------------------- what the navigator asks
 
     def check_on(self) -> None:
-        """See ``navigation.base.Scanner``."""
+        """Raise ValueError while the laser is off."""
         if not self.load.sensed:
             raise ValueError(f"localization by scans needs the laser; switch it on first: {self.slot_name}.load = 1")
 
     def nearest(self) -> float:
-        """m to the nearest thing ahead, in the path of the robot, from the scanner; inf without a fresh scan."""
+        """Distance in m from the scanner to the nearest obstacle in the path of the robot; inf without a fresh scan."""
         return min(self.ranges, default=math.inf) if self._is_fresh() else math.inf
 
     def fresh_echoes(self) -> list[Echo]:
-        """See ``navigation.base.Scanner``."""
+        """Return the echoes of the last scan, none when it is older than FRESH_S."""
         return self.echoes() if self._is_fresh() else []
 
     def echoes(self) -> list[Echo]:
-        """See ``navigation.base.Scanner``."""
+        """Return the finite readings of the last scan with their angles: (m, rad)."""
         first, step = self.angleMin.sensed, self.resolution.sensed
         return [(r, first + i * step) for i, r in enumerate(self.ranges) if math.isfinite(r)]
 

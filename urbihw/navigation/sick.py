@@ -4,9 +4,9 @@
     | 02 | address | length LE | command, data (reply: status) | CRC LE    |
     +----+---------+-----------+------------------------------+-----------+
 
-The host speaks to address 0, the laser answers from 0x80 + its own.  Before a telegram the laser sends one bare byte,
-0x06 (understood) or 0x15 (not), which a reader may skip.  Sources: ARIA (``ArLMS2xxPacket*.cpp``), Player
-(``sicklms200.cc``), the maker's telegram listing 8007954/Q501.
+The host speaks to address 0, the laser answers from 0x80 + its own.  Before a telegram the laser sends a single byte,
+0x06 (ACK) or 0x15 (NAK), which a reader may skip.  Sources: ARIA (``ArLMS2xxPacket*.cpp``), Player (``sicklms200.cc``),
+the maker's telegram listing 8007954/Q501.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Final
 from urbihw.buses.errors import BadFrame
 
 STX: Final = 2
-ANSWER: Final = 0x80
+FROM_LASER: Final = 0x80
 
 START: Final = b"\x20\x24"
 STOP: Final = b"\x20\x25"
@@ -26,16 +26,16 @@ BAUD_CODES: Final = {9600: 0x42, 19200: 0x41, 38400: 0x40, 500000: 0x48}
 
 MODE_REPLY, VARIANT_REPLY, SCAN, REFUSED = 0xA0, 0xBB, 0xB0, 0x92
 NO_DISTANCE: Final = 0x1FF7
-"""This value and those above it are no distances: no echo, dazzled, overflow, error."""
+"""This value and those above it are codes, not distances: no echo, dazzled, overflow, error."""
 
-_LONGEST: Final = 812
-"""The longest telegram of the listing; longer lengths are damage."""
+_MAX_LENGTH: Final = 812
+"""Length of the longest telegram of the listing; a greater one is damaged."""
 _CRC_BYTE: Final = 0x8005
 _UNITS: Final = {0: 0.01, 1: 0.001, 2: 0.1}
 
 
 def crc16(data: bytes) -> int:
-    """The laser's check sum; each byte is mixed in together with the one before it."""
+    """The laser's checksum, which combines each byte with the one before it."""
     register = last = 0
     for byte in data:
         top = register & 0x8000
@@ -54,7 +54,7 @@ def telegram(payload: bytes, address: int = 0) -> bytes:
 
 
 def baud(speed: int) -> bytes:
-    """The payload that changes the speed of the line; KeyError for one that the laser does not have."""
+    """The payload that changes the baud rate.  Raises KeyError for one that the laser does not support."""
     return bytes((0x20, BAUD_CODES[speed]))
 
 
@@ -73,10 +73,10 @@ class Reply:
 
 
 class Framer:
-    """Cuts a stream into telegrams.
+    """Splits a stream into telegrams.
 
     Attributes:
-        damaged: telegrams with a wrong length or check sum.
+        damaged: number of telegrams with a wrong length or checksum.
     """
 
     def __init__(self) -> None:
@@ -84,7 +84,7 @@ class Framer:
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[Reply]:
-        """Take bytes as they come; the telegrams of a laser that are complete now."""
+        """Process received bytes; returns the telegrams that are complete now."""
         buffer = self._buffer
         buffer += data
         replies: list[Reply] = []
@@ -93,8 +93,8 @@ class Framer:
             if len(buffer) < 4:
                 return replies
             size = buffer[2] | buffer[3] << 8
-            if not buffer[1] & ANSWER or not 2 <= size <= _LONGEST:
-                # A 2 among other bytes, most likely.
+            if not buffer[1] & FROM_LASER or not 2 <= size <= _MAX_LENGTH:
+                # Most likely not STX but a 2 among other bytes.
                 del buffer[:1]
                 continue
             end = 4 + size + 2
@@ -110,13 +110,13 @@ class Framer:
         return replies
 
     def reset(self) -> None:
-        """Forget what has come so far."""
+        """Discard the received bytes."""
         self._buffer.clear()
 
 
 @dataclass(frozen=True, slots=True)
 class Scan:
-    """One scan: m from right to left (counterclockwise), inf where nothing was measured; ``unit`` in m per count."""
+    """One scan: distances in m from right to left (counterclockwise), inf without an echo; ``unit`` in m per count."""
 
     ranges: tuple[float, ...]
     unit: float
@@ -135,6 +135,6 @@ def parse_scan(reply: Reply) -> Scan:
         raise BadFrame(f"a scan has the unit {code}, which is none")
     unit = _UNITS[code]
     raw = struct.unpack_from(f"<{count}H", reply.data, 2)
-    # Table look-ups and comprehensions: this is done for every reading of every scan.
+    # Table look-ups and comprehensions for speed: this runs for every reading of every scan.
     ranges = tuple([(value & 0x1FFF) * unit if value & 0x1FFF < NO_DISTANCE else float("inf") for value in raw])
     return Scan(ranges, unit, bool(reply.status & 0x80))

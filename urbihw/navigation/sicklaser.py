@@ -1,4 +1,4 @@
-"""A SICK laser on a wire of its own, with a worker of its own: see ``sickdriver``."""
+"""A SICK laser on a serial line of its own, with a worker of its own that runs ``sickdriver``."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from urbihw.navigation.scanner import RangeScanner
 FAMILY: Final = "urbihw.navigation.sickdriver:SickDriver"
 _LARGEST_COUNT: Final = 0x1FF6
 _TICKS: Final = 50.0
-"""Ticks of the worker in a second; the laser itself scans more slowly."""
+"""Ticks of the worker per second; the laser scans more slowly."""
 
 
 class SickLaser(RangeScanner):
@@ -27,7 +27,8 @@ class SickLaser(RangeScanner):
     def init(  # type: ignore[override]
         self, url: str, place: float, start_worker: Callable[..., Worker], offset: float
     ) -> None:
-        """``url`` of its wire, "" if there is none; ``place`` is m from the middle of the base to the laser.
+        """``url`` is the url of its line, "" for none; ``place`` is the distance in m from the middle of the base to
+        the laser.
 
         ``offset`` is the kernel's time at time 0 of the workers.
         """
@@ -39,12 +40,12 @@ class SickLaser(RangeScanner):
         self._session = 0
 
     def connect(self) -> None:
-        """See ``RangeScanner``."""
+        """Start a worker that reads the laser.  Raises ValueError for a url that no bus accepts."""
         settings = m.Configure(rate=_TICKS, dead_man=0.0)
         session = self._session = self._session + 1
 
         def post(message: m.FromWorker) -> None:
-            """Called in the worker handle's thread; the last words of a worker that was let go count no more."""
+            """Called in the thread of the worker's handle; messages of a released worker are ignored."""
             self.host.post(lambda: self._heard(message) if session == self._session else None)
 
         try:
@@ -53,14 +54,14 @@ class SickLaser(RangeScanner):
             raise ValueError(str(error)) from error
 
     def disconnect(self) -> None:
-        """See ``RangeScanner``.  The end of the worker may take a second, for which nobody waits."""
+        """End the worker in a thread of its own: that may take a second, and the kernel does not wait."""
         self._session += 1
         worker, self._worker = self._worker, None
         if worker is not None:
             threading.Thread(target=worker.stop, name="end of the laser's worker", daemon=True).start()
 
     def close(self) -> None:
-        """Let go of the wire, and wait until that is done."""
+        """Stop the worker, and wait until it has ended."""
         worker, self._worker = self._worker, None
         if worker is not None:
             worker.stop()

@@ -8,7 +8,7 @@ those two, ``urbihw.kernel.uobject``, ``urbihw.buses`` and ``urbihw.navigation``
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from urbihw.platforms.manifest import FILE, BadManifest, Manifest, read
 from urbihw.settings import Mistake, Table, guess
 
 __all__ = [
-    "BadManifest", "DeviceLimits", "Manifest", "find", "folders", "load", "load_options", "mistakes", "read",
+    "BadManifest", "DeviceLimits", "Manifest", "find", "folders", "load", "load_options", "mistakes", "read", "scan",
 ]  # fmt: skip
 
 
@@ -69,6 +69,22 @@ def load_options(manifest: Manifest) -> type[Table]:
     if not (isinstance(found, type) and issubclass(found, Table)):
         raise BadManifest(f"{manifest.folder / FILE}: options: {module_name} has no class {class_name} that is a Table")
     return found
+
+
+def scan(manifest: Manifest) -> Iterable[object]:
+    """Look for robots of a platform on the network: each as a line that begins with its url, as it is found.
+
+    Raises BadConfig when they cannot be looked for; iterating raises OSError when there is no network.
+    """
+    if not manifest.scan:
+        raise BadConfig(f"a {manifest.name} cannot be looked for on the network; name its port: --url")
+    module_name, _, function = manifest.scan.partition(":")
+    try:
+        found = getattr(importlib.import_module(f"urbihw.platforms.{manifest.name}.{module_name}"), function)
+    except (ImportError, AttributeError) as error:
+        raise BadManifest(f"{manifest.folder / FILE}: scan: {error}") from error
+    robots: Iterable[object] = found()
+    return robots
 
 
 def mistakes(manifest: Manifest | None, options: Mapping[str, Any], limits_: Mapping[str, Any]) -> Iterator[Mistake]:

@@ -1,12 +1,12 @@
-"""What every robot on one wire does with its worker: start it, give it signs of life, pass on what it says, end it.
+"""The base of robots on one wire: start the worker, send it heartbeats, dispatch its messages, end it.
 
-A platform derives from ``WiredRobot``, names the family of its wire, and says what to do with what was found and
-measured.  The worker's messages come in a thread of the handle and are posted into the kernel's thread; what devices
-want is gathered in ``Wire`` and leaves once per scheduler round.  The sign of life is sent by the kernel's own timer:
-it is the kernel whose death, or whose being stuck in a script, must stop the robot.
+A platform derives from ``WiredRobot``, names the family of its wire, and handles the devices found and the values
+measured.  The worker's messages arrive in a thread of the handle and are posted into the kernel's thread; the writes of
+devices are gathered in ``DeviceChannel`` and sent once per scheduler round.  The heartbeat is sent by the kernel's own
+timer, since the robot must stop when the kernel dies or is blocked by a script.
 
-``motion`` is who may move the robot: a stop, from wherever it comes, advances its epoch, and what is older is dropped
-by whoever holds it.  A platform says in ``on_halt`` what its own code still means to do.
+``motion`` decides who may move the robot: each stop advances its epoch, and writes of an older epoch are dropped.  A
+platform whose own code has pending motion cancels it in ``on_halt``.
 """
 
 from __future__ import annotations
@@ -35,26 +35,26 @@ from urbihw.kernel.uobject import (
     owned,
     reading,
 )
+from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.devicelog import DeviceLog
 from urbihw.platforms.limits import DeviceLimits, LimitSettings
-from urbihw.platforms.wire import Wire
 from urbihw.settings import BadSetting
 
-SAME_STOP: Final = 0.05
-"""Seconds within which a second stop of a robot that was not moved since is the same one: no person is so quick."""
-ALIVE: Final = 0.5
-"""Seconds between signs of life."""
-PATIENCE: Final = 2.0
-"""Seconds to wait for the first reading of all devices."""
-SILENCE: Final = 3.0
-"""Seconds without a word of the worker after which it is not alive; statistics come every second."""
+SAME_STOP_S: Final = 0.05
+"""Seconds within which a second stop, with no motion since, counts as the same one: no person is so quick."""
+HEARTBEAT_PERIOD_S: Final = 0.5
+"""Seconds between heartbeats to the worker."""
+FIRST_READING_TIMEOUT_S: Final = 2.0
+"""Seconds to wait for the first reading of all devices before ``open`` is answered."""
+SILENCE_TIMEOUT_S: Final = 3.0
+"""Seconds without a message of the worker after which it is not alive; it sends statistics every second."""
 
 
-class Handle(Protocol):
-    """What is needed of a worker."""
+class WorkerHandle(Protocol):
+    """The interface of a worker's handle that a robot uses."""
 
     def send(self, message: m.ToWorker) -> None:
-        """Hand a message to the worker."""
+        """Send a message to the worker."""
         ...
 
     def stop(self) -> None:
@@ -62,34 +62,34 @@ class Handle(Protocol):
         ...
 
 
-Named = Callable[[str], str]
-"""How the settings call a kind of limit of one device."""
+LimitNamer = Callable[[str], str]
+"""Returns the setting's name of a kind of limit of one device, for messages."""
 LimitTable = Mapping[tuple[Any, str], m.Limit]
 
 
-class Limited(Protocol):
+class LimitedDevice(Protocol):
     """A device that can have limits."""
 
-    def limits_in_counts(self, limits: DeviceLimits, named: Named) -> tuple[LimitTable, Sequence[m.Threshold]]:
-        """What limits in SI units are in the raw counts of the device."""
+    def limits_in_counts(self, limits: DeviceLimits, named: LimitNamer) -> tuple[LimitTable, Sequence[m.Threshold]]:
+        """Convert limits from SI units to raw counts of the device."""
         ...
 
     def was_limited(self, message: m.Limited) -> None:
-        """A limit made something else of a target, of this device or another."""
+        """A limit changed a target, of this device or another."""
         ...
 
 
 class WiredRobot(Robot):
     """A robot on one wire.
 
-    A subclass sets ``family`` and ``robot_name`` and implements ``status``, ``on_found``, ``on_samples`` and ``whole``;
-    the other hooks do nothing by themselves.  It aims, writes and reads through ``wire``.
+    A subclass sets ``family`` and ``robot_name`` and implements ``status``, ``on_found``, ``on_samples`` and
+    ``is_complete``; the other hooks do nothing by default.  It writes and reads through ``channel``.
     """
 
     family: ClassVar[str]
-    """What drives the wire: a row of ``urbihw.buses.driver.FAMILIES``, or "module:Class"."""
+    """The driver of the wire: a row of ``urbihw.buses.driver.FAMILIES``, or "module:Class"."""
     robot_name: ClassVar[str]
-    """What it is called in the log."""
+    """Its name in the log."""
 
     url = reading("")
     link = reading(False)
@@ -105,34 +105,34 @@ class WiredRobot(Robot):
     epoch = reading(0.0)
     stops = reading(0.0)
 
-    start_worker: Callable[..., Handle] = staticmethod(Supervisor.start)
-    """Makes a worker; tests put another one here."""
+    start_worker: Callable[..., WorkerHandle] = staticmethod(Supervisor.start)
+    """Starts a worker; replaced in tests."""
     bus_time: Callable[[], float] = staticmethod(time.monotonic)
     """The clock of the worker's time stamps."""
 
     def init(self) -> None:
         """Called by ``new``; nothing happens before ``open``."""
-        self.log = DeviceLog(logging.getLogger(f"urbihw.{self.robot_name}"), self.host.now, self._later)
-        self.motion = Motion(self.host.world, self.robot_name, self._release)
-        self.wire = Wire(self.tell, self.motion)
+        self.log = DeviceLog(logging.getLogger(f"urbihw.{self.robot_name}"), self.host.now, self._call_later)
+        self.motion = Motion(self.host, self.robot_name, self._stop_released)
+        self.channel = DeviceChannel(self.send_message, self.motion)
         self.limits = LimitSettings({}, {})
         self.offset = 0.0
         """Kernel's time = worker's time + offset, in seconds."""
-        self._worker: Handle | None = None
-        self._opened: Opened | None = None
-        self._missed_link = False
+        self._worker: WorkerHandle | None = None
+        self._on_opened: Opened | None = None
+        self._had_link_loss = False
         self._resume = True
         self._stop_asked_at = -math.inf
         self._unknown_limits: set[str] = set()
-        self._has_told_limits = False
+        self._has_sent_limits = False
         self._heard_at = 0.0
-        self.notify_change(self.estop, self._estop_written)
+        self.notify_change(self.estop, self._set_estop)
 
     # ---------------------------------------------------------------- what the daemon calls
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
-        """See ``Robot``.  The options go to the driver of the wire."""
-        self._opened = opened
+        """Start the worker; ``opened`` is called when the devices have been read.  The options go to the driver."""
+        self._on_opened = opened
         self._heard_at = self.bus_time()
         self.offset = self.host.now() - self._heard_at
         self.url.sense(settings.url)
@@ -148,11 +148,11 @@ class WiredRobot(Robot):
             raise BadConfig(f"{self.robot_name}: {error}") from error
         except BadUrl as error:
             raise BadConfig(str(error)) from error
-        self.host.each_round(self.wire.flush)
-        self.set_timer(ALIVE, self._say_alive)
+        self.host.each_round(self.channel.flush)
+        self.set_timer(HEARTBEAT_PERIOD_S, self._send_heartbeat)
 
     def configure(self, settings: RobotSettings) -> None:
-        """See ``Robot``."""
+        """Apply new settings and limits.  Raises BadConfig."""
         message, limits = _for_worker(settings), LimitSettings.of(settings.limits)
         try:
             driver_of(self.family).configure(message)
@@ -161,11 +161,11 @@ class WiredRobot(Robot):
         self.motion.keep = settings.keep_motion
         self.limits = limits
         self._resume = settings.resume
-        self.tell(message)
+        self.send_message(message)
         self.send_limits()
 
     def close(self) -> None:
-        """See ``Robot``."""
+        """Stop the robot, end the worker, and destroy the objects."""
         worker, self._worker = self._worker, None
         self.motion.close()
         self.log.close()
@@ -174,102 +174,102 @@ class WiredRobot(Robot):
             worker.stop()
 
     def abandon(self) -> None:
-        """See ``Robot``."""
+        """Stop the robot and end the worker, without touching the kernel."""
         worker = self._worker
         if worker is not None:
             worker.stop()
 
     def alive(self) -> bool:
-        """See ``Robot``: whether the worker was heard of lately, also with the link down."""
-        return self.bus_time() - self._heard_at <= SILENCE
+        """Return whether the worker has sent a message within SILENCE_TIMEOUT_S, even while the link is down."""
+        return self.bus_time() - self._heard_at <= SILENCE_TIMEOUT_S
 
     # ---------------------------------------------------------------- what urbiscript calls
 
     @function
     def stop(self) -> None:
-        """Stop now, as the safe stop of this robot is; what is begun afterwards moves it again.
+        """Execute the safe stop of this robot now; statements that begin afterwards may move it again.
 
-        Statements that began before, and would move it later, end with an error.
+        Earlier statements that would move it later end with an error.
         """
         self.halt_all(self.motion.asked())
 
     @function("checkMotion")
     def check_motion(self) -> None:
-        """Raise the error of a statement that began before the last stop, if the running one did."""
+        """Raise an error if the running statement began before the last stop."""
         self.motion.check()
 
-    def _estop_written(self) -> None:
+    def _set_estop(self) -> None:
         who = str(self.motion.origin())
         if not isinstance(self.estop.value, bool):
             raise ValueError("this slot takes true or false")
-        # What is told to the worker arrives in order, so both count from here on.
+        # Messages to the worker keep their order, so the latch takes effect here at once.
         if self.estop.value:
-            self._halted(f"emergency stop by {who}")
+            self._end_motion(f"emergency stop by {who}")
             self.motion.renew()
             self.motion.latched = who
-            self.tell(m.EmergencyStop(who))
+            self.send_message(m.EmergencyStop(who))
         else:
             self.motion.latched = ""
-            self.tell(m.Release(who))
+            self.send_message(m.Release(who))
         self.estop.sense(self.estop.value)
 
     # ---------------------------------------------------------------- what a subclass calls
 
-    def tell(self, message: m.ToWorker) -> None:
-        """Hand a message to the worker, if there is one."""
+    def send_message(self, message: m.ToWorker) -> None:
+        """Send a message to the worker, if there is one."""
         if self._worker is not None:
             try:
                 self._worker.send(message)
             except LinkGone:
-                # Its Ended is on the way and says why.
+                # The worker has ended; its ``Ended`` message follows with the reason.
                 pass
 
     def halt_all(self, reason: str) -> None:
-        """Stop the robot; whoever asks for it, in the running job, may move it again."""
+        """Stop the robot; the running job, which asked for the stop, may move it again."""
         now = self.host.now()
-        if self.motion.at_rest and now - self._stop_asked_at < SAME_STOP:
-            # A program that asks again and again: nothing was begun since.
+        if self.motion.at_rest and now - self._stop_asked_at < SAME_STOP_S:
+            # A program stops repeatedly, and nothing has begun since the last stop.
             self.motion.renew()
             return
         self._stop_asked_at = now
-        self._halted(reason)
+        self._end_motion(reason)
         self.motion.renew()
-        self.tell(m.Stop(self.motion.epoch, reason))
+        self.send_message(m.Stop(self.motion.epoch, reason))
 
-    def _halted(self, reason: str, epoch: int | None = None) -> None:
-        """The robot is stopped: all motion of before is over."""
+    def _end_motion(self, reason: str, epoch: int | None = None) -> None:
+        """The robot is stopped: end all motion of the earlier epochs."""
         self.motion.advance(reason, epoch)
         self.on_halt(reason)
-        self._show_stops()
+        self._publish_stops()
 
-    def _show_stops(self) -> None:
+    def _publish_stops(self) -> None:
         self.epoch.sense(float(self.motion.epoch))
         self.stops.sense(float(self.motion.stops))
 
-    def _release(self, devices: tuple[Hashable, ...], reason: str) -> None:
-        """A client is gone that moved some devices."""
+    def _stop_released(self, devices: tuple[Hashable, ...], reason: str) -> None:
+        """Stop the devices that a client moved whose connection has ended."""
         self.log.warning("%s: stopped: %s", _names(devices), reason)
         self.on_halt(reason, devices)
-        self._show_stops()
-        self.tell(m.Stop(self.motion.epoch, reason, devices))
+        self._publish_stops()
+        self.send_message(m.Stop(self.motion.epoch, reason, devices))
 
     @property
     def opening(self) -> bool:
         """Whether the daemon still waits for the answer of ``open``."""
-        return self._opened is not None
+        return self._on_opened is not None
 
-    def answer(self, error: DeviceError | None) -> None:
+    def answer_open(self, error: DeviceError | None) -> None:
         """Answer ``open``; later calls do nothing."""
-        opened, self._opened = self._opened, None
+        opened, self._on_opened = self._on_opened, None
         if opened is not None:
             opened(error)
 
     def wait_for_readings(self) -> None:
-        """Answer ``open`` when ``whole``, but do not wait for ever: a device may have died since it was found."""
-        self._later(PATIENCE, lambda: self.answer(None))
+        """Answer ``open`` when ``is_complete``, or after a time-out: a device may have died since it was found."""
+        self._call_later(FIRST_READING_TIMEOUT_S, lambda: self.answer_open(None))
 
-    def _later(self, seconds: float, action: Callable[[], None]) -> Callable[[], None]:
-        """Do something once; gives what takes that back."""
+    def _call_later(self, seconds: float, action: Callable[[], None]) -> Callable[[], None]:
+        """Call ``action`` once after some seconds; return a function that cancels it."""
         handle = 0
 
         def over() -> None:
@@ -280,10 +280,10 @@ class WiredRobot(Robot):
         return lambda: self.remove_timer(handle)
 
     def send_limits(self) -> None:
-        """Let the worker know of the limits; to be called when the devices are known, and when one has changed."""
-        if not self.limits and not self._has_told_limits:
+        """Send all limits to the worker; called when the devices are known, and when one has changed its mode."""
+        if not self.limits and not self._has_sent_limits:
             return
-        self._has_told_limits = bool(self.limits)
+        self._has_sent_limits = bool(self.limits)
         table: dict[tuple[Any, str], m.Limit] = {}
         thresholds: list[m.Threshold] = []
         names: dict[str, None] = {}
@@ -296,52 +296,52 @@ class WiredRobot(Robot):
             if name not in self._unknown_limits:
                 self._unknown_limits.add(name)
                 self.log.warning("limits.%s: there is no such device; there are: %s", name, ", ".join(names))
-        self.tell(m.Limits(table, tuple(thresholds)))
+        self.send_message(m.Limits(table, tuple(thresholds)))
 
     def rate_words(self) -> str:
-        """The rate of the bus for ``status``, "" before it is known."""
+        """Return the rate of the bus for ``status``, "" before it is known."""
         return f", {self.rate.sensed:.0f} Hz" if self.rate.sensed else ""
 
     # ---------------------------------------------------------------- hooks
 
-    def limited_devices(self) -> Mapping[str, Limited]:
-        """The devices that can have limits, by the names of their slots."""
+    def limited_devices(self) -> Mapping[str, LimitedDevice]:
+        """Return the devices that can have limits, by the names of their slots."""
         return {}
 
     def on_found(self, message: m.Found) -> None:
-        """The devices that are there, when the link has come up: also each time when it comes back."""
+        """Handle the devices found after the link came up: the first time and after each loss."""
         raise NotImplementedError
 
     def on_samples(self, message: m.Samples) -> None:
-        """What was measured; add ``offset`` to its times."""
+        """Handle measured values; add ``offset`` to their times."""
         raise NotImplementedError
 
-    def whole(self) -> bool:
-        """Whether all that is there has been measured once, so that clients may come in."""
+    def is_complete(self) -> bool:
+        """Return whether all devices have been read once, so that clients may be accepted."""
         raise NotImplementedError
 
     def on_happened(self, message: m.Happened) -> None:
-        """A device reported something."""
+        """Handle an event that a device reported."""
 
     def on_device_state(self, message: m.DeviceState) -> None:
-        """A device was lost, or is back."""
+        """Handle the loss or return of a device."""
 
     def on_link_down(self, reason: str) -> None:
-        """The link is down: what is measured is stale from now on."""
+        """The link is down: measured values are stale from now on."""
 
     def on_halt(self, reason: str, devices: tuple[Hashable, ...] | None = None) -> None:
-        """All motion, or that of some devices, is over: end what the platform's own code still means to do."""
+        """All motion, or that of some devices, has ended: cancel pending motion of the platform's own code."""
 
     def on_stopped(self, reason: str) -> None:
-        """The worker brought the robot, or some devices, to a stop."""
+        """The worker stopped the robot, or some devices."""
 
     def on_limited(self, message: m.Limited) -> None:
-        """A limit of the settings made something else of a target."""
+        """A limit of the settings changed a target: inform all devices."""
         for device in self.limited_devices().values():
             device.was_limited(message)
 
-    def on_guarded(self, message: m.Guarded) -> None:
-        """A measured value went too far, or is back."""
+    def on_threshold_crossed(self, message: m.ThresholdCrossed) -> None:
+        """A measured value passed a threshold, or left it."""
         if message.holds and message.passed:
             self.motion.held[message.device] = message.name
         elif message.holds:
@@ -351,28 +351,28 @@ class WiredRobot(Robot):
         self.guarded.emit(str(message.device), message.name, message.passed)
 
     def on_refused(self, message: m.Refused) -> None:
-        """A target or watch made no sense, or may not be now."""
+        """A target or watch was invalid, or is refused at present."""
         self.log.warning("%s: %s: %s", message.device, message.item, message.reason)
 
     # ---------------------------------------------------------------- the worker
 
     def _post(self, message: m.FromWorker) -> None:
-        """Called in the worker handle's thread."""
-        self.host.post(lambda: self._heard(message))
+        """Pass a message to the kernel's thread; called in the thread of the worker's handle."""
+        self.host.post(lambda: self._handle_message(message))
 
-    def _say_alive(self) -> None:
-        self.tell(m.Alive())
+    def _send_heartbeat(self) -> None:
+        self.send_message(m.Heartbeat())
 
-    def _heard(self, message: m.FromWorker) -> None:
+    def _handle_message(self, message: m.FromWorker) -> None:
         if not isinstance(message, m.WorkerState | m.Ended):
             self._heard_at = self.bus_time()
         match message:
             case m.Samples():
                 self.on_samples(message)
-                if self._opened is not None and self.whole():
-                    self.answer(None)
+                if self._on_opened is not None and self.is_complete():
+                    self.answer_open(None)
             case m.Reply():
-                self.wire.replied(message)
+                self.channel.handle_reply(message)
             case m.Happened():
                 self.on_happened(message)
             case m.Found():
@@ -382,40 +382,40 @@ class WiredRobot(Robot):
                     self._end_movements(message.device, f"it was lost: {message.reason}")
                 self.on_device_state(message)
             case m.LinkState():
-                self._link_state(message)
+                self._handle_link_state(message)
             case m.Statistics():
-                self._statistics(message)
+                self._publish_statistics(message)
             case m.Refused():
                 self.on_refused(message)
             case m.Stopped():
-                self._stopped(message)
+                self._handle_stopped(message)
             case m.Latched():
-                self._latched(message)
+                self._handle_latched(message)
             case m.Limited():
                 self.on_limited(message)
-            case m.Guarded():
-                self.on_guarded(message)
+            case m.ThresholdCrossed():
+                self.on_threshold_crossed(message)
             case m.WorkerState():
-                self._worker_state(message)
+                self._handle_worker_state(message)
             case m.Ended():
-                self._ended(message)
-            case m.Pulse():
+                self._handle_end(message)
+            case m.WorkerHeartbeat():
                 pass
 
     def _end_movements(self, device: Hashable, reason: str) -> None:
-        """What moves a device is over (``on_lost = "end"``)."""
+        """End the movements of a device that was lost (``on_lost = "end"``)."""
         self.motion.end(device, reason)
         self.on_halt(reason, (device,))
 
-    def _stopped(self, message: m.Stopped) -> None:
+    def _handle_stopped(self, message: m.Stopped) -> None:
         if message.devices is None:
             self.log.info("%s stopped: %s", self.robot_name, message.reason)
         if message.devices is None and message.epoch > self.motion.epoch:
-            self._halted(message.reason, message.epoch)
+            self._end_motion(message.reason, message.epoch)
         self.on_stopped(message.reason)
         self.stopped.emit(message.reason)
 
-    def _latched(self, message: m.Latched) -> None:
+    def _handle_latched(self, message: m.Latched) -> None:
         self.motion.latched = message.reason
         self.estop.sense(bool(message.reason))
         if message.reason:
@@ -424,19 +424,19 @@ class WiredRobot(Robot):
             self.log.warning("emergency stop released by %s", message.who)
             self.released.emit(message.who)
 
-    def _worker_state(self, message: m.WorkerState) -> None:
-        """The worker hangs, or was replaced: what it was told is lost, and so is what it was asked."""
+    def _handle_worker_state(self, message: m.WorkerState) -> None:
+        """The worker hangs or was replaced: its targets are lost, and its pending requests fail."""
         if not message.reason:
             self.log.warning("the bus worker answers again")
             return
-        self._halted(message.reason)
-        self.wire.lost(message.reason)
-        if self._opened is not None:
+        self._end_motion(message.reason)
+        self.channel.fail_pending(message.reason)
+        if self._on_opened is not None:
             self.log.warning("%s", message.reason)
             return
-        self._link_state(m.LinkState(False, message.reason))
+        self._handle_link_state(m.LinkState(False, message.reason))
 
-    def _statistics(self, message: m.Statistics) -> None:
+    def _publish_statistics(self, message: m.Statistics) -> None:
         self.rate.sense(message.rate)
         self.busLoad.sense(message.load)
         self.statistics.sense(
@@ -444,34 +444,34 @@ class WiredRobot(Robot):
             | {kind: float(count) for kind, count in message.errors.items()}
         )
 
-    def _link_state(self, message: m.LinkState) -> None:
-        if self._opened is not None and not message.up:
-            self.answer(NotReady(message.reason))
+    def _handle_link_state(self, message: m.LinkState) -> None:
+        if self._on_opened is not None and not message.up:
+            self.answer_open(NotReady(message.reason))
             return
         if bool(self.link.sensed) == message.up:
             return
         self.link.sense(message.up)
         if message.up:
-            if self._missed_link:
+            if self._had_link_loss:
                 self.log.warning("link to %s is back", self.url.sensed)
                 self.linkBack.emit()
             return
-        self._missed_link = True
+        self._had_link_loss = True
         if not self._resume:
-            self._halted(f"the link was lost: {message.reason}")
+            self._end_motion(f"the link was lost: {message.reason}")
         self.log.warning("link lost: %s; trying again until it is back", message.reason)
         self.on_link_down(message.reason)
         self.linkLost.emit(message.reason)
 
-    def _ended(self, message: m.Ended) -> None:
+    def _handle_end(self, message: m.Ended) -> None:
         if self._worker is None and not message.reason:
             return
         reason = message.reason or "the bus worker ended"
-        if self._opened is not None:
-            self.answer(NotReady(reason))
+        if self._on_opened is not None:
+            self.answer_open(NotReady(reason))
         else:
             self._worker = None
-            self._link_state(m.LinkState(False, reason))
+            self._handle_link_state(m.LinkState(False, reason))
 
 
 def _for_worker(settings: RobotSettings) -> m.Configure:

@@ -1,4 +1,4 @@
-"""The table ``[limits]`` of the settings: what each device may be asked for, in SI units, whoever asks.
+"""The table ``[limits]`` of the settings: the limits of each device in SI units, for every program.
 
 ::
 
@@ -12,8 +12,8 @@
     torque = 0.8                        # N m
     voltage = [9.5, 12.6]               # V: outside, a warning
 
-They are enforced in the bus worker.  Which devices a platform has and which limits they know says its manifest; what
-those are in raw counts, ``Limited.limits_in_counts``.
+They are enforced in the bus worker.  The manifest of a platform names its devices and their limits;
+``LimitedDevice.limits_in_counts`` converts them to raw counts.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ from urbihw.kernel.uobject import BadConfig
 from urbihw.settings import Mistake, Table, checked, guess, positive, rising, setting
 
 Devices = Mapping[str, Collection[str]]
-"""The devices of a platform -> the limits they know; ``#`` in a name stands for a number."""
+"""The devices of a platform -> their kinds of limits; ``#`` in a name stands for a number."""
 
 
 @dataclass(frozen=True)
 class DeviceLimits(Table):
-    """The limits of one device; what has none is infinite.
+    """The limits of one device; inf for no limit.
 
     Attributes:
-        position: least and most: rad, degrees of an NXT motor.
-        speed: most, in both directions: rad/s, m/s of a base, share of 100 of an NXT motor.
-        turn: most of a base about its axis, in both directions: rad/s.
-        acceleration: most, of wheels, bases and drives: rad/s2, m/s2.
-        torque: most: N m.
-        temperature: degrees C from which to warn, to reduce the torque to half, to switch the motor off.
-        voltage: least and most in V; outside, a warning.
+        position: lowest and highest: rad, degrees of an NXT motor.
+        speed: maximum, in both directions: rad/s, m/s of a base, share of 100 of an NXT motor.
+        turn: maximum rotation of a base, in both directions: rad/s.
+        acceleration: maximum, of wheels, bases and drives: rad/s2, m/s2.
+        torque: maximum: N m.
+        temperature: degrees C at which to warn, to halve the torque, to switch the motor off.
+        voltage: lowest and highest in V; a warning outside.
     """
 
     position: tuple[float, float] = setting((-math.inf, math.inf), rising(2, "[-1.0, 1.0]"))
@@ -56,10 +56,10 @@ class DeviceLimits(Table):
 
 
 def whole_counts(low: float, high: float) -> tuple[float, float]:
-    """The whole counts that lie between two numbers of counts; infinite ones stay.
+    """Return the lowest and the highest whole count between two numbers; infinite ones stay.
 
-    A target becomes a whole count, and the nearest one may lie beyond a limit.  Where no count lies between the two, as
-    for a limit finer than the device, both are the one that is nearest.
+    A target becomes a whole count, and the nearest one may lie beyond a limit.  If no count lies between the two,
+    because the limit is finer than the resolution of the device, both are the nearest count.
     """
     least = low if math.isinf(low) else float(math.ceil(low - _ROUNDING * max(1.0, abs(low))))
     most = high if math.isinf(high) else float(math.floor(high + _ROUNDING * max(1.0, abs(high))))
@@ -80,7 +80,7 @@ class LimitSettings:
 
     @classmethod
     def of(cls, table: Mapping[str, Any]) -> Self:
-        """Take the table.  Raises BadConfig for a limit that does not exist and a value without sense."""
+        """Read the table.  Raises BadConfig for an unknown limit or an invalid value."""
         for mistake in mistakes(table):
             raise BadConfig(f"limits.{mistake}")
         general, devices = _parts(table)
@@ -91,15 +91,15 @@ class LimitSettings:
         )
 
     def device(self, name: str) -> DeviceLimits:
-        """The limits of a device by the name of its slot."""
+        """Return the limits of a device by the name of its slot."""
         return DeviceLimits(**{**self._general, **self._devices.get(name, {})})
 
     def unknown(self, names: Collection[str]) -> list[str]:
-        """The devices of the table that are none of these."""
+        """Return the names in the table that are not among these."""
         return [name for name in self._devices if name not in names]
 
     def named(self, device: str, kind: str) -> str:
-        """How the settings call a limit, for messages."""
+        """Return the setting's name of a limit, for messages."""
         return f"limits.{device}.{kind}" if kind in self._devices.get(device, {}) else f"limits.{kind}"
 
     def __bool__(self) -> bool:
@@ -107,7 +107,7 @@ class LimitSettings:
 
 
 def mistakes(table: Mapping[str, Any], devices: Devices | None = None) -> Iterator[Mistake]:
-    """What is wrong with a table; ``devices`` are those that the platform may have, None if it is not known which."""
+    """Yield the mistakes in a table; ``devices`` are the possible devices of the platform, None if unknown."""
     general, by_device = _parts(table)
     everywhere = None if devices is None else {kind for kinds in devices.values() for kind in kinds}
     yield from _wrong(general, "", everywhere)
@@ -120,7 +120,7 @@ def mistakes(table: Mapping[str, Any], devices: Devices | None = None) -> Iterat
 
 
 def _parts(table: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
-    """What is for all devices, and what is for one each."""
+    """Return the limits for all devices, and those for single devices."""
     devices = {name: rows for name, rows in table.items() if isinstance(rows, dict)}
     return {name: value for name, value in table.items() if name not in devices}, devices
 

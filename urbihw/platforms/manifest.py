@@ -1,7 +1,7 @@
-"""``platform.toml`` as a dataclass, checked with messages that a person who writes one can use.
+"""``platform.toml`` as a dataclass, checked with messages for the author of the file.
 
-A manifest is read without importing the platform's code, so that listing platforms costs nothing and a broken one
-breaks only its own row.
+A manifest is read without importing the platform's code, so that a list of the platforms is fast, and a broken one
+spoils only its own row.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ KINDS: Final = tuple(DeviceLimits.rules())
 
 
 class BadManifest(BadConfig):
-    """A manifest that cannot be used; the message names the file, the key and what is wanted."""
+    """An invalid manifest; the message names the file, the key and the expected value."""
 
 
 @dataclass(frozen=True)
@@ -34,23 +34,25 @@ class UsbId:
 
 @dataclass(frozen=True)
 class Manifest:
-    """What the daemon knows of a platform.
+    """The description of a platform.
 
     Attributes:
-        folder: where it lies.
+        folder: of the platform.
         name: of the platform, and of its folder.
         title: one line for people.
         robot: "module:Class" inside the folder; the class derives from ``urbihw.kernel.uobject.Robot``.
         slot: the slot of Global that holds the robot.
         library: urbiscript files of the folder, loaded in this order before the robot is opened.
-        buses: families of wire protocols it speaks.
-        default_url: of the bus, when none is given; "" for none.
-        usb: adapters that it is found behind.
-        fake: arguments of ``python -m urbihw_fakes`` for the same robot in software; () for none.
+        buses: its families of wire protocols.
+        default_url: url of the bus if the user gives none; "" for none.
+        usb: its adapters, for the detection of the platform.
+        fake: arguments of ``python -m urbihw_fakes`` for the same robot, simulated; () for none.
         needs: extras of the package that must be installed.
         options: "module:Class" of the table of its ``[options]``, a ``urbihw.settings.Table``; a module of the folder,
             or one of ``urbihw.buses`` by its full name; "" for no options.
-        limits: the devices that can have ``[limits]`` -> the limits they know; ``#`` in a name stands for a number.
+        scan: "module:function" of the folder, which searches the network for robots and yields a line for each;
+            "" for no search.
+        limits: the devices that can have ``[limits]`` -> their kinds of limits; ``#`` in a name stands for a number.
     """
 
     folder: Path
@@ -65,16 +67,17 @@ class Manifest:
     fake: tuple[str, ...] = ()
     needs: tuple[str, ...] = ()
     options: str = ""
+    scan: str = ""
     limits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-_TEXTS: Final = {"name", "title", "robot", "slot", "default_url", "options"}
+_TEXTS: Final = {"name", "title", "robot", "slot", "default_url", "options", "scan"}
 _LISTS: Final = {"library", "buses", "fake", "needs"}
 _REQUIRED: Final = ("name", "title", "robot", "slot")
 
 
 def read(folder: Path) -> Manifest:
-    """The manifest of the platform in ``folder``.  Raises BadManifest."""
+    """Return the manifest of the platform in ``folder``.  Raises BadManifest."""
     path = folder / FILE
     try:
         table = tomllib.loads(path.read_text("utf-8"))

@@ -1,8 +1,7 @@
-"""UObjects in a process of their own: loads modules of devices, joins a server, and stays joined.
+"""UObjects in a process of their own: loads modules of devices, joins a server, and reconnects to it.
 
-``run`` is all that ``urbi-launch --remote`` needs.  Reading order: ``launch`` (modules, signals, exit codes), ``link``
-(the connection, and coming back after it was lost).  What is said on the connection is the business of
-``urbihw.kernel.uremote.bridge``.
+``run`` is all that ``urbi-launch --remote`` needs.  Reading order: ``launch`` (modules, exit codes), ``connection``
+(the connection and its reconnection).  ``urbihw.kernel.uremote.bridge`` handles the protocol on the connection.
 """
 
 from urbihw.remote.launch import run

@@ -1,4 +1,4 @@
-"""Runs modules of devices as a remote of a server, and says by the exit code how it ended."""
+"""Runs modules of devices as a remote of a server; the exit code tells how that ended."""
 
 from __future__ import annotations
 
@@ -6,22 +6,19 @@ import asyncio
 import logging
 import os
 import re
-import signal
 import socket
-from collections.abc import Coroutine, Sequence
-from typing import Any
+from collections.abc import Sequence
 
+from urbihw.backoff import BackOff
 from urbihw.client.credentials import Credentials, Denied
 from urbihw.client.where import Where, where_is
-from urbihw.kernel import Kernel
-from urbihw.kernel.server.loop import Driver
+from urbihw.exitcodes import EX_NOINPUT, EX_OK, NO_SERVER
+from urbihw.kernel.process import KernelProcess
 from urbihw.kernel.uobject import BadConfig
 from urbihw.kernel.uremote.bridge import Bridge
-from urbihw.remote.link import FIRST_PAUSE, Link, Session
+from urbihw.remote.connection import FIRST_PAUSE_S, MAX_PAUSE_S, ServerConnection, Session
 
 log = logging.getLogger("urbihw.remote")
-
-OK, NO_SERVER, NO_MODULE = 0, 1, 66
 
 
 def run(
@@ -35,89 +32,76 @@ def run(
     stay_alive: bool = True,
     retry_first: bool = False,
 ) -> int:
-    """Load modules, join the server at ``host`` and ``port``, and serve until told to stop; the exit code.
+    """Load modules, join the server at ``host`` and ``port``, and serve until the process is told to stop.
 
-    ``host`` may be the path of a UNIX socket.  ``tls``: None for TLS to other machines and none to this one;
-    ``credentials``: by default those that need no question.  ``arguments`` are ``System.arguments`` of the modules.
-    With ``stay_alive`` a lost connection is made again, with pauses that grow; with ``retry_first`` the server need not
-    even be there yet. Gives 0 when ended on purpose (a signal, the server's end, all objects destroyed), 1 if there is
-    no server, it does not let us in or it has all classes from somebody else, 66 if a module cannot be loaded; the log
-    tells the reason in one line.
+    ``host`` may be the path of a UNIX socket.  ``tls``: None for TLS to other machines and none to this one.
+    ``credentials``: by default those that need no question to the user.  ``arguments`` are ``System.arguments`` of the
+    modules. With ``stay_alive`` a lost connection is opened again, with growing pauses; with ``retry_first`` so is the
+    first one. Returns 0 after an intended end (a signal, the server's end, all objects destroyed), 1 if there is no
+    server, it refuses the client or another client provides all classes, 66 if a module cannot be loaded; the log tells
+    the reason in one line.
     """
     where, who = where_is(host, port, tls), Credentials() if credentials is None else credentials
     return asyncio.run(_run(modules, where, who, list(arguments), stay_alive, retry_first))
 
 
 def token() -> str:
-    """What tells this process apart from others, as an identifier."""
+    """An identifier that is unique to this process."""
     return re.sub(r"\W", "_", f"{socket.gethostname()}_{os.getpid()}")
 
 
 async def _run(
     modules: Sequence[str], where: Where, who: Credentials, arguments: list[str], stay_alive: bool, retry_first: bool
 ) -> int:
-    kernel = Kernel()
-    kernel.programs.arguments = arguments
+    process = KernelProcess()
+    process.install_signals()
     try:
-        for module in modules:
-            kernel.host.load_module(module)
+        kernel = process.boot()
+        kernel.programs.arguments = arguments
+        process.load_modules(modules)
+        bridge = Bridge(kernel.host, token(), lambda parts: session.write(parts))
+        session = Session(bridge, process.drive, where, who)
+        code = await process.run_until_stopped(_serve(session, bridge, str(where), stay_alive, retry_first))
+        return EX_OK if code is None else code
     except BadConfig as error:
         log.error("%s", error)
-        return NO_MODULE
-    driver = Driver(kernel.scheduler)
-    bridge = Bridge(kernel.host, token(), lambda parts: session.write(parts))
-    session = Session(bridge, driver, where, who)
-    try:
-        return await _until_stopped(_serve(session, bridge, str(where), stay_alive, retry_first))
+        return EX_NOINPUT
     except Denied as error:
         log.error("%s", error)
         return NO_SERVER
     finally:
-        driver.close()
-
-
-async def _until_stopped(work: Coroutine[Any, Any, int]) -> int:
-    """Do some work until it is over or a signal comes; the exit code."""
-    loop = asyncio.get_running_loop()
-    task = loop.create_task(work)
-    for number in (signal.SIGINT, signal.SIGTERM):
-        try:
-            loop.add_signal_handler(number, task.cancel)
-        except (ValueError, RuntimeError, NotImplementedError):  # not the main thread, or not a system with signals
-            break
-    try:
-        return await task
-    except asyncio.CancelledError:
-        return OK
+        await process.close()
+        process.restore_signals()
 
 
 async def _serve(session: Session, bridge: Bridge, where: str, stay_alive: bool, retry_first: bool) -> int:
-    pause, joined_before = FIRST_PAUSE, False
+    pauses, joined_before = BackOff(FIRST_PAUSE_S, MAX_PAUSE_S), False
 
     def joined() -> bool:
-        """Whether the server took any of our classes."""
+        """Whether the server has accepted any class of this process."""
         for name in bridge.taken:
             log.error("class %s is served at %s by somebody else already", name, where)
         return not bridge.all_taken
 
     try:
-        link: Link = await session.connect()
+        link: ServerConnection = await session.connect()
     except OSError as error:
         if not retry_first:
             log.error("cannot reach %s: %s", where, error.strerror or error)
             return NO_SERVER
         log.warning("no server at %s yet", where)
-        link, pause = await session.come_back(pause)
+        link = await session.reconnect(pauses)
     while True:
         if await session.serve(link, joined):
-            joined_before, pause = True, FIRST_PAUSE
+            joined_before = True
+            pauses.reset()
         elif bridge.all_taken and not joined_before:
             return NO_SERVER
         if bridge.empty:
-            return OK
+            return EX_OK
         if not stay_alive:
             log.info("connection to %s lost", where)
-            return OK
+            return EX_OK
         log.warning("connection to %s lost, coming back", where)
-        link, pause = await session.come_back(pause)
+        link = await session.reconnect(pauses)
         log.info("connected to %s again", where)

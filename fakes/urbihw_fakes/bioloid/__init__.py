@@ -1,4 +1,4 @@
-"""A Robotis Bioloid in software: `kit` (the bus with its servos and sensors), `console` (what can be typed), `start`.
+"""A simulated Robotis Bioloid: `kit` (the bus with its servos and sensors), `console` (what can be typed), `start`.
 
 The units themselves are in `urbihw_fakes.dynamixel`.
 """

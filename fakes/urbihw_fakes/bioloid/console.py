@@ -1,4 +1,4 @@
-"""The words for a Bioloid at the console of `python -m urbihw_fakes bioloid`."""
+"""The commands of a Bioloid at the console of `python -m urbihw_fakes bioloid`."""
 
 from __future__ import annotations
 
@@ -17,33 +17,53 @@ SHOWN = ("present_position", "ir_left", "ir_center", "ir_right")  # in the brief
 
 
 def commands(kit: Bioloid, clock: Callable[[], float]) -> dict[str, Command]:
-    """The table for one kit; `clock` gives the time that it lives in."""
+    """Return the commands of one kit; `clock` gives its simulated time in seconds."""
+    actions = _Actions(kit, clock)
+    return {
+        "clap": Command("[COUNT] [ID]", "clap near the sensor", actions.clap),
+        "ir": Command("LEFT CENTER RIGHT [ID]", "set the distances, 0..255, larger is nearer", actions.infrared),
+        "light": Command("LEFT CENTER RIGHT [ID]", "set the light, 0..255", actions.light),
+        "sound": Command("LEVEL [ID]", "set the level of the microphone, 0..255, silence is 128", actions.sound),
+        "remocon": Command("WORD [ID]", "receive a remote-control word", actions.remocon),
+        "load": Command("ID TORQUE", "push a servo, -1..1 of stall torque, positive counter-clockwise", actions.load),
+        "temperature": Command("ID CELSIUS|free", "fix the temperature, or release it", actions.temperature),
+        "voltage": Command("VOLTS [ID]", "set the supply voltage of all units or one", actions.voltage),
+        "state": Command("[ID]", "show the positions of all, or all registers of one", actions.state),
+    }
 
-    def clap(words: list[str]) -> str:
-        kit.sensor(_number(words, 1, SENSOR)).clap(clock(), int(words[0]) if words else 1)
+
+class _Actions:
+    """The actions of the commands: each gets the words behind the command and returns the answer."""
+
+    def __init__(self, kit: Bioloid, clock: Callable[[], float]) -> None:
+        self._kit = kit
+        self._clock = clock
+
+    def clap(self, words: list[str]) -> str:
+        self._kit.sensor(_number(words, 1, SENSOR)).clap(self._clock(), int(words[0]) if words else 1)
         return "ok"
 
-    def infrared(words: list[str]) -> str:
+    def infrared(self, words: list[str]) -> str:
         left, center, right = _bytes(words[:3])
-        kit.sensor(_number(words, 3, SENSOR)).ir(left, center, right)
+        self._kit.sensor(_number(words, 3, SENSOR)).ir(left, center, right)
         return "ok"
 
-    def light(words: list[str]) -> str:
+    def light(self, words: list[str]) -> str:
         left, center, right = _bytes(words[:3])
-        kit.sensor(_number(words, 3, SENSOR)).light(left, center, right)
+        self._kit.sensor(_number(words, 3, SENSOR)).light(left, center, right)
         return "ok"
 
-    def sound(words: list[str]) -> str:
+    def sound(self, words: list[str]) -> str:
         (level,) = _bytes(words[:1])
-        kit.sensor(_number(words, 1, SENSOR)).sound(level)
+        self._kit.sensor(_number(words, 1, SENSOR)).sound(level)
         return "ok"
 
-    def remocon(words: list[str]) -> str:
-        kit.sensor(_number(words, 1, SENSOR)).remocon(int(words[0], 0))
+    def remocon(self, words: list[str]) -> str:
+        self._kit.sensor(_number(words, 1, SENSOR)).remocon(int(words[0], 0))
         return "ok"
 
-    def load(words: list[str]) -> str:
-        unit, torque = kit[int(words[0])], float(words[1])
+    def load(self, words: list[str]) -> str:
+        unit, torque = self._kit[int(words[0])], float(words[1])
         if isinstance(unit, Ax12):
             unit.load = torque
         elif isinstance(unit, XSeries):
@@ -52,8 +72,8 @@ def commands(kit: Bioloid, clock: Callable[[], float]) -> dict[str, Command]:
             raise UnknownRequest(f"load {words[0]}: not a servo")
         return "ok"
 
-    def temperature(words: list[str]) -> str:
-        unit = kit[int(words[0])]
+    def temperature(self, words: list[str]) -> str:
+        unit = self._kit[int(words[0])]
         celsius = None if words[1] == "free" else float(words[1])
         if isinstance(unit, Ax12 | XSeries):
             unit.heat(celsius)
@@ -61,29 +81,17 @@ def commands(kit: Bioloid, clock: Callable[[], float]) -> dict[str, Command]:
             unit.celsius = celsius
         return "ok"
 
-    def voltage(words: list[str]) -> str:
+    def voltage(self, words: list[str]) -> str:
         who = int(words[1]) if len(words) > 1 else None
-        for unit in kit if who is None else [kit[who]]:
+        for unit in self._kit if who is None else [self._kit[who]]:
             if isinstance(unit, Ax12 | AxS1 | XSeries):
                 unit.volts = float(words[0])
         return "ok"
 
-    def state(words: list[str]) -> str:
-        units = [kit[int(words[0])]] if words else list(kit)
-        kit.tick(clock())
+    def state(self, words: list[str]) -> str:
+        units = [self._kit[int(words[0])]] if words else list(self._kit)
+        self._kit.tick(self._clock())
         return "\n".join(_state(unit, brief=not words) for unit in units)
-
-    return {
-        "clap": Command("[COUNT] [ID]", "clap near the sensor", clap),
-        "ir": Command("LEFT CENTER RIGHT [ID]", "distances, 0..255, larger is nearer", infrared),
-        "light": Command("LEFT CENTER RIGHT [ID]", "light, 0..255", light),
-        "sound": Command("LEVEL [ID]", "microphone, 0..255, silence is 128", sound),
-        "remocon": Command("WORD [ID]", "a remote-control word comes in", remocon),
-        "load": Command("ID TORQUE", "push, -1..1 of stall torque, positive counter-clockwise", load),
-        "temperature": Command("ID CELSIUS|free", "keep it that hot, or let it be", temperature),
-        "voltage": Command("VOLTS [ID]", "supply of all units or one", voltage),
-        "state": Command("[ID]", "where all are, or all registers of one", state),
-    }
 
 
 def _number(words: list[str], place: int, default: int) -> int:

@@ -1,4 +1,4 @@
-"""Bioloid kits in software: a bus with the servos and sensors of a kit on it.
+"""Simulated Bioloid kits: a bus with the servos and sensors of a kit on it.
 
     kit = Bioloid()                  # 18 AX-12 with IDs 1..18 and an AX-S1 with ID 100, protocol 1.0, 1 Mbps
     kit = Bioloid.x_series(18)       # 18 XL430-W250, protocol 2.0, 57 600 bps

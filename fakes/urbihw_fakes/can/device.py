@@ -16,13 +16,13 @@ THE_NODE = 1
 
 
 class Codec(Protocol):
-    """An adapter: how frames look in bytes, and what it says itself."""
+    """The codec of an adapter: frames to bytes and back, and the adapter's own answers."""
 
-    def take(self, data: bytes) -> tuple[list[CanFrame], bytes]:
-        """Take bytes of the host: the frames in them, and what the adapter answers."""
+    def decode(self, data: bytes) -> tuple[list[CanFrame], bytes]:
+        """Decode bytes of the host: the frames in them, and the adapter's answers."""
 
-    def give(self, frame: CanFrame) -> bytes:
-        """A frame of the bus as bytes for the host; none when the adapter keeps it."""
+    def encode(self, frame: CanFrame) -> bytes:
+        """Encode a frame of the bus as bytes for the host; b"" when the adapter suppresses it."""
 
 
 class CanDevice(Device):
@@ -35,18 +35,18 @@ class CanDevice(Device):
 
     def receive(self, data: bytes, now: float) -> list[Answer]:
         """Pass the frames in `data` on to the node."""
-        frames, reply = self.codec.take(data)
+        frames, reply = self.codec.decode(data)
         answers = [Answer(now, reply)] if reply else []
         for frame in frames:
-            answers += self._answers(self.node.hear(frame, now))
+            answers += self._answers(self.node.receive_frame(frame, now))
         return answers
 
     def tick(self, now: float) -> list[Answer]:
-        """What the node sent unasked."""
+        """Return the node's unsolicited frames as bytes."""
         return self._answers(self.node.tick(now))
 
     def due(self) -> float | None:
-        """When the node next sends something."""
+        """Return when the node's next `tick` is due."""
         return self.node.due()
 
     def power_off(self, now: float, who: int | None = None) -> None:
@@ -60,7 +60,7 @@ class CanDevice(Device):
     def _answers(self, sent: list[Timed]) -> list[Answer]:
         answers = []
         for at, frame in sent:
-            delay, data = self.faults.disturb(THE_NODE, self.codec.give(frame))
+            delay, data = self.faults.disturb(THE_NODE, self.codec.encode(frame))
             if data:
                 answers.append(Answer(at + delay, data))
         return answers

@@ -87,10 +87,10 @@ class BusEndpoint(Endpoint):
             return b""
         if message is None or message.is_extended_id or message.is_remote_frame or message.is_error_frame:
             return b""
-        return self._codec.give(CanFrame(message.arbitration_id, bytes(message.data)[:8]))
+        return self._codec.encode(CanFrame(message.arbitration_id, bytes(message.data)[:8]))
 
     def _send(self, data: bytes) -> None:
-        frames, _ = self._codec.take(data)
+        frames, _ = self._codec.decode(data)
         for frame in frames:
             message = can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=False)
             try:

@@ -24,24 +24,24 @@ class Timed(NamedTuple):
 
 
 class CanNode(ABC):
-    """Something on a bus. It knows no clock: whoever serves it says what time it is."""
+    """A node on a bus. It has no clock: the serving loop passes the time."""
 
     @abstractmethod
-    def hear(self, frame: CanFrame, now: float) -> list[Timed]:
-        """Take a frame of somebody else and return what is sent in answer."""
+    def receive_frame(self, frame: CanFrame, now: float) -> list[Timed]:
+        """Receive a frame of another node; return the answers."""
 
     @abstractmethod
     def tick(self, now: float) -> list[Timed]:
-        """Bring the state to `now` and return what was sent unasked until then, in order of time."""
+        """Advance to `now` and return the unsolicited frames until then, in order of time."""
 
     @abstractmethod
     def due(self) -> float | None:
-        """When the node next wants a `tick`; None when it never does."""
+        """Return when the next `tick` is due; None for never."""
 
     def power_off(self, now: float) -> None:
-        """Cut its power."""
+        """Switch it off."""
         raise NotImplementedError(f"{type(self).__name__} has no power switch")
 
     def power_on(self, now: float) -> None:
-        """Give the power back."""
+        """Switch it on again."""
         raise NotImplementedError(f"{type(self).__name__} has no power switch")

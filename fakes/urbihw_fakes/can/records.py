@@ -13,13 +13,13 @@ _RECORD = struct.Struct("=IB3x8s")
 
 
 class Records:
-    """The codec for whoever passes whole frames; what is no frame is dropped."""
+    """The codec of adapters that pass whole records; incomplete ones are dropped."""
 
     def __init__(self) -> None:
         self._rest = b""
 
-    def take(self, data: bytes) -> tuple[list[CanFrame], bytes]:
-        """Take bytes of the host."""
+    def decode(self, data: bytes) -> tuple[list[CanFrame], bytes]:
+        """Decode bytes of the host."""
         data = self._rest + data
         whole = len(data) - len(data) % _RECORD.size
         self._rest = data[whole:]
@@ -29,6 +29,6 @@ class Records:
                 frames.append(CanFrame(identifier, content[:length]))
         return frames, b""
 
-    def give(self, frame: CanFrame) -> bytes:
+    def encode(self, frame: CanFrame) -> bytes:
         """One record."""
         return _RECORD.pack(frame.id, len(frame.data), frame.data)

@@ -26,23 +26,23 @@ class Slcan:
         self.open = False
         self._rest = b""
 
-    def take(self, data: bytes) -> tuple[list[CanFrame], bytes]:
-        """Take text of the host."""
+    def decode(self, data: bytes) -> tuple[list[CanFrame], bytes]:
+        """Decode text of the host."""
         *lines, rest = (self._rest + data).split(END)
         self._rest = rest if len(rest) <= _LONGEST else b""
         frames: list[CanFrame] = []
         reply = b""
         for line in lines:
-            reply += self._obey(line, frames)
+            reply += self._execute_line(line, frames)
         return frames, reply
 
-    def give(self, frame: CanFrame) -> bytes:
+    def encode(self, frame: CanFrame) -> bytes:
         """A frame as a line; none while the channel is closed."""
         if not self.open:
             return b""
         return b"t%03X%d%s\r" % (frame.id, len(frame.data), frame.data.hex().upper().encode("ascii"))
 
-    def _obey(self, line: bytes, frames: list[CanFrame]) -> bytes:
+    def _execute_line(self, line: bytes, frames: list[CanFrame]) -> bytes:
         word = line[:1]
         if word in (b"", b"S", b"s"):
             return OK

@@ -85,7 +85,7 @@ class Machine:
         self._acknowledged = False
 
     def control(self, word: int) -> None:
-        """Take a control word."""
+        """Execute a control word."""
         before, self._control = self._control, word
         if self.state == FAULT:
             if word & ~before & 0x80:
@@ -99,7 +99,7 @@ class Machine:
         self._set_point(word, before)
 
     def fault(self, code: int) -> None:
-        """Something went wrong: the power goes off."""
+        """Enter the fault state: the power goes off."""
         self.state, self.error = FAULT, code
 
     def status(self) -> int:
@@ -115,7 +115,7 @@ class Machine:
         return word
 
     def step(self, seconds: float) -> None:
-        """Let the motor turn for so long."""
+        """Advance the motor by a number of seconds."""
         if self.state == ENABLED:
             most, wanted = float(self.acceleration), self._wanted(seconds)
         elif self.state == QUICK_STOP:

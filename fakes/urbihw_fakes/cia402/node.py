@@ -28,7 +28,7 @@ _NOTHING, _FAULT, _OFF, _QUICK_STOP = range(4)
 
 
 class _Task:
-    """Something that is sent at a pace."""
+    """A message that is sent periodically."""
 
     def __init__(self, net: _Net, identifier: int, data: bytes, period: float) -> None:
         self._net = net
@@ -36,11 +36,11 @@ class _Task:
         self.due = net.now + period
 
     def stop(self) -> None:
-        """No more."""
+        """End the periodic sending."""
         self._net.tasks.discard(self)
 
     def update(self, data: bytes) -> None:
-        """Other data from now on."""
+        """Replace the data."""
         self.data = bytes(data)
 
 
@@ -63,8 +63,8 @@ class _Net(canopen.Network):
         self.tasks.add(task)
         return task
 
-    def take(self) -> list[Timed]:
-        """What was sent since the last time."""
+    def pop_sent(self) -> list[Timed]:
+        """Return the messages sent since the last call."""
         sent, self.sent = self.sent, []
         return sent
 
@@ -94,8 +94,8 @@ class Drive(CanNode):
 
     # --- the bus --------------------------------------------------------------------------------------------------
 
-    def hear(self, frame: CanFrame, now: float) -> list[Timed]:
-        """Take a frame."""
+    def receive_frame(self, frame: CanFrame, now: float) -> list[Timed]:
+        """Receive a frame of the bus; return the answers."""
         if not self.powered:
             return []
         self._net.now = now
@@ -105,17 +105,17 @@ class Drive(CanNode):
         elif 0x200 <= identifier < 0x580 and not self._operational:
             pass
         elif identifier != 0 or len(data) == 2:
-            self._watch(identifier, now)
+            self._receive_heartbeat(identifier, now)
             try:
                 self._net.notify(identifier, bytearray(data), now)
             except Exception:
                 # A frame that makes no sense to canopen is one that the drive does not understand.
                 pass
-        self._gate()
-        return self._net.take()
+        self._update_pdo_state()
+        return self._net.pop_sent()
 
     def tick(self, now: float) -> list[Timed]:
-        """Move on to `now`."""
+        """Advance to `now`; return the frames sent until then."""
         if not self.powered:
             self._next = None
             return []
@@ -127,31 +127,31 @@ class Drive(CanNode):
             self._check_master(self._next)
             self._send(self._next)
             self._next += STEP
-        return self._net.take()
+        return self._net.pop_sent()
 
     def due(self) -> float | None:
-        """When the next step is over."""
+        """Return the end of the present step."""
         if not self.powered:
             return None
         return 0.0 if self._next is None else self._next
 
     def power_off(self, now: float) -> None:
-        """Cut the power: the drive forgets everything."""
+        """Switch off: the drive loses its configuration."""
         self.powered = False
 
     def power_on(self, now: float) -> None:
-        """Give it back."""
+        """Switch on again."""
         if not self.powered:
             self.powered = True
             self._start()
 
     def fault(self, code: int = OVERLOAD) -> None:
-        """Let something go wrong; the drive says so."""
+        """Cause a fault with this code; the drive sends an emergency."""
         self.machine.fault(code)
         self._node.emcy.send(code, 1)
 
     def _resets(self) -> list[bytes]:
-        """The commands that start it anew: of the application or the communication, its own or to all."""
+        """The NMT commands that reset it: application or communication, addressed to it or to all nodes."""
         return [bytes((code, node)) for code in (_RESET, _RESET_COMMUNICATION) for node in (0, self.number)]
 
     # --- what canopen leaves out ----------------------------------------------------------------------------------
@@ -178,7 +178,7 @@ class Drive(CanNode):
             variable.raw = self._value(variable.index)
         pdo.transmit()
 
-    def _gate(self) -> None:
+    def _update_pdo_state(self) -> None:
         """Process data begin and end with OPERATIONAL; their settings are read when it begins."""
         operational = self._node.nmt.state == "OPERATIONAL"
         if operational and not self._operational:
@@ -186,28 +186,28 @@ class Drive(CanNode):
             self._node.rpdo.read()
             self._timed = [(number, pdo) for number, pdo in self._node.tpdo.items() if pdo.enabled and pdo.event_timer]
             for pdo in self._node.rpdo.values():
-                if pdo.enabled and self._take not in pdo.callbacks:
-                    pdo.add_callback(self._take)
+                if pdo.enabled and self._store_pdo not in pdo.callbacks:
+                    pdo.add_callback(self._store_pdo)
         self._operational = operational
 
-    def _take(self, pdo: PdoMap) -> None:
+    def _store_pdo(self, pdo: PdoMap) -> None:
         if len(pdo.data) * 8 >= pdo.length:
             for variable in pdo:
                 self._node.set_data(variable.index, variable.subindex, variable.data)
 
     # --- the watch over the master --------------------------------------------------------------------------------
 
-    def _watch(self, identifier: int, now: float) -> None:
-        node, period = self._watched()
+    def _receive_heartbeat(self, identifier: int, now: float) -> None:
+        node, period = self._heartbeat_consumer()
         if period and identifier == 0x700 + node:
             self._master_at = now
 
-    def _watched(self) -> tuple[int, float]:
+    def _heartbeat_consumer(self) -> tuple[int, float]:
         setting = int.from_bytes(self._node.get_data(0x1016, 1), "little")
         return setting >> 16 & 0x7F, (setting & 0xFFFF) / 1000
 
     def _check_master(self, now: float) -> None:
-        period = self._watched()[1]
+        period = self._heartbeat_consumer()[1]
         if self._master_at is None or not period or now - self._master_at <= period:
             return
         self._master_at = None

@@ -1,4 +1,4 @@
-"""How a drive in software is reached: the arguments of `python -m urbihw_fakes cia402`.
+"""How a simulated drive is reached: the arguments of `python -m urbihw_fakes cia402`.
 
     --pty [PATH]                       behind a CAN adapter with the slcan text on a pseudo terminal
     --can udp_multicast/239.74.163.2   on an interface of python-can, here multicast, which stays on this machine
@@ -54,7 +54,7 @@ def start(options: argparse.Namespace) -> tuple[Endpoint, Mapping[str, Command]]
 
 
 def words_of(drive: Drive) -> Mapping[str, Command]:
-    """What can be typed at a drive."""
+    """The console commands of a drive."""
 
     def fault(words: list[str]) -> str:
         drive.fault(int(words[0], 16)) if words else drive.fault()

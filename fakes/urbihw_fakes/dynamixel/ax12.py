@@ -6,8 +6,8 @@ time constant; friction holds it still when both nearly cancel. Joint mode drive
 margin, then the punch and a ramp over the slope up to full drive, all bounded by the torque limit, and slowed down to
 the moving speed. Wheel mode drives with the speed register as it is.
 
-Model choices (numbers not in the sheet): time constant, friction, heating, and that a drive which stands at its limit
-without getting on counts as overload after `OVERLOAD_TIME`. An overload that shut the servo down lasts until Torque
+Model choices (numbers not in the sheet): time constant, friction, heating, and that a drive at its limit without motion
+counts as overload after `OVERLOAD_TIME`. An overload that shut the servo down lasts until Torque
 Limit (34) is written. A goal outside the limits is refused, with the angle limit error. Not covered: calibration
 (20..23), gear play, sag of the voltage under load; in the blind zone (300..360 deg) the position reads as the nearer
 end.
@@ -27,7 +27,7 @@ DEGREES = 300 / 1023  # of one position step
 FULL_SPEED = 59 * 6 / DEGREES  # positions/s without load at 12 V: 59 rpm
 SPEED_STEP = 0.666 / DEGREES  # positions/s of one step of Moving Speed (0.111 rpm)
 NOMINAL_VOLTS = 12.0
-TIME_CONSTANT = 0.008  # s until the speed is within 1/e of what it will be
+TIME_CONSTANT = 0.008  # s until the speed is within 1/e of its final value
 FRICTION = 0.02  # of stall torque
 AMBIENT = 32.0  # degC
 HEATING = 60.0  # degC above ambient after a long full drive
@@ -38,7 +38,7 @@ CLOCKWISE = 1024  # bit 10 of speeds and loads
 
 
 def _eeprom(name: str, address: int, size: int, default: int, high: int | None = None, low: int = 0) -> Register:
-    """A row of the kept area; without `high` it cannot be written."""
+    """Return a row of the EEPROM; without `high` it is read only."""
     return Register(name, address, size, default, low, high, writable=high is not None, eeprom=True)
 
 
@@ -87,11 +87,11 @@ TABLE = (
 class Ax12(Unit1):
     """One AX-12, at rest in the middle (512) unless `position` (0..1023) says otherwise.
 
-    Attributes a person or a test may set at any time:
+    Attributes that may be set at any time:
         load: external torque, fraction of stall torque, -1..1, positive counter-clockwise.
         volts: supply.
-        position: where the horn stands, in position steps.
-    Beside them: `heat`, `overload`, and `hold` for any register.
+        position: of the horn, in position steps.
+    In addition: `heat`, `overload`, and `pin_register` for any register.
     """
 
     def __init__(self, unit: int = 1, *, position: float = 512.0) -> None:
@@ -105,7 +105,7 @@ class Ax12(Unit1):
         self.held_celsius: float | None = None
         self.overloaded = False
         self._stalled_for = 0.0
-        self._left_over = 0.0  # seconds of physics owed because they are less than a step
+        self._left_over = 0.0  # remaining seconds, less than a step of the physics
         self.sensors = {
             "present_position": self._raw_position,
             "present_speed": self._raw_speed,
@@ -119,7 +119,7 @@ class Ax12(Unit1):
     # --- power and registers --------------------------------------------------------------------------------------
 
     def boot(self) -> None:
-        """Power-on values: goal where it stands, torque limit from Max Torque, limp."""
+        """Set the power-on values: goal at the present position, torque limit from Max Torque, torque off."""
         super().boot()
         self.drive = 0.0
         self.overloaded = False
@@ -128,13 +128,13 @@ class Ax12(Unit1):
         self.registers.put("torque_limit", self.registers.get("max_torque"))
 
     def heat(self, celsius: float | None) -> None:
-        """Keep the temperature at `celsius`, or with None let the model go on from where it is."""
+        """Fix the temperature at `celsius`; with None the model continues from there."""
         self.held_celsius = celsius
         if celsius is not None:
             self.celsius = celsius
 
     def overload(self) -> None:
-        """As if the load had been too much for too long; without overload in Shutdown (18) it passes at once."""
+        """Simulate an overload; without overload in Shutdown (18) it ends at once."""
         self.overloaded = True
         if self.registers.get("shutdown") & packet1.ERR_OVERLOAD:
             self._shut_down()
@@ -163,7 +163,7 @@ class Ax12(Unit1):
             self._shut_down()
 
     def examine(self, address: int, data: bytes) -> Write | Refusal:
-        """As in `Unit1`; in joint mode a goal must lie within the limits and a speed within 0..1023."""
+        """Check a write as in `Unit1`; in joint mode also goal within the limits, speed within 0..1023."""
         write = super().examine(address, data)
         if isinstance(write, Refusal) or self.wheel:
             return write
@@ -179,7 +179,7 @@ class Ax12(Unit1):
         return packet1.ERR_ANGLE if refusal is Refusal.LIMIT else super()._refused(refusal)
 
     def written(self, register: Register, value: int, before: int) -> None:
-        """A goal turns the torque on (as libraries report, unconfirmed); a torque limit ends a shutdown."""
+        """Switch the torque on at a goal (as libraries report, unconfirmed); end a shutdown at a torque limit."""
         if register.name == "goal_position":
             self.registers.put("torque_enable", 1)
         elif register.name == "torque_limit":
@@ -189,12 +189,12 @@ class Ax12(Unit1):
     def _raw_position(self) -> int:
         position = self._here()
         if position > 1023:
-            # Blind zone: the end it is nearer to.
+            # Blind zone: the nearer end.
             return 1023 if position < (1023 + POSITIONS_PER_TURN) / 2 else 0
         return max(0, round(position))
 
     def _here(self) -> float:
-        """The position now, the fraction of a step included; 0 up to one turn."""
+        """Return the present position with its fraction of a step, 0 up to one turn."""
         return (self.position + self.speed * self._left_over) % POSITIONS_PER_TURN
 
     def _raw_speed(self) -> int:
@@ -202,7 +202,7 @@ class Ax12(Unit1):
         return _signed(self.speed / unit)
 
     def _moving(self) -> bool:
-        """A goal move is in progress: torque on, joint mode, and outside the margins."""
+        """Return whether a goal move is in progress: torque on, joint mode, outside the margins."""
         get = self.registers.get
         if not get("torque_enable") or self.wheel:
             return False
@@ -212,7 +212,7 @@ class Ax12(Unit1):
     # --- physics --------------------------------------------------------------------------------------------------
 
     def advance(self, elapsed: float) -> None:
-        """Go on in equal steps, so that how often somebody looks does not change where the horn goes."""
+        """Advance in equal steps, so that the frequency of the calls does not change the motion."""
         owed = self._left_over + elapsed
         steps = int(owed / STEP + 1e-6)
         self._left_over = max(0.0, owed - steps * STEP)
@@ -223,13 +223,13 @@ class Ax12(Unit1):
             steps -= span
             steady = abs(self.speed - speed) < 1e-6 and abs(self.drive - drive) < 1e-9
             if steps > 50 and steady and not self._on_its_way():
-                # Nothing changes any more but angle and heat: one leap instead of many steps.
+                # Only angle and heat change from here on: one step instead of many.
                 self.position = self._bounded(self.position + self.speed * steps * STEP)
                 self._warm(steps * STEP)
                 steps = 0
 
     def _on_its_way(self) -> bool:
-        """True while a steady state will not last: a goal comes nearer, or a stall turns into an overload."""
+        """Return whether a steady state will change: a goal is approached, or a stall becomes an overload."""
         goal_ahead = self.speed != 0.0 and self.drive != 0.0 and not self.wheel
         return goal_ahead or (self._stalled_for > 0.0 and not self.overloaded)
 
@@ -273,7 +273,7 @@ class Ax12(Unit1):
             self._shut_down()
 
     def _bounded(self, position: float) -> float:
-        """The wheel goes round; a joint stops at the ends of its range."""
+        """Return the position of a wheel modulo a turn; stop a joint at the ends of its range."""
         if self.wheel:
             return position % POSITIONS_PER_TURN
         if position < 0.0 or position > 1023.0:
@@ -330,14 +330,14 @@ class _Joint:
         sign = 1.0 if error > 0 else -1.0
         drive = sign * min(1.0, self._punch + (1.0 - self._punch) * beyond / slope)
         if self._cruise is not None:
-            # What keeps the cruise speed against the load and friction.
+            # The drive that keeps the cruise speed against load and friction.
             needed = sign * (self._cruise + FRICTION) - load
             drive = min(drive, needed) if sign > 0 else max(drive, needed)
         return max(-self._limit, min(self._limit, drive))
 
 
 def _floor_slope(value: int) -> int:
-    """The seven steps that the servo knows: 2, 4, 8, 16, 32, 64, 128 (a written 1 acts as 2)."""
+    """Return the slope as one of the servo's seven steps: 2, 4, 8, 16, 32, 64, 128 (a written 1 acts as 2)."""
     return max(2, min(128, 1 << (value.bit_length() - 1)))
 
 

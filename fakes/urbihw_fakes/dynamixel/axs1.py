@@ -1,7 +1,7 @@
 """AX-S1: the sensor module of protocol 1.0 (infra-red distance, light, sound, buzzer, remote control).
 
-What it senses is set by plain methods; what it does with it follows the sheet: flags by comparison, claps counted with
-80 ms of deafness and stored 800 ms after the last, a largest sample that sticks, a buzzer that ends by itself.
+Methods set the sensed values; the behaviour follows the sheet: flags by comparison, claps counted with a dead time of
+80 ms and stored 800 ms after the last, a maximum sound level that is held, a buzzer that ends by itself.
 
 Model choices: EEPROM 11..13 and the compare values have the defaults below (unconfirmed); a melody lasts
 `MELODY_TIME`; writing 0 to the buzzer time ends a sound that is playing, and otherwise rings for 0.3 s. Not covered:
@@ -18,8 +18,8 @@ from urbihw_fakes.dynamixel import packet1
 from urbihw_fakes.dynamixel.registers import Register
 from urbihw_fakes.dynamixel.unit1 import Unit1
 
-CLAP_DEAF = 0.08  # s after a counted sound in which others do not count
-CLAP_BURST = 0.8  # s after the last counted sound when the count is stored
+CLAP_DEAF = 0.08  # s after a counted sound in which no other is counted
+CLAP_BURST = 0.8  # s from the last counted sound until the count is stored
 SOUND_TICK = 4.096e-3 / 65536  # s of the free-running counter
 QUIET = 128
 LOUD = 255
@@ -80,7 +80,7 @@ class Sound:
 class AxS1(Unit1):
     """One AX-S1.
 
-    Attributes a person or a test may set: `volts`, `celsius`. To look at: `playing` (the sound of the buzzer, or
+    Attributes that may be set: `volts`, `celsius`. To read: `playing` (the sound of the buzzer, or
     None), `played` (all sounds begun), `sent` (remote-control words sent).
     """
 
@@ -113,15 +113,15 @@ class AxS1(Unit1):
     # --- the world around it --------------------------------------------------------------------------------------
 
     def ir(self, left: int, center: int, right: int) -> None:
-        """Distances: 0..255 each, larger is nearer."""
+        """Set the distances: 0..255 each, larger is nearer."""
         self._distances = (left, center, right)
 
     def light(self, left: int, center: int, right: int) -> None:
-        """Infra-red light around: 0..255 each."""
+        """Set the ambient infra-red light: 0..255 each."""
         self._lights = (left, center, right)
 
     def sound(self, level: int) -> None:
-        """What the microphone hears from now on: 0..255, silence is 127..128. It moves the largest sample."""
+        """Set the level of the microphone from now on: 0..255, silence is 127..128. It updates the maximum level."""
         self._level = level
         self._loudest(level)
 
@@ -131,7 +131,7 @@ class AxS1(Unit1):
             insort(self._claps, now + number * spacing)
 
     def remocon(self, word: int) -> None:
-        """Two bytes (0..65535) come in by remote control."""
+        """Receive two bytes (0..65535) by remote control."""
         self.registers.put("remocon_rx", word)
         self.registers.put("remocon_arrived", REMOCON_READY)
 
@@ -146,18 +146,18 @@ class AxS1(Unit1):
         )
 
     def advance(self, elapsed: float) -> None:
-        """Count the claps that fall due, store bursts that are over, end a sound."""
+        """Count due claps, store completed bursts, end a sound."""
         until = self.now + elapsed
         while self._claps and self._claps[0] <= until:
             clap = self._claps.pop(0)
             if self.powered:
                 self._store_burst(clap)
-                self._hear(clap)
+                self._count_clap(clap)
         self._store_burst(until)
         if self.playing is not None and self.playing.ends is not None and self.playing.ends <= until:
             self._fall_silent()
 
-    def _hear(self, clap: float) -> None:
+    def _count_clap(self, clap: float) -> None:
         self._loudest(LOUD)
         if self._last_clap is not None and clap - self._last_clap < CLAP_DEAF:
             return

@@ -1,4 +1,4 @@
-"""The half-duplex wire: who answers a request, when, and in which order.
+"""The half-duplex bus: which unit answers a request, when, and in which order.
 
 Choices where the sheet is silent: two units that answer at once drive the line together, which is modelled as the
 second starting one byte after the first and a 0 winning over a 1; in a group read a unit that must wait for a silent
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from urbihw_fakes.device import Answer, Device
 from urbihw_fakes.dynamixel import packet1, packet2
 from urbihw_fakes.dynamixel.framer import BROADCAST, Framer, Request
-from urbihw_fakes.dynamixel.unit import Unit, nobody
+from urbihw_fakes.dynamixel.unit import Unit, no_callback
 from urbihw_fakes.dynamixel.unit1 import Unit1
 from urbihw_fakes.dynamixel.unit2 import Unit2
 from urbihw_fakes.errors import NoSuchUnit
@@ -27,7 +27,7 @@ GROUP_READS = {
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """What one place in the order of answers puts on the wire, `delay` seconds after the one before; maybe nothing."""
+    """The data of one place in the order of answers, `delay` seconds after the one before; may be empty."""
 
     delay: float
     data: bytes
@@ -70,29 +70,29 @@ class DynamixelBus(Device):
         return self._chosen(unit)[0]
 
     def add(self, unit: Unit) -> None:
-        """Hang one more unit on the wire; an ID may be taken twice, and then both answer at once."""
+        """Add a unit to the bus; two units may have the same ID, and then both answer at once."""
         self._units.append(unit)
         self._index()
 
     def remove(self, unit: Unit) -> None:
-        """Take a unit off the wire."""
+        """Remove a unit from the bus."""
         self._units.remove(unit)
-        unit.moved = nobody
+        unit.moved = no_callback
         self._index()
 
     def tick(self, now: float) -> list[Answer]:
-        """Bring all units to `now`; nothing on this bus speaks unasked."""
+        """Advance all units to `now`; no unit sends unasked."""
         for unit in self._units:
             unit.tick(now)
         return []
 
     def power_off(self, now: float, who: int | None = None) -> None:
-        """Cut the power of the units with ID `who`, or of all."""
+        """Switch off the units with ID `who`, or all."""
         for unit in self._chosen(who):
             unit.power_off(now)
 
     def power_on(self, now: float, who: int | None = None) -> None:
-        """Give power to the units with ID `who`, or to all."""
+        """Switch on the units with ID `who`, or all."""
         for unit in self._chosen(who):
             unit.power_on(now)
 
@@ -127,9 +127,9 @@ class DynamixelBus(Device):
 
     def _broadcast1(self, request: Request, now: float) -> list[Reply]:
         code, params = request.code, request.params
-        units = [unit for unit in self._units if unit.protocol == 1 and self._awake(unit)]
+        units = [unit for unit in self._units if unit.protocol == 1 and self._is_answering(unit)]
         if code == packet1.PING:
-            # Nothing orders the answers, so all come at once.
+            # The answers have no order, so all are sent at once.
             answers = [(unit, unit.execute(request, now)) for unit in units]
             return [self._reply(BROADCAST, answers)]
         if code == packet1.SYNC_WRITE:
@@ -159,7 +159,7 @@ class DynamixelBus(Device):
             return [self._reply(i, [(unit, unit.execute(request, now)) for unit in units]) for i, units in listening]
         elif code != packet2.READ:
             for unit in self._units:
-                if unit.protocol == 2 and self._awake(unit):
+                if unit.protocol == 2 and self._is_answering(unit):
                     unit.execute(request, now)
         return []
 
@@ -176,7 +176,7 @@ class DynamixelBus(Device):
         return self._reply(item.unit, [(unit, unit.report(item.address, item.count, now)) for unit in units])
 
     def _joint(self, items: list[Item], now: float) -> list[Reply]:
-        """The one packet of a fast group read, each unit adding its block to what is really on the wire."""
+        """Return the joint packet of a fast group read: each unit adds its block to the bytes really on the bus."""
         wire = b""
         head = packet2.fast_head([item.count for item in items])
         replies: list[Reply] = []
@@ -184,13 +184,13 @@ class DynamixelBus(Device):
             answers: list[tuple[Unit, bytes]] = []
             for unit in self._listening(2, item.unit):
                 if isinstance(unit, Unit2) and unit.fast_reads and unit.status_level >= 1:
-                    error, data = unit.look(item.address, item.count, now)
+                    error, data = unit.answer_read(item.address, item.count, now)
                     data = data.ljust(item.count, b"\0")
                     block = packet2.fast_block(wire or head, item.unit, error | unit.alert(), data)
                     answers.append((unit, block if wire else head + block))
             reply = self._reply(item.unit, answers)
             if wire and reply.data:
-                # Only the first waits its return delay: the blocks follow each other without a gap.
+                # Only the first unit waits for its return delay: the blocks follow without a gap.
                 reply = Reply(0.0, reply.data)
             wire += reply.data
             replies.append(reply)
@@ -199,7 +199,7 @@ class DynamixelBus(Device):
     # --- the wire -----------------------------------------------------------------------------------------------
 
     def _reply(self, unit: int, answers: list[tuple[Unit, bytes]]) -> Reply:
-        """One place in the order of answers: units that share an ID spoil each other's, faults do the rest."""
+        """Return one place in the order of answers, with the collisions of units with one ID and with faults."""
         data = b""
         delay = 0.0
         for answering, status in answers:
@@ -209,11 +209,11 @@ class DynamixelBus(Device):
         late, data = self.faults.disturb(unit, data)
         return Reply(delay + late, data)
 
-    def _awake(self, unit: Unit) -> bool:
-        return unit.powered and unit.hears(self.baud)
+    def _is_answering(self, unit: Unit) -> bool:
+        return unit.powered and unit.accepts_baud(self.baud)
 
     def _listening(self, protocol: int, unit: int) -> list[Unit]:
-        return [found for found in self._by_id.get((protocol, unit), ()) if self._awake(found)]
+        return [found for found in self._by_id.get((protocol, unit), ()) if self._is_answering(found)]
 
     def _chosen(self, who: int | None) -> list[Unit]:
         chosen = [unit for unit in self._units if who is None or unit.id == who]
@@ -235,7 +235,7 @@ class DynamixelBus(Device):
 
 
 def _collide(first: bytes, second: bytes) -> bytes:
-    """Two answers at once: the second one byte later, and a 0 on the line wins."""
+    """Return two answers sent at once: the second begins one byte later, and a 0 on the line wins."""
     if not first or not second:
         return first or second
     size = max(len(first), len(second) + 1)

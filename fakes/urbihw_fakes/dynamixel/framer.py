@@ -1,6 +1,6 @@
 """Bytes of the host -> requests, of both protocols on one wire.
 
-Real units each look for their own header. One reader can do it for all of them because the two never look alike:
+Real units each search for their own header. One reader suffices for all, because the two headers differ:
 `FF FF FD 00` is a protocol 2.0 header, and in protocol 1.0 it would be a packet of length 0, which does not exist.
 """
 
@@ -25,17 +25,17 @@ class Request:
 
 
 class Framer:
-    """Collects bytes until they are packets; forgets half a packet after the pause the protocol allows."""
+    """Collects bytes to packets; drops an incomplete packet after the maximum pause of the protocol."""
 
     def __init__(self) -> None:
         self._buffer = b""
         self._last = 0.0
 
     def feed(self, data: bytes, began: float, ended: float) -> list[Request]:
-        """Take bytes that arrived from `began` to `ended` (seconds); return the requests that are complete."""
+        """Process bytes that arrived from `began` to `ended` (seconds); return the complete requests."""
         if self._buffer:
             allowed = packet2.MAX_PAUSE if self._buffer[2:3] == b"\xfd" else packet1.MAX_PAUSE
-            # The same float travels through additions elsewhere; a nanosecond must not make a pause too long.
+            # Times are sums of floats; a rounding error must not lengthen a pause.
             if began - self._last > allowed + 1e-9:
                 self._buffer = b""
         self._last = ended
@@ -87,7 +87,7 @@ def _cut2(buffer: bytes, start: int) -> tuple[int, Request | None]:
         return 0, None
     raw = buffer[start : end - 2]
     intact = packet2.crc(raw) == buffer[end - 2] | buffer[end - 1] << 8
-    # The answers of other units share the wire; a unit must not take a status packet for an instruction.
+    # The answers of other units are on the same bus; a status packet is not an instruction.
     if raw[7] == packet2.STATUS:
         return 7 + length, None
     body = packet2.unstuff(raw[7:])

@@ -1,7 +1,7 @@
 """A control table with its rules: sizes, access, ranges, EEPROM.
 
-`RegisterFile` knows what may be written where and says why not; what a refusal looks like on the wire is the business
-of `unit1` and `unit2`. All numbers are little endian; a value of several bytes can only be written whole.
+`RegisterFile` checks writes and returns the reason of a refusal, which
+`unit1` and `unit2` encode. All numbers are little endian; a value of several bytes can only be written whole.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from urbihw_fakes.errors import UnknownRequest
 
 
 class Refusal(Enum):
-    """Why a read or write cannot be."""
+    """The reason why a read or write is refused."""
 
     ADDRESS = "outside the table"
     ACCESS = "not writable"
@@ -25,7 +25,7 @@ class Refusal(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Register:
-    """One row of a control table; `low` and `high` bound what may be written, both included."""
+    """One row of a control table; `low` and `high` are the inclusive range of written values."""
 
     name: str
     address: int
@@ -39,7 +39,7 @@ class Register:
 
     @property
     def bounds(self) -> tuple[int, int]:
-        """The range of values: as given, else all that fits."""
+        """The range of values: as given, else that of the size."""
         bits = 8 * self.size
         lowest, highest = (-(1 << bits - 1), (1 << bits - 1) - 1) if self.signed else (0, (1 << bits) - 1)
         return (lowest if self.low is None else self.low, highest if self.high is None else self.high)
@@ -62,7 +62,7 @@ class RegisterFile:
         self.rows = tuple(rows)
         self.by_name = {row.name: row for row in self.rows}
         self.size = max(row.address + row.size for row in self.rows)
-        # The same values twice: as numbers for the model, which asks for them all the time, and as bytes for the wire.
+        # The same values twice: as numbers for the model, which reads them often, and as bytes for the bus.
         self._values = dict.fromkeys(self.by_name, 0)
         self._memory = bytearray(self.size)
         self._at = {row.address: row for row in self.rows}
@@ -70,7 +70,7 @@ class RegisterFile:
         self.reset()
 
     def reset(self, *, eeprom: bool = True, keep: Iterable[str] = ()) -> None:
-        """Bring back the defaults: of the RAM, and of the EEPROM unless told not to; `keep` names exceptions."""
+        """Restore the defaults of the RAM, and of the EEPROM if `eeprom`; `keep` names exceptions."""
         kept = set(keep)
         for row in self.rows:
             if row.name not in kept and (eeprom or not row.eeprom):
@@ -84,7 +84,7 @@ class RegisterFile:
             raise UnknownRequest(f"register {name!r}: not in this control table") from None
 
     def put(self, name: str, value: int) -> None:
-        """Set a register from the inside, past all rules of writing.
+        """Set a register from the model, without the checks of a write.
 
         Raises:
             UnknownRequest: no such register, or the value does not fit in its bytes.
@@ -106,7 +106,7 @@ class RegisterFile:
         return bytes(self._memory[address:end])
 
     def check(self, address: int, data: bytes) -> Write | Refusal:
-        """What a write of `data` at `address` would do; nothing is changed."""
+        """Return the effect of a write of `data` at `address`, without executing it."""
         end = address + len(data)
         if end > self.size or not data:
             return Refusal.ADDRESS

@@ -1,4 +1,4 @@
-"""What all Dynamixel units share: identity, power, a control table, values held by hand."""
+"""The base of all Dynamixel units: identity, power, control table, pinned values."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ BAUD_TOLERANCE = 0.03  # "an error under 3 % is fine"
 
 
 def near(baud: float, other: float) -> bool:
-    """True when two speeds are close enough to understand each other."""
+    """Return whether two speeds are close enough for communication."""
     return abs(baud - other) <= BAUD_TOLERANCE * other
 
 
-def nobody() -> None:
-    """A unit that hangs on no bus has nobody to tell."""
+def no_callback() -> None:
+    """Do nothing: the unit is on no bus."""
 
 
 class Unit:
@@ -24,7 +24,7 @@ class Unit:
 
     `unit1` and `unit2` define what a protocol does with a request; a model extends `advance` (its physics), fills
     `sensors` (physics -> read-only registers) and extends `written` (what a write sets off). It is not thread safe:
-    while the bus is served, whoever serves it is the only one to call it.
+    while the bus is served, only the serving thread may call it.
     """
 
     protocol = 0
@@ -33,9 +33,9 @@ class Unit:
         self.registers = RegisterFile(rows)
         self.registers.put("id", unit)
         self.powered = True
-        self.moved: Callable[[], None] = nobody  # the bus sets it; called when it listens to other numbers
+        self.moved: Callable[[], None] = no_callback  # set by the bus; called when the IDs of the unit change
         self.sensors: dict[str, Callable[[], int]] = {}  # read-only registers and how to compute them
-        self._held: dict[str, int] = {}
+        self._pinned: dict[str, int] = {}
         self._sensed: dict[tuple[int, int], tuple[str, ...]] = {}  # bytes read -> sensors behind them, as found
         self._now: float | None = None
         self.pending: Write | None = None
@@ -44,21 +44,21 @@ class Unit:
 
     @property
     def id(self) -> int:
-        """The number it answers to."""
+        """The ID of its answers."""
         return self.registers.get("id")
 
     @property
     def ids(self) -> tuple[int, ...]:
-        """All numbers it listens to."""
+        """All IDs it accepts."""
         return (self.id,)
 
     @property
     def baud(self) -> int:
-        """Bits per second that it listens at."""
+        """Line speed in bits per second."""
         raise NotImplementedError
 
     def set_baud(self, baud: int) -> None:
-        """Set the speed register by hand.
+        """Set the speed register.
 
         Raises:
             UnknownRequest: no setting is within 3 % of `baud`.
@@ -70,14 +70,14 @@ class Unit:
         """Seconds between the end of a request and the start of the answer: register value times 2 us."""
         return self.registers.get("return_delay") * 2e-6
 
-    def hears(self, baud: int | None) -> bool:
-        """True when it can understand an adapter that talks at `baud` (None: any speed)."""
+    def accepts_baud(self, baud: int | None) -> bool:
+        """Return whether the unit can decode an adapter's data at `baud` (None: any speed)."""
         return baud is None or near(self.baud, baud)
 
     # --- time and power -----------------------------------------------------------------------------------------
 
     def tick(self, now: float) -> None:
-        """Bring the physics to `now` (seconds); going back in time does nothing."""
+        """Advance the physics to `now` (seconds); an earlier time has no effect."""
         if self._now is None:
             self._now = now
         elapsed = now - self._now
@@ -86,77 +86,77 @@ class Unit:
             self._now = now
 
     def power_off(self, now: float) -> None:
-        """Cut its power: everything in RAM is gone, a motor goes limp."""
+        """Switch it off: the RAM is lost, a motor has no torque."""
         self.tick(now)
         self.powered = False
         self.pending = None
         self.boot()
 
     def power_on(self, now: float) -> None:
-        """Give it power: it starts as after `power_off`."""
+        """Switch it on: it starts with its power-on values."""
         self.tick(now)
         self.powered = True
         self.boot()
 
     def boot(self) -> None:
-        """Bring the RAM to its power-on values."""
+        """Set the RAM to its power-on values."""
         self.registers.reset(eeprom=False)
 
     @property
     def now(self) -> float:
-        """The time it has been brought to; 0 before the first `tick`."""
+        """The time of the last `tick`; 0 before the first."""
         return self._now or 0.0
 
     # --- by hand ------------------------------------------------------------------------------------------------
 
-    def hold(self, name: str, value: int) -> None:
-        """Pin a register that the model would compute (raw value), until `release`.
+    def pin_register(self, name: str, value: int) -> None:
+        """Pin a register that the model would compute (raw value), until `unpin_register`.
 
         Raises:
             UnknownRequest: no such register, or the value does not fit.
         """
         self.registers.put(name, value)
-        self._held[name] = value
+        self._pinned[name] = value
 
-    def release(self, name: str | None = None) -> None:
-        """Give one pinned register, or all of them, back to the model."""
+    def unpin_register(self, name: str | None = None) -> None:
+        """Unpin one register, or all: the model computes them again."""
         if name is None:
-            self._held.clear()
+            self._pinned.clear()
         else:
-            self._held.pop(name, None)
+            self._pinned.pop(name, None)
 
     # --- what a model defines -----------------------------------------------------------------------------------
 
     def advance(self, elapsed: float) -> None:
-        """Let `elapsed` seconds go by."""
+        """Advance the model by `elapsed` seconds."""
 
     def written(self, register: Register, value: int, before: int) -> None:
-        """A register was written by the host; `before` is the value it had."""
+        """Handle a write of a register by the host; `before` is the old value."""
 
     def after_read(self, address: int, count: int) -> None:
-        """The host has read these bytes."""
+        """Handle a read of these bytes by the host."""
 
     def put(self, name: str, value: int) -> None:
-        """Set a computed register unless it is held by hand."""
-        if name not in self._held:
+        """Set a computed register unless it is pinned."""
+        if name not in self._pinned:
             self.registers.put(name, value)
 
     # --- what a protocol defines --------------------------------------------------------------------------------
 
     def execute(self, request: Request, now: float) -> bytes:
-        """Carry out a request; return the status packet, or nothing when there is none to send."""
+        """Execute a request; return the status packet, or nothing if none is sent."""
         raise NotImplementedError
 
     def report(self, address: int, count: int, now: float) -> bytes:
-        """Its place in a group read: a status packet, or nothing."""
+        """Return its status packet in a group read, or nothing."""
         raise NotImplementedError
 
     def obey(self, address: int, data: bytes, now: float) -> None:
-        """Its place in a group write: done without an answer."""
+        """Execute its part of a group write, without an answer."""
         self.perform(address, data, now)
 
     def perform(self, address: int, data: bytes, now: float) -> Refusal | None:
-        """Write `data` at `address` now; return why not, or None when it is done."""
+        """Write `data` at `address`; return the refusal, or None."""
         self.tick(now)
         write = self.examine(address, data)
         if isinstance(write, Refusal):
@@ -165,11 +165,11 @@ class Unit:
         return None
 
     def examine(self, address: int, data: bytes) -> Write | Refusal:
-        """What a write would do, by the rules of the table and of the state the unit is in."""
+        """Check a write, by the table and the state of the unit."""
         return self.registers.check(address, data)
 
     def apply(self, write: Write) -> None:
-        """Carry out an allowed write, then tell the model, register by register."""
+        """Execute a checked write, then call `written` for each register."""
         before = [self.registers.get(register.name) for register, _ in write.values]
         for register, value in write.values:
             self.registers.put(register.name, value)
@@ -179,7 +179,7 @@ class Unit:
             self.written(register, value, old)
 
     def sense(self, address: int = 0, count: int = 0xFFFF) -> None:
-        """Let the sensors behind these bytes write what the physics say now."""
+        """Update the sensor registers in this range from the physics."""
         names = self._sensed.get((address, count))
         if names is None:
             rows = (self.registers.by_name[name] for name in self.sensors)

@@ -1,4 +1,4 @@
-"""What a protocol 1.0 unit does with an instruction.
+"""A protocol 1.0 unit: execution of instructions.
 
 Choices where the sheet is silent: a write is done whole or not at all; a refused write, one byte of a 16-bit value and
 a write to a locked EEPROM are range errors; the answer to a changed ID or speed still has the old one; a request with
@@ -46,7 +46,7 @@ class Unit1(Unit):
         return 0
 
     def noticed(self, errors: int) -> None:
-        """Error bits of an answer that is about to leave; a model may raise its alarm."""
+        """Handle the error bits of an answer; a model may raise its alarm."""
 
     def execute(self, request: Request, now: float) -> bytes:
         """As in `Unit`."""
@@ -56,7 +56,7 @@ class Unit1(Unit):
             error, data = self._carry_out(request, now)
         else:
             error, data = packet1.ERR_CHECKSUM, b""
-        # The physics have not moved since, but what was written may have changed the state.
+        # The time is the same, but the write may have changed the state.
         error |= self.state_errors()
         self.noticed(error)
         if request.unit == BROADCAST and request.code != packet1.PING:
@@ -70,15 +70,15 @@ class Unit1(Unit):
         if code == packet1.PING:
             return 0, b""
         if code == packet1.READ and len(params) == 2:
-            return self.look(params[0], params[1], now)
+            return self.answer_read(params[0], params[1], now)
         if code == packet1.WRITE and len(params) >= 2:
             return self._refused(self.perform(params[0], params[1:], now)), b""
         if code == packet1.REG_WRITE and len(params) >= 2:
             return self._register(params[0], params[1:]), b""
         if code == packet1.ACTION:
-            return self._act(), b""
+            return self._execute_action(), b""
         if code == packet1.RESET:
-            # Recent firmware does not obey a RESET of the whole bus.
+            # Recent firmware ignores a RESET of the whole bus.
             if request.unit != BROADCAST:
                 self.factory_reset()
             return 0, b""
@@ -86,12 +86,12 @@ class Unit1(Unit):
 
     def report(self, address: int, count: int, now: float) -> bytes:
         """As in `Unit`."""
-        error, data = self.look(address, count, now)
+        error, data = self.answer_read(address, count, now)
         error |= self.state_errors()
         self.noticed(error)
         return packet1.status(self.id, error, data) if self.registers.get("status_level") >= 1 else b""
 
-    def look(self, address: int, count: int, now: float) -> tuple[int, bytes]:
+    def answer_read(self, address: int, count: int, now: float) -> tuple[int, bytes]:
         """READ: error bits and data."""
         data = self.fetch(address, count, now)
         return (packet1.ERR_RANGE, b"") if isinstance(data, Refusal) else (0, data)
@@ -119,7 +119,7 @@ class Unit1(Unit):
         self.registers.put("registered", 1)
         return 0
 
-    def _act(self) -> int:
+    def _execute_action(self) -> int:
         if self.pending is None:
             return packet1.ERR_INSTRUCTION
         write, self.pending = self.pending, None
@@ -128,7 +128,7 @@ class Unit1(Unit):
         return 0
 
     def factory_reset(self) -> None:
-        """All of the EEPROM back to factory values, ID and speed too, then start anew."""
+        """Restore the factory values of the EEPROM, with ID and speed, then restart."""
         self.registers.reset()
         self.moved()
         self.pending = None
@@ -136,7 +136,7 @@ class Unit1(Unit):
 
 
 def _level_needed(code: int) -> int:
-    """The status return level from which on an instruction is answered."""
+    """Return the lowest status return level at which an instruction is answered."""
     if code == packet1.PING:
         return 0
     return 1 if code in (packet1.READ, packet1.BULK_READ) else 2

@@ -1,4 +1,4 @@
-"""What a protocol 2.0 unit does with an instruction.
+"""A protocol 2.0 unit: execution of instructions.
 
 Choices where the sheet is silent: a write is done whole or not at all; reserved bytes between two registers read as 0
 and refuse writes (access error); a request with a wrong CRC is answered with error 3 by the rules of the instruction it
@@ -17,9 +17,9 @@ from urbihw_fakes.dynamixel.unit import Unit, near
 from urbihw_fakes.errors import UnknownRequest
 
 BAUDS = (9600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
-NO_SECONDARY = 253  # from here on a secondary ID is off
+NO_SECONDARY = 253  # a secondary ID from here on is disabled
 CLEAR_MULTI_TURN = bytes.fromhex("01 44 58 4C 22")
-FIRMWARE_CLEAR = 42  # first with CLEAR, first to ignore a full factory reset of the whole bus
+FIRMWARE_CLEAR = 42  # first firmware with CLEAR, and to ignore a full factory reset of the whole bus
 
 ERRORS = {
     Refusal.ADDRESS: packet2.ERR_ACCESS,
@@ -46,7 +46,7 @@ class Unit2(Unit):
 
     @property
     def baud(self) -> int:
-        """Bits per second behind the register's number."""
+        """Line speed in bits per second, from the register."""
         return BAUDS[self.registers.get("baud")]
 
     def set_baud(self, baud: int) -> None:
@@ -59,7 +59,7 @@ class Unit2(Unit):
 
     @property
     def ids(self) -> tuple[int, ...]:
-        """The ID and, when it is on, the secondary ID."""
+        """The ID, and the secondary ID if enabled."""
         second = self.registers.get("secondary_id")
         return (self.id,) if second >= NO_SECONDARY or second == self.id else (self.id, second)
 
@@ -94,13 +94,13 @@ class Unit2(Unit):
             model = self.registers.get("model").to_bytes(2, "little")
             return 0, model + bytes((self.registers.get("firmware"),))
         if code == packet2.READ and len(params) == 4:
-            return self.look(params[0] | params[1] << 8, params[2] | params[3] << 8, now)
+            return self.answer_read(params[0] | params[1] << 8, params[2] | params[3] << 8, now)
         if code == packet2.WRITE and len(params) >= 3:
             return self._error(self.perform(params[0] | params[1] << 8, params[2:], now)), b""
         if code == packet2.REG_WRITE and len(params) >= 3:
             return self._register(params[0] | params[1] << 8, params[2:]), b""
         if code == packet2.ACTION:
-            return self._act(), b""
+            return self._execute_action(), b""
         if code == packet2.FACTORY_RESET and len(params) == 1:
             return self._factory_reset(params[0], request.unit == BROADCAST), b""
         if code == packet2.REBOOT:
@@ -113,23 +113,23 @@ class Unit2(Unit):
 
     def report(self, address: int, count: int, now: float) -> bytes:
         """As in `Unit`."""
-        error, data = self.look(address, count, now)
+        error, data = self.answer_read(address, count, now)
         return packet2.status(self.id, error | self.alert(), data) if self.status_level >= 1 else b""
 
-    def look(self, address: int, count: int, now: float) -> tuple[int, bytes]:
+    def answer_read(self, address: int, count: int, now: float) -> tuple[int, bytes]:
         """READ: error number (without the alert bit) and data."""
         self.last_heard = now
         data = self.fetch(address, count, now)
         return (ERRORS[data], b"") if isinstance(data, Refusal) else (0, data)
 
     def obey(self, address: int, data: bytes, now: float) -> None:
-        """As in `Unit`; the bus watchdog hears it."""
+        """Execute its part of a group write, which restarts the bus watchdog."""
         self.tick(now)
         self.last_heard = now
         self.perform(address, data, now)
 
     def clear_turns(self) -> bool:
-        """CLEAR: bring the position back into one turn; False when it cannot be done now."""
+        """CLEAR: reduce the position to one turn; return False if that is not possible now."""
         return False
 
     def _error(self, refusal: Refusal | None) -> int:
@@ -143,7 +143,7 @@ class Unit2(Unit):
         self.registers.put("registered", 1)
         return 0
 
-    def _act(self) -> int:
+    def _execute_action(self) -> int:
         if self.pending is None:
             return packet2.ERR_INSTRUCTION
         write, self.pending = self.pending, None
@@ -165,7 +165,7 @@ class Unit2(Unit):
 
 
 def _level_needed(code: int) -> int:
-    """The status return level from which on an instruction is answered."""
+    """Return the lowest status return level at which an instruction is answered."""
     if code == packet2.PING:
         return 0
     return 1 if code == packet2.READ else 2

@@ -1,4 +1,4 @@
-"""How an X-series servo moves: a trajectory the firmware plans, and a motor that follows it.
+"""The motion of an X-series servo: a trajectory planned by the firmware, and a motor that follows it.
 
 Units here: position steps (4096 a turn), seconds, drive as a fraction -1..1 of full voltage, torque as a fraction of
 stall torque. Positive is counter-clockwise. All numbers that are not in the sheet are model choices.
@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from math import sqrt
 
 STEP = 0.002  # seconds of one step of the physics
-TIME_CONSTANT = 0.008  # s until the speed is within 1/e of what it will be
+TIME_CONSTANT = 0.008  # s until the speed is within 1/e of its final value
 FRICTION = 0.01  # of stall torque
 
 
 @dataclass(slots=True)
 class Profile:
-    """Planned motion: where the trajectory is, how fast it goes, and what bounds it (0: no bound)."""
+    """Planned motion: position and velocity of the trajectory, and their bounds (0: no bound)."""
 
     position: float = 0.0
     velocity: float = 0.0
@@ -24,7 +24,7 @@ class Profile:
     acceleration: float = 0.0
 
     def toward(self, goal: float) -> None:
-        """One step toward a position, slowing down in time to stop there."""
+        """Advance one step toward a position, braking in time to stop there."""
         gap = goal - self.position
         if gap == 0.0 and self.velocity == 0.0:
             return
@@ -32,7 +32,7 @@ class Profile:
         if self.max_velocity:
             wanted = min(wanted, self.max_velocity)
         if self.acceleration:
-            # In whole steps one lags half a step behind the ideal braking curve; leave room for it.
+            # Whole steps lag half a step behind the ideal braking curve; this leaves room for it.
             lag = self.acceleration * STEP / 2
             wanted = min(wanted, sqrt(2 * self.acceleration * abs(gap) + lag * lag) - lag)
         self.change(wanted if gap > 0 else -wanted)
@@ -43,7 +43,7 @@ class Profile:
             self.position += travel
 
     def change(self, wanted: float) -> None:
-        """One step toward a velocity, within the acceleration."""
+        """Advance one step toward a velocity, within the acceleration."""
         if self.acceleration:
             most = self.acceleration * STEP
             self.velocity += max(-most, min(most, wanted - self.velocity))
@@ -53,7 +53,7 @@ class Profile:
 
 @dataclass(slots=True)
 class Motor:
-    """The geared motor: drive and external torque in, speed and position out."""
+    """The geared motor: drive and external torque change speed and position."""
 
     full_speed: float
     position: float = 0.0
@@ -62,7 +62,7 @@ class Motor:
     load: float = 0.0
 
     def turn(self, drive: float, full_speed: float) -> None:
-        """One step under `drive`; `full_speed` is the no-load speed at the present voltage."""
+        """Advance one step with `drive`; `full_speed` is the no-load speed at the present voltage."""
         self.drive = drive
         push = drive + self.load
         if abs(push) <= FRICTION:
@@ -75,7 +75,7 @@ class Motor:
         self.position += self.speed * STEP
 
     def hold_velocity(self, velocity: float, limit: float) -> float:
-        """The drive that keeps `velocity` against load and friction, within `limit`."""
+        """Return the drive that keeps `velocity` against load and friction, within `limit`."""
         sign = (velocity > 0) - (velocity < 0)
         needed = velocity / self.full_speed - self.load + sign * FRICTION
         return max(-limit, min(limit, needed))

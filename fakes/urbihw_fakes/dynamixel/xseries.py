@@ -2,14 +2,14 @@
 
 The firmware side is here (registers, limits, alarms), the motion in `xmotion`, the numbers in `xtables`.
 
-Choices where the sheet is silent: turning the torque on, or changing the mode, sets the goals to "stay where you
-are"; the range of Goal Position is +-256 turns in extended position mode, in position mode the limits 48 and 52 count
-(data limit error); a fired bus watchdog stops the servo where it is, with its speed, PWM and current goals at 0, and
-refuses goals until 0 is written, and any other value of register 98; only instructions to this servo keep it quiet,
-those in the list of a sync or bulk instruction among them; an error that the Shutdown mask does not name shows in
-register 70 as well. Not covered: I and D gains and feedforward (the loop has no lasting droop at constant speed, but
-sags under load by its P gain), time-based profiles' exact shape (same duration, trapezoid), drive mode "torque on by
-goal update" beyond turning torque on, startup configuration, backup, protocol type 1, boot time.
+Choices where the sheet is silent: turning the torque on, or changing the mode, sets the goals to the present position;
+the range of Goal Position is +-256 turns in extended position mode, and the limits 48 and 52 in position mode (data
+limit error); a fired bus watchdog stops the servo where it is, with its speed, PWM and current goals at 0, and refuses
+goals until 0 is written, and any other value of register 98; only instructions to this servo restart it, also those in
+the list of a sync or bulk instruction; an error that the Shutdown mask does not name shows in register 70 as well. Not
+covered: I and D gains and feedforward (the loop has no lasting droop at constant speed, but sags under load by its P
+gain), time-based profiles' exact shape (same duration, trapezoid), drive mode "torque on by goal update" beyond turning
+torque on, startup configuration, backup, protocol type 1, boot time.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ GOALS = frozenset({"goal_pwm", "goal_current", "goal_velocity", "goal_position"}
 
 
 class XSeries(Unit2):
-    """One servo of a model named in `MODELS`; `position` is where the horn stands, in steps (2048 is the middle).
+    """One servo of a model named in `MODELS`; `position` is that of the horn, in steps (2048 is the middle).
 
-    Attributes a person or a test may set at any time:
+    Attributes that may be set at any time:
         motor.load: external torque, fraction of stall torque, positive counter-clockwise.
-        motor.position: where the horn stands.
+        motor.position: of the horn.
         volts: supply.
-    Beside them: `heat`, `overload`, and `hold` for any register.
+    In addition: `heat`, `overload`, and `pin_register` for any register.
     """
 
     def __init__(self, model: str = "XL430-W250", unit: int = 1, *, position: float = 2048.0) -> None:
@@ -76,7 +76,7 @@ class XSeries(Unit2):
     # --- power ----------------------------------------------------------------------------------------------------
 
     def boot(self) -> None:
-        """Power-on or REBOOT: RAM to its defaults, errors forgotten, limp, position within one turn."""
+        """Power-on or REBOOT: RAM defaults, no errors, torque off, position within one turn."""
         super().boot()
         self.pending = None
         self._stalled_for = 0.0
@@ -88,17 +88,17 @@ class XSeries(Unit2):
         self._stay()
 
     def heat(self, celsius: float | None) -> None:
-        """Keep the temperature at `celsius`, or with None let the model go on from where it is."""
+        """Fix the temperature at `celsius`; with None the model continues from there."""
         self.held_celsius = celsius
         if celsius is not None:
             self.celsius = celsius
 
     def overload(self) -> None:
-        """As if the load had been too much for too long."""
+        """Simulate an overload."""
         self._raise(HW_OVERLOAD)
 
     def clear_turns(self) -> bool:
-        """CLEAR: only while it stands still."""
+        """CLEAR: only while the servo stands still."""
         if self.motor.speed or self.profile.velocity:
             return False
         self.motor.position %= STEPS
@@ -146,7 +146,7 @@ class XSeries(Unit2):
         if name == "bus_watchdog" and (value < 0 or (value > 0 > get("bus_watchdog"))):
             return Refusal.RANGE
         if name == "torque_enable" and value and get("hardware_error") & get("shutdown"):
-            # Only REBOOT brings the torque back.
+            # Only REBOOT restores the torque.
             return Refusal.ACCESS
         return None
 
@@ -174,7 +174,7 @@ class XSeries(Unit2):
         )
 
     def _target(self, address: int) -> int:
-        """Where a byte really is: indirect data stand for the address in their entry."""
+        """Return the real address of a byte: an indirect data byte stands for the address in its entry."""
         for entries, data, size in self.model.indirect:
             if data <= address < data + size:
                 raw = self.registers.read(entries + 2 * (address - data), 2)
@@ -182,7 +182,7 @@ class XSeries(Unit2):
         return address
 
     def _direct_runs(self, address: int, data: bytes) -> list[tuple[int, bytes]]:
-        """A write taken apart into runs of bytes that lie behind each other after the indirect step."""
+        """Split a write into runs of consecutive real addresses."""
         if not self._touches_indirect(address, len(data)):
             return [(address, data)]
         runs: list[tuple[int, bytes]] = []
@@ -195,7 +195,7 @@ class XSeries(Unit2):
         return runs
 
     def written(self, register: Register, value: int, before: int) -> None:
-        """Torque on and mode changes start from rest; a goal starts its profile; 0 wakes a fired watchdog."""
+        """Torque on and mode changes start from rest; a goal starts its profile; 0 clears a fired watchdog."""
         name = register.name
         starts = name == "torque_enable" and value == 1 != before
         if starts or (name == "operating_mode" and value != before):
@@ -214,7 +214,7 @@ class XSeries(Unit2):
 
     def _offset(self) -> int:
         offset = self.registers.get("homing_offset")
-        # In position mode only a quarter turn counts.
+        # In position mode at most a quarter turn applies.
         return max(-1024, min(1024, offset)) if self.mode == POSITION else offset
 
     def _horn(self) -> float:
@@ -222,7 +222,7 @@ class XSeries(Unit2):
         return self._sign() * self.motor.position + self._offset()
 
     def _stay(self) -> None:
-        """Goals and trajectory to where it stands."""
+        """Set goals and trajectory to the present position."""
         here = self._horn()
         self.profile = Profile(here)
         low, high = self.registers.by_name["goal_position"].bounds
@@ -230,7 +230,7 @@ class XSeries(Unit2):
         self.registers.put("goal_velocity", 0)
 
     def _plan(self, distance: float) -> None:
-        """Bounds of the next move, from the profile registers."""
+        """Set the bounds of the next move from the profile registers."""
         get = self.registers.get
         velocity, acceleration = get("profile_velocity"), get("profile_acceleration")
         profile = self.profile
@@ -245,7 +245,7 @@ class XSeries(Unit2):
             profile.acceleration = acceleration * ACCELERATION_STEP
 
     def advance(self, elapsed: float) -> None:
-        """Go on in equal steps; stop at the moment the bus watchdog fires."""
+        """Advance in equal steps; stop when the bus watchdog fires."""
         until = self.now + elapsed
         watchdog = self.registers.get("bus_watchdog")
         fires = self.last_heard + watchdog * WATCHDOG_STEP
@@ -270,7 +270,7 @@ class XSeries(Unit2):
             steps -= span
             steady = abs(self.motor.speed - speed) < 1e-6 and abs(self.motor.drive - drive) < 1e-9
             if steps > 50 and steady and not self._on_its_way():
-                # Nothing changes any more but angle and heat: one leap instead of many steps.
+                # Only angle and heat change from here on: one step instead of many.
                 leap = steps * STEP
                 self.motor.position += self.motor.speed * leap
                 self.profile.position += self.profile.velocity * leap
@@ -278,7 +278,7 @@ class XSeries(Unit2):
                 steps = 0
 
     def _on_its_way(self) -> bool:
-        """True while a steady state will not last: a goal comes nearer, or a stall turns into an overload."""
+        """Return whether a steady state will change: a goal is approached, or a stall becomes an overload."""
         positions = self.mode in (POSITION, EXTENDED, CURRENT_POSITION)
         goal_ahead = self.torque and positions and (self.motor.speed != 0.0 or self.profile.velocity != 0.0)
         return goal_ahead or 0.0 < self._stalled_for < OVERLOAD_TIME

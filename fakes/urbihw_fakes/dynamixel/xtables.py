@@ -1,4 +1,4 @@
-"""X series: what the models differ in, and the control table made from that.
+"""X series: the differences of the models, and the control table computed from them.
 
 Source: the e-manual pages of XL330-M288, XL430-W250 and XM430-W350; stall currents and no-load speeds behind them are
 model choices. Only rows of the project's sheet are here.
@@ -18,7 +18,7 @@ MAX_TURNS = 256
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """What one model differs in; voltages in 0.1 V, velocity in 0.229 rpm, current in the unit of register 38."""
+    """The data of one model; voltages in 0.1 V, velocity in 0.229 rpm, current in the unit of register 38."""
 
     number: int
     firmware: int
@@ -27,7 +27,7 @@ class Model:
     min_voltage: int
     velocity_limit: int
     current_limit: int | None  # None: no current control, register 126 shows the load in 0.1 % instead
-    stall: int  # what register 126 shows at stall
+    stall: int  # register 126 at stall
     shutdown: int
     velocity_gains: tuple[int, int]  # I, P
     position_gains: tuple[int, int, int]  # D, I, P
@@ -37,7 +37,7 @@ class Model:
 
     @property
     def modes(self) -> frozenset[int]:
-        """Operating modes that it has."""
+        """Its operating modes."""
         modes = frozenset({VELOCITY, POSITION, EXTENDED, PWM})
         return modes if self.current_limit is None else modes | {CURRENT, CURRENT_POSITION}
 
@@ -65,7 +65,7 @@ def _rom(name: str, address: int, size: int, default: int = 0) -> Register:
 
 
 def _kept(name: str, address: int, size: int, default: int, low: int, high: int) -> Register:
-    """A row of the EEPROM; it is signed when its lowest value is."""
+    """Return a row of the EEPROM; it is signed if its lowest value is negative."""
     return Register(name, address, size, default, low, high, eeprom=True, signed=low < 0)
 
 
@@ -78,7 +78,7 @@ def _seen(name: str, address: int, size: int, signed: bool = False) -> Register:
 
 
 def table(model: Model) -> list[Register]:
-    """The control table of a model."""
+    """Return the control table of a model."""
     rows = [*_eeprom(model), *_ram(model), *_present()]
     for area, (entries, data, count) in enumerate(model.indirect):
         for index in range(count):

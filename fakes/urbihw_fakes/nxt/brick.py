@@ -1,4 +1,4 @@
-"""The brick: a telegram in, a telegram or nothing out; its motors turn while time passes.
+"""The brick: it executes telegrams, and its motors turn as time passes.
 
     brick = Brick()
     brick.telegram(bytes.fromhex("000b"), 0.0)       # 02 0b 00 d2 1e: 7890 mV
@@ -15,21 +15,21 @@ from urbihw_fakes.nxt.inputs import InputPort, Plugged
 from urbihw_fakes.nxt.lowspeed import Channel
 from urbihw_fakes.nxt.motor import Motor
 
-STEP = 0.01  # s, the longest step in which motors are moved
+STEP = 0.01  # s, maximum step of the motors' physics
 SHORTEST_TONE = 0.01  # s
 LEAST_HZ, MOST_HZ = 220, 14080
-SLEEP_LIMIT = 600_000  # ms; the menu of the brick says 10 minutes
-LONGEST = 64  # bytes of a telegram
+SLEEP_LIMIT = 600_000  # ms; 10 minutes, a setting of the brick's menu
+LONGEST = 64  # maximum bytes of a telegram
 
 
 @dataclass
 class Sound:
-    """What the speaker does.  The firmware keeps tones within 220..14080 Hz and 10 ms and more.
+    """The speaker.  The firmware limits tones to 220..14080 Hz and at least 10 ms.
 
     Attributes:
         frequency: Hz of the running tone.
         file: the running sound file.
-        played: how many tones there were.
+        played: number of tones so far.
     """
 
     frequency: int = 0
@@ -38,23 +38,23 @@ class Sound:
     _until: float = -1.0
 
     def play_tone(self, frequency: int, milliseconds: int, now: float) -> None:
-        """A tone replaces what was playing; 0 Hz is silence."""
+        """Play a tone, which replaces the present sound; 0 Hz is silence."""
         self.frequency = max(LEAST_HZ, min(MOST_HZ, frequency)) if frequency else 0
         self.file = ""
         self._until = now + max(SHORTEST_TONE, milliseconds / 1000)
         self.played += 1
 
     def play_file(self, name: str, loop: bool, now: float) -> None:
-        """One second, or for ever."""
+        """Play a file: for one second, or endlessly."""
         self.frequency, self.file = 0, name
         self._until = now + (1e9 if loop else 1.0)
 
     def stop(self) -> None:
-        """Silence."""
+        """End the sound."""
         self._until = -1.0
 
     def sounding(self, now: float) -> bool:
-        """Whether there is a tone or a file now."""
+        """Return whether a tone or a file is playing."""
         return now < self._until
 
 
@@ -62,14 +62,14 @@ class Brick:
     """A brick with three motors and four input ports, nothing plugged into the latter.
 
     Attributes:
-        name: what it is called; at most 15 characters.
+        name: at most 15 characters.
         address: its Bluetooth address, 7 bytes in hex, the last of them 0.
         millivolts: of the battery.
         sleep_limit: ms without KEEPALIVE or STARTPROGRAM after which it switches itself off; 0: never.
-        awake: whether it still answers.
-        program: the file that runs; "" for none.
-        now: the time of the telegram that is being answered.
-        around: called with the seconds that pass and the time; moves what is around the brick.
+        awake: it is switched on and answers.
+        program: the running program file; "" for none.
+        now: time of the present telegram.
+        around: called with the elapsed seconds and the time; simulates the surroundings of the brick.
     """
 
     def __init__(self, millivolts: int = 7890) -> None:
@@ -96,7 +96,7 @@ class Brick:
         return self.address[:12].upper()
 
     def plug(self, port: int, thing: Plugged) -> None:
-        """Plug something into input 0..3, which is S1..S4."""
+        """Plug a device into input 0..3, labelled S1..S4."""
         self.inputs[port].plugged = thing
 
     def motor(self, letter: str) -> Motor:
@@ -104,7 +104,7 @@ class Brick:
         return self.motors["ABC".index(letter)]
 
     def advance(self, now: float) -> None:
-        """Let time pass until `now`."""
+        """Advance to `now`."""
         if not self._started:
             self._started, self.now, self._roused_at = True, now, now
         while self.now < now:
@@ -119,7 +119,7 @@ class Brick:
             self.switch_off()
 
     def telegram(self, data: bytes, now: float) -> bytes | None:
-        """Take a telegram; the reply, if one is wanted."""
+        """Execute a telegram; return the reply, if one is requested."""
         self.advance(now)
         if not self.awake or not 2 <= len(data) <= LONGEST:
             return None
@@ -143,7 +143,7 @@ class Brick:
         return b"" if silent and only_gets else command(self, data)
 
     def start_program(self, name: str) -> None:
-        """Start a program, or with "" stop it: motors and sensors are as after power-on."""
+        """Start a program, or stop it with ""; resets motors and sensors as after power-on."""
         self.program = name
         self.mailboxes.clear()
         for motor in self.motors:
@@ -155,17 +155,17 @@ class Brick:
             self.stay_awake()
 
     def stay_awake(self) -> None:
-        """The sleep timer starts anew."""
+        """Restart the sleep timer."""
         self._roused_at = self.now
 
     def switch_off(self) -> None:
-        """As when the sleep timer has run out, or the batteries fall out."""
+        """Switch off, as by the sleep timer or when the batteries are removed."""
         self.awake = False
         self.start_program("")
         self.sound.stop()
 
     def switch_on(self, now: float) -> None:
-        """Somebody presses the orange button."""
+        """Switch on by the orange button."""
         self.advance(now)
         self.awake = True
         self.start_program("")

@@ -8,7 +8,7 @@ from typing import Final
 DIRECT: Final = 0x00
 SYSTEM: Final = 0x01
 REPLY: Final = 0x02
-SILENT: Final = 0x80  # added to the first two: no reply wanted
+SILENT: Final = 0x80  # added to the first two: no reply requested
 
 # Status bytes of replies.
 OK: Final = 0x00

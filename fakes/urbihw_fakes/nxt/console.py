@@ -1,4 +1,4 @@
-"""The words for a TriBot at the console of `python -m urbihw_fakes nxt`."""
+"""The commands of a TriBot at the console of `python -m urbihw_fakes nxt`."""
 
 from __future__ import annotations
 
@@ -12,66 +12,79 @@ from urbihw_fakes.nxt.stream import NxtDevice
 
 
 def commands(device: NxtDevice, clock: Callable[[], float]) -> dict[str, Command]:
-    """The table for one robot; `clock` gives the time that it lives in."""
-    robot, brick = device.robot, device.brick
+    """Return the commands of one robot; `clock` gives its simulated time in seconds."""
+    actions = _Actions(device, clock)
+    return {
+        "bump": Command("on|off", "press or release the bumper", actions.bump),
+        "obstacle": Command("CM|none", "hold something before the ultrasonic sensor", actions.obstacle),
+        "put": Command("CM [DEGREES]", "place the robot at a distance from the wall, turned left", actions.put),
+        "sound": Command("LOUDNESS [AUDIBLE]", "loudness 0..1, of the whole band and audible", actions.noise),
+        "light": Command("REFLECTED [AMBIENT]", "brightness 0..1 with the LED, and without", actions.light),
+        "battery": Command("VOLTS", "set the voltage of the battery", actions.battery),
+        "jam": Command("A|B|C [on|off]", "block or release a motor", actions.jam),
+        "slip": Command("SHARE", "set the share 0..1 of the wheels' rotation that is lost to slip", actions.slip),
+        "state": Command("", "show motors, position and sound", actions.state),
+    }
 
-    def now() -> None:
-        brick.advance(clock())
 
-    def bump(words: list[str]) -> str:
-        now()
-        robot.pushed = _switch(words[0])
-        robot.touch.pressed = robot.pushed
+class _Actions:
+    """The actions of the commands: each gets the words behind the command and returns the answer."""
+
+    def __init__(self, device: NxtDevice, clock: Callable[[], float]) -> None:
+        self._robot = device.robot
+        self._brick = device.brick
+        self._clock = clock
+
+    def _advance(self) -> None:
+        self._brick.advance(self._clock())
+
+    def bump(self, words: list[str]) -> str:
+        self._advance()
+        self._robot.pushed = _switch(words[0])
+        self._robot.touch.pressed = self._robot.pushed
         return "ok"
 
-    def obstacle(words: list[str]) -> str:
-        now()
-        robot.obstacle = None if words[0] == "none" else _share(words[0], 1000) / 100
+    def obstacle(self, words: list[str]) -> str:
+        self._advance()
+        self._robot.obstacle = None if words[0] == "none" else _share(words[0], 1000) / 100
         return "ok"
 
-    def put(words: list[str]) -> str:
-        now()
+    def put(self, words: list[str]) -> str:
+        self._advance()
+        robot = self._robot
         robot.x, robot.y, robot.heading = -abs(float(words[0])) / 100, 0.0, math.radians(float((words + ["0"])[1]))
         return "ok"
 
-    def noise(words: list[str]) -> str:
-        robot.sound.loudness = _share(words[0], 1)
-        robot.sound.audible = _share((words + [words[0]])[1], 1)
+    def noise(self, words: list[str]) -> str:
+        self._robot.sound.loudness = _share(words[0], 1)
+        self._robot.sound.audible = _share((words + [words[0]])[1], 1)
         return "ok"
 
-    def light(words: list[str]) -> str:
-        robot.light.reflected = raw_of(LIGHT_ACTIVE, _share(words[0], 1))
-        robot.light.ambient = raw_of(LIGHT_INACTIVE, _share((words + [words[0]])[1], 1))
+    def light(self, words: list[str]) -> str:
+        self._robot.light.reflected = raw_of(LIGHT_ACTIVE, _share(words[0], 1))
+        self._robot.light.ambient = raw_of(LIGHT_INACTIVE, _share((words + [words[0]])[1], 1))
         return "ok"
 
-    def battery(words: list[str]) -> str:
-        brick.millivolts = round(_share(words[0], 12) * 1000)
+    def battery(self, words: list[str]) -> str:
+        self._brick.millivolts = round(_share(words[0], 12) * 1000)
         return "ok"
 
-    def jam(words: list[str]) -> str:
-        now()
-        brick.motor(words[0]).jammed = _switch((words + ["on"])[1])
+    def jam(self, words: list[str]) -> str:
+        self._advance()
+        self._brick.motor(words[0]).jammed = _switch((words + ["on"])[1])
         return "ok"
 
-    def state(words: list[str]) -> str:
-        now()
-        motors = ", ".join(
-            f"{port} power {brick.motor(port).power} at {brick.motor(port).rotation}" for port in "ABC"
-        )
+    def slip(self, words: list[str]) -> str:
+        self._robot.slip = _share(words[0], 1)
+        return "ok"
+
+    def state(self, words: list[str]) -> str:
+        self._advance()
+        robot, brick = self._robot, self._brick
+        motors = ", ".join(f"{port} power {brick.motor(port).power} at {brick.motor(port).rotation}" for port in "ABC")
         sounding = f"{brick.sound.frequency} Hz" if brick.sound.sounding(brick.now) else "silent"
         place = f"{-robot.x * 100:.0f} cm before the wall, heading {math.degrees(robot.heading):.0f}"
         return f"{'on' if brick.awake else 'off'}; {motors}; {place}; {sounding}"
-
-    return {
-        "bump": Command("on|off", "press the bumper, or let it go", bump),
-        "obstacle": Command("CM|none", "hold something before the ultrasonic sensor", obstacle),
-        "put": Command("CM [DEGREES]", "carry the robot to that distance from the wall, turned left", put),
-        "sound": Command("LOUDNESS [AUDIBLE]", "0..1, of all the band and of what an ear hears", noise),
-        "light": Command("REFLECTED [AMBIENT]", "0..1", light),
-        "battery": Command("VOLTS", "of the battery", battery),
-        "jam": Command("A|B|C [on|off]", "hold a motor fast, or let it go", jam),
-        "state": Command("", "motors, place and sound", state),
-    }
 
 
 def _switch(text: str) -> bool:

@@ -1,6 +1,6 @@
-"""The direct commands, one function each: the telegram in, status and data out (firmware: c_cmd.c).
+"""The direct commands, one function each (firmware: c_cmd.c).
 
-A function returns what follows the opcode in the reply.  Offsets in telegrams count from the type byte.
+A function gets the telegram and returns the reply from its status on.  Offsets in telegrams count from the type byte.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def name_at(telegram: bytes, offset: int) -> str:
 
 
 def name_bytes(name: str, size: int = 20) -> bytes:
-    """The same, packed."""
+    """Return a file name, zero padded to `size` bytes."""
     return name.encode("latin-1", "replace")[: size - 1].ljust(size, b"\0")
 
 
@@ -37,7 +37,7 @@ def _status(code: int) -> bytes:
 
 
 def start_program(brick: Brick, telegram: bytes) -> bytes:
-    """00: run a file; c0 when there is none."""
+    """00: run a file; status c0 if there is none."""
     known = brick.files.find(name_at(telegram, 2))
     if known is None or not known.lower().endswith(".rxe"):
         return _status(codes.OUT_OF_RANGE)
@@ -54,7 +54,7 @@ def stop_program(brick: Brick, telegram: bytes) -> bytes:
 
 
 def play_sound_file(brick: Brick, telegram: bytes) -> bytes:
-    """02: once, or for ever."""
+    """02: once, or endlessly."""
     if brick.files.find(name_at(telegram, 3)) is None:
         return _status(codes.OUT_OF_RANGE)
     brick.sound.play_file(name_at(telegram, 3), bool(telegram[2]), brick.now)
@@ -73,7 +73,7 @@ def set_output_state(brick: Brick, telegram: bytes) -> bytes:
     port, power, mode, regulation, ratio, state, limit = struct.unpack_from("<BbBBbBI", telegram, 2)
     motors = brick.motors if port == ALL_MOTORS else brick.motors[port : port + 1]
     for motor in motors:
-        motor.set(power, mode, regulation, ratio, state, limit)
+        motor.set_output(power, mode, regulation, ratio, state, limit)
     return _status(codes.OK if motors else codes.OUT_OF_RANGE)
 
 
@@ -82,13 +82,13 @@ def set_input_mode(brick: Brick, telegram: bytes) -> bytes:
     port, kind, mode = telegram[2:5]
     if port >= len(brick.inputs):
         return _status(codes.OUT_OF_RANGE)
-    brick.inputs[port].set(kind, mode, brick.now)
+    brick.inputs[port].set_type(kind, mode, brick.now)
     brick.channels[port].configure(kind, brick.now)
     return _status(codes.OK)
 
 
 def get_output_state(brick: Brick, telegram: bytes) -> bytes:
-    """06: what a motor was told, and its counters; full length also for a bad port."""
+    """06: the command of a motor, and its counters; full length also for a bad port."""
     port = telegram[2]
     if port >= len(brick.motors):
         return _status(codes.OUT_OF_RANGE).ljust(23, b"\0")
@@ -110,7 +110,7 @@ def get_input_values(brick: Brick, telegram: bytes) -> bytes:
 
 
 def reset_scaled(brick: Brick, telegram: bytes) -> bytes:
-    """08: counting modes start anew."""
+    """08: restart the counting modes."""
     if telegram[2] >= len(brick.inputs):
         return _status(codes.OUT_OF_RANGE)
     brick.inputs[telegram[2]].reset_scaled()
@@ -134,7 +134,7 @@ def message_write(brick: Brick, telegram: bytes) -> bytes:
 
 
 def message_read(brick: Brick, telegram: bytes) -> bytes:
-    """13: take or look at the oldest text."""
+    """13: remove or read the oldest text."""
     remote, local, remove = telegram[2:5]
     queue = brick.mailboxes.get(remote, [])
     text, status = b"", codes.OK
@@ -170,7 +170,7 @@ def stop_sound(brick: Brick, telegram: bytes) -> bytes:
 
 
 def keep_alive(brick: Brick, telegram: bytes) -> bytes:
-    """0d: the sleep timer starts anew; its limit in ms."""
+    """0d: restart the sleep timer; returns its limit in ms."""
     brick.stay_awake()
     return struct.pack("<BI", codes.OK, brick.sleep_limit)
 
@@ -195,7 +195,7 @@ def ls_write(brick: Brick, telegram: bytes) -> bytes:
 
 
 def ls_read(brick: Brick, telegram: bytes) -> bytes:
-    """10: what came, 16 bytes."""
+    """10: the received bytes, padded to 16."""
     port = telegram[2]
     if port >= len(brick.channels):
         return _status(codes.OUT_OF_RANGE)
@@ -208,7 +208,7 @@ def get_program_name(brick: Brick, telegram: bytes) -> bytes:
     return _status(codes.OK if brick.program else codes.NO_PROGRAM) + name_bytes(brick.program)
 
 
-# opcode -> (function, least length of the telegram, does it only get something)
+# opcode -> (function, minimum length of the telegram, whether it only reads)
 COMMANDS: Final[dict[int, tuple[Command, int, bool]]] = {
     0x00: (start_program, 22, False),
     0x01: (stop_program, 2, False),

@@ -1,7 +1,7 @@
-"""The analog side of the four input ports, and what can be plugged into them (firmware: c_input.c).
+"""The analog side of the four input ports, and the sensors for them (firmware: c_input.c).
 
-A plugged thing gives a 10-bit raw value that depends on the type the port is set to; the port turns it into the
-normalised and the scaled value.
+A sensor has a 10-bit raw value that depends on the type of the port; the port computes the normalised and the scaled
+value.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from urbihw_fakes.nxt import codes
 
 FULL = 1023
-PRESSED_AT = 460  # raw, 45 %: at or below is true
-RELEASED_AT = 562  # raw, 55 %: at or above is false
+PRESSED_AT = 460  # raw, 45 %: true at or below
+RELEASED_AT = 562  # raw, 55 %: false at or above
 PASS = 0.001  # s, of the firmware's main loop
 
 # type -> (offset, divisor) of `1023 - min(1023, max(0, raw - offset) * 100 / divisor)`
@@ -27,7 +27,7 @@ _COLOURS = range(codes.COLOUR_FULL, codes.COLOUR_NONE + 1)
 
 
 def normalise(kind: int, raw: int) -> int:
-    """0..1023, brighter or louder is larger; other types as they are."""
+    """Return 0..1023, larger if brighter or louder; other types unchanged."""
     if kind not in _SCALES:
         return raw
     offset, divisor = _SCALES[kind]
@@ -35,16 +35,16 @@ def normalise(kind: int, raw: int) -> int:
 
 
 def raw_of(kind: int, share: float) -> int:
-    """The raw value that becomes `share` (0..1) of the full normalised one."""
+    """Return the raw value whose normalised value is `share` (0..1) of the full scale."""
     offset, divisor = _SCALES[kind]
     return round(offset + (1 - share) * FULL * divisor / 100)
 
 
 class Plugged:
-    """Nothing: an open input."""
+    """Base of what can be plugged in; by itself an open input."""
 
     def raw(self, kind: int) -> int:
-        """The 10-bit value when the port is set to this type."""
+        """Return the 10-bit value for this type of the port."""
         return FULL
 
 
@@ -55,7 +55,7 @@ class Touch(Plugged):
     pressed: bool = False
 
     def raw(self, kind: int) -> int:
-        """See `Plugged`."""
+        """Return the value of a closed contact while pressed, else that of an open input."""
         return 183 if self.pressed else FULL
 
 
@@ -67,19 +67,19 @@ class Light(Plugged):
     ambient: int = raw_of(codes.LIGHT_INACTIVE, 0.3)
 
     def raw(self, kind: int) -> int:
-        """See `Plugged`."""
+        """Return the reflected light when the LED is on, else the ambient light."""
         return self.reflected if kind == codes.LIGHT_ACTIVE else self.ambient
 
 
 @dataclass
 class Sound(Plugged):
-    """A sound sensor: loudness 0..1 of the whole band, and the part of it that an ear hears."""
+    """A sound sensor: loudness 0..1 of the whole band, and of its audible part."""
 
     loudness: float = 0.1
     audible: float = 0.08
 
     def raw(self, kind: int) -> int:
-        """See `Plugged`."""
+        """Return the audible part in mode DBA, else the loudness of the whole band."""
         return raw_of(codes.SOUND_DB, self.audible if kind == codes.SOUND_DBA else self.loudness)
 
 
@@ -91,7 +91,7 @@ class Colour(Plugged):
     brightness: int = 500
 
     def raw(self, kind: int) -> int:
-        """See `Plugged`."""
+        """Return the brightness for the colour types, else an open input."""
         return self.brightness if kind in _COLOURS else FULL
 
 
@@ -103,14 +103,14 @@ class InputPort:
         self.reset(0.0)
 
     def reset(self, now: float) -> None:
-        """What a program that starts or stops does."""
+        """Reset as at the start or end of a program."""
         self.kind, self.mode = codes.NO_SENSOR, codes.RAW
         self._valid_at = now
         self._state = False
         self._edges = 0
 
-    def set(self, kind: int, mode: int, now: float) -> None:
-        """SETINPUTMODE; values count again after some passes of the main loop."""
+    def set_type(self, kind: int, mode: int, now: float) -> None:
+        """SETINPUTMODE; values are valid again after some passes of the main loop."""
         if kind != self.kind:
             passes = 300 if kind in (codes.SOUND_DB, codes.SOUND_DBA) else 400 if kind in _COLOURS else 20
             self._valid_at = now + passes * PASS
@@ -120,11 +120,11 @@ class InputPort:
         self._edges = 0
 
     def reset_scaled(self) -> None:
-        """RESETINPUTSCALEDVALUE: the counts start anew."""
+        """RESETINPUTSCALEDVALUE: restart the counts."""
         self._edges = 0
 
     def advance(self) -> None:
-        """Look once, for the modes that count."""
+        """Sample the input once, for the counting modes."""
         raw = self.plugged.raw(self.kind)
         state = raw <= PRESSED_AT or (self._state and raw < RELEASED_AT)
         if state != self._state:
@@ -132,7 +132,7 @@ class InputPort:
             self._edges += 1
 
     def values(self, now: float) -> tuple[bool, int, int, int]:
-        """Valid, raw, normalised, scaled."""
+        """Return valid, raw, normalised, scaled."""
         self.advance()
         raw = self.plugged.raw(self.kind)
         normalised = normalise(self.kind, raw)

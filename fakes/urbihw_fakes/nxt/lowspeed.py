@@ -1,7 +1,7 @@
-"""The I2C side of the input ports, and what can be plugged into it (firmware: c_lowspeed.c).
+"""The I2C side of the input ports, and the devices for it (firmware: c_lowspeed.c).
 
-Bus of 9600 bit/s, 16 bytes each way.  What was read stays in a ring until LSREAD takes it, so that a host that does not
-clear it gets old bytes with the next answer, as from the brick.
+Bus of 9600 bit/s, 16 bytes each way.  Received bytes stay in a ring buffer until LSREAD, as in the brick: a host that
+does not clear it gets old bytes with the next answer.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from urbihw_fakes.nxt.inputs import Plugged
 
 RING = 16
 BIT = 1 / 9600  # s
-BITS_PER_BYTE = 9  # eight and the acknowledge
-OVERHEAD = 0.002  # s, of the firmware around a transfer
-WARM_UP = 0.1  # s from the setting of the type to the first transfer
+BITS_PER_BYTE = 9  # bits per byte, with the acknowledge bit
+OVERHEAD = 0.002  # s, overhead of the firmware per transfer
+WARM_UP = 0.1  # s from SETINPUTMODE to the first transfer
 NO_ECHO = 255
 
 
 class I2cDevice(Plugged):
-    """Something with registers: a write sets the register pointer and then registers, a read goes on from it."""
+    """A device with registers: a write sets the register pointer and then registers, a read continues from it."""
 
     def __init__(self, address: int = 0x02, registers: bytes = b"") -> None:
         self.address = address
@@ -29,27 +29,27 @@ class I2cDevice(Plugged):
         self.pointer = 0
 
     def write(self, data: bytes) -> None:
-        """What followed the address."""
+        """Process the bytes after the address."""
         if data:
             self.pointer = data[0]
             for offset, byte in enumerate(data[1:]):
                 self.store(self.pointer + offset & 0xFF, byte)
 
     def read(self, count: int) -> bytes:
-        """The registers from the pointer on."""
+        """Return registers, beginning at the pointer."""
         return bytes(self.fetch(self.pointer + offset & 0xFF) for offset in range(count))
 
     def store(self, register: int, value: int) -> None:
-        """Write a register; override where that does something."""
+        """Write a register; override it if the write has an effect."""
         self.registers[register] = value
 
     def fetch(self, register: int) -> int:
-        """Read a register; override where it is made when asked for."""
+        """Read a register; override it if the value is computed."""
         return self.registers[register]
 
 
 class Ultrasonic(I2cDevice):
-    """The ultrasonic sensor.  `distance()` gives what is before it, in cm; 255 is no echo.
+    """The ultrasonic sensor.  `distance()` returns the distance of the object in front, in cm; 255 without an echo.
 
     LEGO, NXT Hardware Developer Kit, appendix 7: texts at 00, 08, 10 and 14 (each is read as a whole, so that the text
     at 10 does not run into the registers 11 to 13), command at 41, measurements from 42 on.
@@ -70,12 +70,12 @@ class Ultrasonic(I2cDevice):
         self._measured = bytes([NO_ECHO] * 8)
 
     def read(self, count: int) -> bytes:
-        """See `I2cDevice`."""
+        """Return a text register as a whole, other registers byte by byte."""
         text = self.TEXTS.get(self.pointer)
         return super().read(count) if text is None else text.ljust(count, b"\0")[:count]
 
     def store(self, register: int, value: int) -> None:
-        """See `I2cDevice`; a command takes effect."""
+        """Write a register; a write of the command register takes effect at once."""
         super().store(register, value)
         if register != self.COMMAND:
             return
@@ -86,7 +86,7 @@ class Ultrasonic(I2cDevice):
             self.registers[register] = self.CONTINUOUS
 
     def fetch(self, register: int) -> int:
-        """See `I2cDevice`; measurements are made when asked for, in continuous mode."""
+        """Return a register; in continuous mode, a read of the first distance measures."""
         if self.FIRST <= register < self.FIRST + 8:
             if register == self.FIRST and self.registers[self.COMMAND] == self.CONTINUOUS:
                 return self._now()
@@ -102,8 +102,8 @@ class Channel:
     """The bus of one port.
 
     Attributes:
-        failed: nobody acknowledged the last transfer.
-        busy_until: when the transfer under way is over.
+        failed: the last transfer had no acknowledgement.
+        busy_until: end of the present transfer.
     """
 
     configured_at: float | None = None
@@ -113,14 +113,14 @@ class Channel:
     _ring: bytearray = field(default_factory=bytearray)
 
     def configure(self, kind: int, now: float) -> None:
-        """The port was set to this type."""
+        """Set the type of the port."""
         if kind not in (codes.LOWSPEED, codes.LOWSPEED_9V):
             self.configured_at = None
         elif self.configured_at is None:
             self.configured_at = now
 
     def write(self, plugged: Plugged, data: bytes, count: int, now: float) -> int:
-        """LSWRITE: begin a transfer; the status."""
+        """LSWRITE: begin a transfer; return the status."""
         if self.configured_at is None or now - self.configured_at < WARM_UP or now < self.busy_until:
             return codes.BUSY
         if not 0 < len(data) <= RING or count > RING:
@@ -136,7 +136,7 @@ class Channel:
         return codes.OK
 
     def status(self, now: float) -> tuple[int, int]:
-        """LSGETSTATUS: the status, and how many bytes are ready."""
+        """LSGETSTATUS: return the status, and the number of bytes that are ready."""
         if self.configured_at is None:
             return codes.BUSY, 0
         if now < self.busy_until:
@@ -145,7 +145,7 @@ class Channel:
         return (codes.BUS_ERROR, 0) if self.failed else (codes.OK, len(self._ring))
 
     def read(self, now: float) -> tuple[int, bytes]:
-        """LSREAD: the status and the bytes that were ready."""
+        """LSREAD: return the status and the bytes that are ready."""
         status, _ = self.status(now)
         if status != codes.OK:
             return status, b""

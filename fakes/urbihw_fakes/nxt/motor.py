@@ -1,6 +1,6 @@
 """One output port and the motor on it.
 
-Speeds settle with a time constant; a regulated motor reaches `FULL_SPEED` at power 100 whatever the battery, another
+Speeds settle with a time constant; a regulated motor reaches `FULL_SPEED` at power 100 at any battery voltage, another
 one a share of it.  The figures are those of a bare NXT motor: 170 rpm at 9 V without load (philohome.com, "NXT motor
 internals"), rounded down for a motor in a model.
 """
@@ -22,10 +22,10 @@ class Motor:
     """A motor; positions in degrees.
 
     Attributes:
-        power, mode, regulation, turn_ratio, run_state, limit: as last set by SETOUTPUTSTATE, or by what became of it.
-        position: of the axle, since the power came on.
+        power, mode, regulation, turn_ratio, run_state, limit: as set by SETOUTPUTSTATE, and changed by its execution.
+        position: of the axle, since power-on.
         speed: degrees per second.
-        jammed: somebody holds it.
+        jammed: the axle is blocked by hand.
     """
 
     def __init__(self) -> None:
@@ -35,13 +35,13 @@ class Motor:
         self.reset()
 
     def reset(self) -> None:
-        """What a program that starts or stops does: power off, all counters 0."""
+        """Reset as at the start or end of a program: power off, all counters 0."""
         self.power = self.mode = self.regulation = self.turn_ratio = self.limit = 0
         self.run_state = codes.IDLE
         self._tacho_from = self._block_from = self._rotation_from = self._began_at = self.position
         self._ramp = 1.0
 
-    def set(self, power: int, mode: int, regulation: int, turn_ratio: int, run_state: int, limit: int) -> None:
+    def set_output(self, power: int, mode: int, regulation: int, turn_ratio: int, run_state: int, limit: int) -> None:
         """SETOUTPUTSTATE: without the on bit the firmware forgets power and regulation."""
         if not mode & codes.MOTOR_ON:
             power = regulation = 0
@@ -53,7 +53,7 @@ class Motor:
             self._tacho_from = self.position
 
     def count(self, tacho: int, block: int, rotation: int) -> None:
-        """Let the three counters show these values, as after some turning."""
+        """Set the three counters, as after a rotation."""
         self._tacho_from = self.position - tacho
         self._block_from = self.position - block
         self._rotation_from = self.position - rotation
@@ -81,7 +81,7 @@ class Motor:
         return math.floor(self.position - self._rotation_from + 0.5)
 
     def advance(self, seconds: float, volts: float) -> None:
-        """Let time pass."""
+        """Advance by a number of seconds."""
         wanted, settling = self._drive(seconds, volts)
         share = 1 - math.exp(-seconds / settling)
         if self.jammed:
@@ -89,13 +89,13 @@ class Motor:
             return
         before = self.speed
         self.speed += (wanted - before) * share
-        # The integral of the exponential, so that a coarse step goes as far as many fine ones.
+        # The integral of the exponential, so that one coarse step equals many fine ones.
         self.position += wanted * seconds + (before - wanted) * settling * share
         if self.limit and abs(self.position - self._began_at) >= self.limit:
             self._arrive()
 
     def _drive(self, seconds: float, volts: float) -> tuple[float, float]:
-        """The speed it tends to, and how fast."""
+        """Advance the speed towards its final value."""
         if not self.mode & codes.MOTOR_ON or self.run_state == codes.IDLE:
             return 0.0, SETTLING if self.mode & codes.BRAKE else COASTING
         ramps = {codes.RAMP_UP: seconds / RAMP, codes.RAMP_DOWN: -seconds / RAMP}
@@ -106,7 +106,7 @@ class Motor:
         return wanted, SETTLING if holds else COASTING
 
     def _arrive(self) -> None:
-        """The limit is reached: the motor goes idle, and stands at once if it brakes."""
+        """Handle the tacho limit: the motor becomes idle, and stops at once if it brakes."""
         if self.mode & codes.BRAKE:
             self.position = self._began_at + math.copysign(self.limit, self.position - self._began_at)
             self.speed = 0.0

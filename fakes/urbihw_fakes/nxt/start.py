@@ -1,4 +1,4 @@
-"""How `python -m urbihw_fakes nxt` is started; see `urbihw_fakes.__main__`."""
+"""The arguments of `python -m urbihw_fakes nxt`; see `urbihw_fakes.__main__`."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ HELP = "LEGO NXT: a TriBot before a wall"
 
 
 def options(parser: argparse.ArgumentParser) -> None:
-    """Its options."""
+    """Add the arguments."""
     where = parser.add_mutually_exclusive_group(required=True)
-    where.add_argument("--usb", nargs="?", const="", metavar="FOLDER", help="on a USB bus in software, kept in FOLDER")
+    where.add_argument("--usb", nargs="?", const="", metavar="FOLDER", help="on a simulated USB bus, kept in FOLDER")
     where.add_argument("--pty", nargs="?", const="", metavar="PATH", help="Bluetooth: a pseudo terminal at PATH")
     where.add_argument("--tcp", type=int, metavar="PORT", help="Bluetooth: a TCP port of this machine; 0: a free one")
     parser.add_argument("--instant", action="store_true", help="answer at once, not a telegram each ms: for benches")
@@ -27,7 +27,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def start(options: argparse.Namespace) -> tuple[Endpoint, Mapping[str, Command]]:
-    """The robot on its transport, and its words for the console."""
+    """Return the robot on its transport, and its console commands."""
     device = NxtDevice(TriBot(options.distance), pass_time=0.0 if options.instant else PASS)
     endpoint = _endpoint(options, device)
     return endpoint, commands(device, endpoint.clock)

@@ -1,8 +1,8 @@
-"""A brick as a device of this package: telegrams with their length in front, as Bluetooth carries them.
+"""A brick as a `Device`: telegrams with their length in front, as over Bluetooth.
 
     len_lo len_hi telegram                 the length does not count its own two bytes
 
-USB has no such prefix; `usb_endpoint` takes it off and puts it on, so that log and faults are the same for both.
+USB has no such prefix; `usb_endpoint` converts, so that log and faults are the same for both.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ from urbihw_fakes.nxt.brick import LONGEST
 from urbihw_fakes.nxt.tribot import TriBot
 
 HEAD = 2
-PASS = 0.001  # s, of the firmware's main loop: a telegram is read and answered once in each
-UNIT = 0  # the only unit there is, for faults
+PASS = 0.001  # s, one pass of the firmware's main loop, which answers one telegram
+UNIT = 0  # the only unit, for faults
 
 
 def framed(telegram: bytes) -> bytes:
-    """A telegram with its length in front."""
+    """Return a telegram with its length in front."""
     return len(telegram).to_bytes(HEAD, "little") + telegram
 
 
 class NxtDevice(Device):
-    """A TriBot whose brick is spoken to in frames.  A frame too long to be one throws away what has come.
+    """A TriBot with a framed stream.  A frame with an impossible length drops all received bytes.
 
-    `pass_time` is how long a pass of the main loop takes, in seconds; 0 answers at once, for benches of the host.
+    `pass_time` is the duration of a pass of the main loop in seconds; 0 answers at once, for benchmarks of the host.
     """
 
     def __init__(self, robot: TriBot | None = None, *, pass_time: float = PASS) -> None:
@@ -35,7 +35,7 @@ class NxtDevice(Device):
         self._buffer = b""
 
     def receive(self, data: bytes, now: float) -> list[Answer]:
-        """See `Device`."""
+        """Cut the bytes into telegrams and return the framed replies."""
         self._buffer += data
         answers: list[Answer] = []
         while len(self._buffer) >= HEAD:
@@ -57,20 +57,20 @@ class NxtDevice(Device):
         return (now // self._pass_time + 1) * self._pass_time if self._pass_time else now
 
     def tick(self, now: float) -> list[Answer]:
-        """Let time pass; the brick never speaks unasked."""
+        """Advance to `now`; the brick sends no unsolicited data."""
         self.brick.advance(now)
         return []
 
     def hang_up(self) -> None:
-        """The cable was pulled: half a frame is forgotten, open files are closed."""
+        """The cable was unplugged: an incomplete frame is dropped, open files are closed."""
         self._buffer = b""
         self.brick.files.close_all()
 
     def power_off(self, now: float, who: int | None = None) -> None:
-        """See `Device`."""
+        """Switch the brick off."""
         self.brick.advance(now)
         self.brick.switch_off()
 
     def power_on(self, now: float, who: int | None = None) -> None:
-        """See `Device`."""
+        """Switch the brick on: it boots."""
         self.brick.switch_on(now)

@@ -1,6 +1,6 @@
 """The system commands, one function each, as in `direct` (firmware: c_comm.c, cCommInterprete).
 
-The maps of the firmware's modules are not modelled: a search for modules finds none.  BOOT is dropped without a word.
+The maps of the firmware's modules are not modelled: a search for modules finds none.  BOOT gets no answer.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ def open_append(brick: Brick, telegram: bytes) -> bytes:
 
 
 def read(brick: Brick, telegram: bytes) -> bytes:
-    """82: exactly as many bytes as asked for."""
+    """82: exactly the requested number of bytes."""
     number, count = struct.unpack_from("<BH", telegram, 2)
     status, data = brick.files.read(number, min(count, LONGEST_READ))
     return struct.pack("<BBH", status, number, len(data)) + data
 
 
 def write(brick: Brick, telegram: bytes) -> bytes:
-    """83: how many were written."""
+    """83: the number of bytes written."""
     status, written = brick.files.write(telegram[2], telegram[3:])
     return struct.pack("<BBH", status, telegram[2], written)
 
@@ -120,7 +120,7 @@ def delete_user_flash(brick: Brick, telegram: bytes) -> bytes:
 
 
 def poll_length(brick: Brick, telegram: bytes) -> bytes:
-    """a1: nothing waits."""
+    """a1: no data is available."""
     return bytes([codes.OK, telegram[2], 0])
 
 
@@ -135,7 +135,7 @@ def bluetooth_factory_reset(brick: Brick, telegram: bytes) -> bytes:
     return bytes([codes.OK])
 
 
-# opcode -> (function, least length of the telegram, does it only get something)
+# opcode -> (function, minimum length of the telegram, whether it only reads)
 COMMANDS: Final[dict[int, tuple[Command, int, bool]]] = {
     0x80: (open_read, 22, True),
     0x81: (open_write, 26, True),

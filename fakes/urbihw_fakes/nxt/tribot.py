@@ -1,12 +1,12 @@
-"""A TriBot on a floor, before a wall: what LEGO's first building instructions make of the brick.
+"""A TriBot in front of a wall: the robot of LEGO's first building instructions.
 
     robot = TriBot()                      # 1.5 m before the wall
     robot.brick.telegram(...)             # drive
-    robot.distance()                      # what the ultrasonic sensor would see, in metres
+    robot.distance()                      # the distance for the ultrasonic sensor, in metres
 
 Wheels on C (left) and A (right), claw on B; sound sensor on S1, ultrasonic on S2, light on S3, touch sensor on S4.  The
-wall is the line x = 0 in front of it; the robot stands at x = -1.5, heading for it.  At the wall the bumper is pressed
-and the robot stays while its wheels slip.
+wall is the line x = 0; the robot starts at x = -1.5 and faces it.  At the wall the bumper is pressed, and the robot
+stands while its wheels slip.
 """
 
 from __future__ import annotations
@@ -17,24 +17,26 @@ from urbihw_fakes.nxt.brick import Brick
 from urbihw_fakes.nxt.inputs import Light, Sound, Touch
 from urbihw_fakes.nxt.lowspeed import NO_ECHO, Ultrasonic
 
-WHEEL_RADIUS = 0.028  # m, the tyre of 56 mm in the kit
+WHEEL_RADIUS = 0.028  # m, radius of the 56 mm tyre in the kit
 TRACK = 0.112  # m between the wheels
 START = 1.5  # m from the wall
 BUMPER = 0.01  # m from the wall at which the bumper is pressed
 
 
 class TriBot:
-    """The brick and where it is.
+    """A brick with wheels, and its pose.
 
     Attributes:
         x, y: of the ultrasonic sensor, which is in front, in m; `heading` in rad, 0 towards the wall.
-        obstacle: metres to something held before the sensor; None for nothing but the wall.
-        pushed: somebody presses the bumper.
+        slip: share of the wheels' rotation that is lost; the encoders do not show it.
+        obstacle: metres to an object in front of the sensor; None for the wall only.
+        pushed: the bumper is pressed by hand.
     """
 
     def __init__(self, distance: float = START) -> None:
         self.brick = Brick()
         self.x, self.y, self.heading = -distance, 0.0, 0.0
+        self.slip = 0.0
         self.obstacle: float | None = None
         self.pushed = False
         self.sound, self.light, self.touch = Sound(), Light(), Touch()
@@ -43,7 +45,7 @@ class TriBot:
         self.brick.around = self._move
 
     def distance(self) -> float:
-        """Metres to what is ahead; infinite if nothing is."""
+        """Return the distance ahead in m; inf for nothing."""
         ahead = math.cos(self.heading)
         wall = -self.x / ahead if ahead > 0.1 else math.inf
         return wall if self.obstacle is None else min(wall, self.obstacle)
@@ -53,7 +55,8 @@ class TriBot:
         return NO_ECHO if metres > 2.5 else round(metres * 100)
 
     def _move(self, seconds: float) -> None:
-        left, right = (math.radians(self.brick.motor(port).speed) * WHEEL_RADIUS for port in "CA")
+        grip = WHEEL_RADIUS * (1 - self.slip)
+        left, right = (math.radians(self.brick.motor(port).speed) * grip for port in "CA")
         ahead = (left + right) / 2 * seconds
         self.x += ahead * math.cos(self.heading)
         self.y += ahead * math.sin(self.heading)

@@ -1,4 +1,4 @@
-"""What pyusb uses in place of libusb: a bus in software, as `usb_endpoint` keeps it.
+"""A backend of pyusb, in place of libusb: the simulated bus of `usb_endpoint`.
 
     usb.core.find(idVendor=0x0694, idProduct=0x0002, backend=bus("/tmp/usb-bus-4242"))
 
@@ -22,7 +22,7 @@ import usb.core  # type: ignore[import-untyped]
 
 from urbihw_fakes.nxt.usb_endpoint import CLAIMED
 
-_GREETING_PATIENCE = 5.0  # s
+_GREETING_TIMEOUT_S = 5.0  # s
 _FULL_SPEED = 2  # libusb's number for 12 Mbit/s
 _LANGUAGES, _SERIAL = 0x0300, 0x0301  # string descriptors
 _US_ENGLISH = 0x0409
@@ -31,26 +31,26 @@ _IO, _ACCESS, _NO_DEVICE, _NOT_FOUND, _BUSY, _TIMEOUT, _PIPE = -1, -3, -4, -5, -
 
 
 def bus(at: str) -> Bus:
-    """The bus that is the folder `at`."""
+    """Return the bus of the folder `at`."""
     return Bus(at)
 
 
 @dataclass(frozen=True)
 class Plugged:
-    """A device on the bus: its socket, and its address, which is another one after each plugging."""
+    """A device on the bus: its socket, and its address, which changes with each plugging."""
 
     path: str
     address: int
 
     @property
     def serial(self) -> str:
-        """Its serial number."""
+        """The serial number."""
         return os.path.basename(self.path)
 
 
 @dataclass
 class Handle:
-    """An opened device; `link` is there while its interface is claimed."""
+    """An opened device; `link` is None unless its interface is claimed."""
 
     device: Plugged
     configuration: int = 0
@@ -67,7 +67,7 @@ class Bus(usb.backend.IBackend):  # type: ignore[misc]
     # ---------------------------------------------------------------- what is there
 
     def enumerate_devices(self) -> Iterator[Plugged]:
-        """What is plugged in."""
+        """Yield the plugged devices."""
         try:
             names = sorted(os.listdir(self._folder))
         except OSError:
@@ -77,7 +77,7 @@ class Bus(usb.backend.IBackend):  # type: ignore[misc]
             yield Plugged(path, os.stat(path).st_ino % 127 + 1)
 
     def get_device_descriptor(self, dev: Plugged) -> Any:
-        """See `IBackend`."""
+        """Return the device descriptor of the brick."""
         return SimpleNamespace(
             bLength=18, bDescriptorType=1, bcdUSB=0x0200, bDeviceClass=0, bDeviceSubClass=0, bDeviceProtocol=0,
             bMaxPacketSize0=8, idVendor=0x0694, idProduct=0x0002, bcdDevice=0, iManufacturer=0, iProduct=0,
@@ -86,16 +86,16 @@ class Bus(usb.backend.IBackend):  # type: ignore[misc]
         )  # fmt: skip
 
     def get_configuration_descriptor(self, dev: Plugged, config: int) -> Any:
-        """See `IBackend`."""
-        _only(config, 1)
+        """Return the only configuration."""
+        _check_index(config, 1)
         return SimpleNamespace(
             bLength=9, bDescriptorType=2, wTotalLength=32, bNumInterfaces=1, bConfigurationValue=1, iConfiguration=0,
             bmAttributes=0xC0, bMaxPower=0, extra_descriptors=b"",
         )  # fmt: skip
 
     def get_interface_descriptor(self, dev: Plugged, intf: int, alt: int, config: int) -> Any:
-        """See `IBackend`."""
-        _only(intf + alt + config, 1)
+        """Return the only interface."""
+        _check_index(intf + alt + config, 1)
         return SimpleNamespace(
             bLength=9, bDescriptorType=4, bInterfaceNumber=0, bAlternateSetting=0, bNumEndpoints=2,
             bInterfaceClass=0xFF, bInterfaceSubClass=0xFF, bInterfaceProtocol=0xFF, iInterface=0,
@@ -103,8 +103,8 @@ class Bus(usb.backend.IBackend):  # type: ignore[misc]
         )  # fmt: skip
 
     def get_endpoint_descriptor(self, dev: Plugged, ep: int, intf: int, alt: int, config: int) -> Any:
-        """See `IBackend`."""
-        _only(ep, 2)
+        """Return one of the two bulk endpoints: 0x01 out, 0x82 in."""
+        _check_index(ep, 2)
         return SimpleNamespace(
             bLength=7, bDescriptorType=5, bEndpointAddress=(0x01, 0x82)[ep], bmAttributes=2, wMaxPacketSize=64,
             bInterval=0, bRefresh=0, bSynchAddress=0, extra_descriptors=b"",
@@ -113,7 +113,7 @@ class Bus(usb.backend.IBackend):  # type: ignore[misc]
     # ---------------------------------------------------------------- opening
 
     def open_device(self, dev: Plugged) -> Handle:
-        """See `IBackend`."""
+        """Open the device.  Fails as libusb does for one that is gone or not writable."""
         if not os.path.exists(dev.path):
             _fail(_NO_DEVICE, errno.ENODEV, "No such device (it may have been disconnected)")
         if not os.access(dev.path, os.W_OK):
@@ -121,24 +121,24 @@ class Bus(usb.backend.IBackend):  # type: ignore[misc]
         return Handle(dev)
 
     def close_device(self, dev_handle: Handle) -> None:
-        """See `IBackend`."""
+        """Close the device: its interface is free again."""
         self.release_interface(dev_handle, 0)
 
     def set_configuration(self, dev_handle: Handle, config_value: int) -> None:
-        """See `IBackend`."""
+        """Select a configuration; the brick has only one."""
         dev_handle.configuration = config_value
 
     def get_configuration(self, dev_handle: Handle) -> int:
-        """See `IBackend`."""
+        """Return the selected configuration."""
         return dev_handle.configuration
 
     def claim_interface(self, dev_handle: Handle, intf: int) -> None:
-        """See `IBackend`; only one may."""
+        """Connect to the socket of the device; fails as busy when another host is connected."""
         if dev_handle.link is not None:
             return
         link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         try:
-            link.settimeout(_GREETING_PATIENCE)
+            link.settimeout(_GREETING_TIMEOUT_S)
             link.connect(dev_handle.device.path)
             greeting = link.recv(64)
         except OSError:
@@ -150,18 +150,18 @@ class Bus(usb.backend.IBackend):  # type: ignore[misc]
         dev_handle.link = link
 
     def release_interface(self, dev_handle: Handle, intf: int) -> None:
-        """See `IBackend`."""
+        """Disconnect from the socket of the device."""
         if dev_handle.link is not None:
             dev_handle.link.close()
             dev_handle.link = None
 
     def reset_device(self, dev_handle: Handle) -> None:
-        """See `IBackend`; the brick has nothing that a reset of the port would change."""
+        """Do nothing: a reset of the port changes nothing on the brick."""
 
     # ---------------------------------------------------------------- transfers
 
     def bulk_write(self, dev_handle: Handle, ep: int, intf: int, data: array[int], timeout: int) -> int:
-        """See `IBackend`."""
+        """Send one transfer; return its length."""
         try:
             _claimed(dev_handle).send(data.tobytes())
         except OSError:
@@ -169,7 +169,7 @@ class Bus(usb.backend.IBackend):  # type: ignore[misc]
         return len(data)
 
     def bulk_read(self, dev_handle: Handle, ep: int, intf: int, buff: array[int], timeout: int) -> int:
-        """See `IBackend`; `timeout` in ms, 0 for none."""
+        """Receive one transfer into `buff`; return its length. `timeout` in ms, 0 for none."""
         link = _claimed(dev_handle)
         if not select.select((link,), (), (), timeout / 1000 if timeout else None)[0]:
             raise usb.core.USBTimeoutError("Operation timed out", _TIMEOUT, errno.ETIMEDOUT)
@@ -186,7 +186,7 @@ class Bus(usb.backend.IBackend):  # type: ignore[misc]
     def ctrl_transfer(
         self, dev_handle: Handle, bmRequestType: int, bRequest: int, wValue: int, wIndex: int, data: Any, timeout: int
     ) -> int:
-        """GET_DESCRIPTOR of the strings; all else stalls."""
+        """Answer GET_DESCRIPTOR for strings; other requests stall."""
         strings = {
             _LANGUAGES: _US_ENGLISH.to_bytes(2, "little"),
             _SERIAL: dev_handle.device.serial.encode("utf-16-le"),
@@ -200,8 +200,8 @@ class Bus(usb.backend.IBackend):  # type: ignore[misc]
         return count
 
 
-def _only(index: int, count: int) -> None:
-    """There are `count` of them.  pyusb asks for the next one until it gets this error."""
+def _check_index(index: int, count: int) -> None:
+    """Raise an error for an index beyond `count`: pyusb counts up until it gets this error."""
     if index >= count:
         raise IndexError(index)
 

@@ -1,9 +1,8 @@
-"""A brick plugged into a USB bus in software, for a host in another process.
+"""A brick plugged into a simulated USB bus, for a host in another process.
 
-The bus is a folder, and what is plugged in is a socket in it, named by its serial number: a packet through the socket
-is a transfer of the bulk endpoints.  Plugging makes the socket, unplugging takes it away and hangs up.  Whoever
-connects has claimed the interface: it is greeted with `CLAIMED`, a second one with `TAKEN`.  The side of the host is
-`usb_backend`.
+The bus is a folder, and a plugged device is a socket in it, named by its serial number: a packet through the socket is
+a transfer of a bulk endpoint.  Plugging makes the socket; unplugging removes it and closes the connection.  A host that
+connects claims the interface: the first gets `CLAIMED`, a second one `TAKEN`.  The host uses `usb_backend`.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ BACKEND = "urbihw_fakes.nxt.usb_backend:bus"
 
 
 class UsbEndpoint(Endpoint):
-    """A brick on the bus `folder`; without one, a folder is made and taken away again at `close`."""
+    """A brick on the bus `folder`; without one, a folder is made, and removed by `close`."""
 
     def __init__(
         self, device: NxtDevice, folder: str | None = None, *, clock: Callable[[], float] = time.monotonic
@@ -40,7 +39,7 @@ class UsbEndpoint(Endpoint):
 
     @property
     def url(self) -> str:
-        """`usb://`, naming the bus in software that stands in for libusb."""
+        """`usb://`, naming the simulated bus that stands in for libusb."""
         return f"usb://{PRODUCT}?backend={BACKEND}&at={self.folder}"
 
     @property
@@ -49,7 +48,7 @@ class UsbEndpoint(Endpoint):
         return self._listener is not None
 
     def close(self) -> None:
-        """See `Endpoint`."""
+        """Unplug the brick, and remove the folder if this endpoint made it."""
         super().close()
         if self._own_folder:
             Path(self.folder).rmdir() if os.path.isdir(self.folder) else None
@@ -78,7 +77,7 @@ class UsbEndpoint(Endpoint):
             self._peer = None
 
     def _readers(self) -> list[int]:
-        # The peer first: when it has let go, whoever comes next must find the interface free.
+        # Close the peer first: when it has released the interface, the next host must find it free.
         return [each.fileno() for each in (self._peer, self._listener) if each is not None]
 
     def _receive(self, ready: int) -> bytes:
@@ -104,12 +103,12 @@ class UsbEndpoint(Endpoint):
             peer.close()
 
     def _send(self, data: bytes) -> None:
-        """One packet for each reply in `data`; what a fault has spoilt goes as it is."""
+        """Send one packet for each reply in `data`; data damaged by a fault is sent as it is."""
         while data and self._peer is not None:
             end = HEAD + int.from_bytes(data[:HEAD], "little")
             packet, data = data[HEAD:end], data[end:]
             try:
                 self._peer.send(packet or b"\0", socket.MSG_DONTWAIT)
             except OSError:
-                # Gone, or it does not read: lost.
+                # The host is gone or does not read: the packet is lost.
                 return

@@ -1,4 +1,4 @@
-"""A Pioneer 3-DX in software: an ARCOS controller and a SICK LMS200 in a small world of walls.
+"""A simulated Pioneer 3-DX: an ARCOS controller and a SICK LMS200 in a small world of walls.
 
 Reading order: ``world`` (walls, rays), ``body`` (how the robot moves and where it believes to be), ``sonar``, ``codec``
 and ``sips`` (bytes), ``arcos`` (the controller), ``extras`` (its encoders, inputs, gyro ...), ``simlaser`` (the laser

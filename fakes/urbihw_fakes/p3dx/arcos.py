@@ -1,8 +1,8 @@
 """The controller: its connection, its watchdog, its commands, and the SIPs it sends.
 
-The connection counts SYNC0, SYNC1, SYNC2, then waits for OPEN; whatever comes out of order starts it again, with an
-answer of number 255.  While it is open, number 0 is PULSE, 1 OPEN and 2 CLOSE.  The watchdog holds a robot that hears
-nothing for 2 s, and lets it go on as before with the next packet: that is what a real one does.
+The connection counts SYNC0, SYNC1, SYNC2, then waits for OPEN; any other order starts it again, with an answer of
+number 255.  While it is open, number 0 is PULSE, 1 OPEN and 2 CLOSE.  The watchdog suspends the motion after 2 s
+without a packet, and the next packet continues it, as in a real controller.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ import threading
 from collections.abc import Callable
 
 from urbihw_fakes.device import Answer, Device
-from urbihw_fakes.p3dx import sips
+from urbihw_fakes.p3dx import numbers, sips
 from urbihw_fakes.p3dx.body import BUMPERS, Body
-from urbihw_fakes.p3dx.codec import ArcosReader, Order, arcos_packet, order
+from urbihw_fakes.p3dx.codec import ArcosReader, Command, arcos_packet, parse_command
 from urbihw_fakes.p3dx.extras import Extras
 from urbihw_fakes.p3dx.simlaser import SimLaser
 from urbihw_fakes.p3dx.sips import Settings, SipFields
@@ -31,10 +31,10 @@ UNIT = 2 * math.pi / 4096
 
 
 class Arcos(Device):
-    """A controller that drives ``body``; ``lock`` is held while anything of the robot is touched.
+    """A controller that drives ``body``; ``lock`` is held during every access to the robot.
 
     Attributes:
-        state: how far the connection is: 0 to 2 the SYNC that is waited for, 3 OPEN, 4 open.
+        state: of the connection: 0 to 2 the number of the SYNC that is expected, 3 OPEN expected, 4 open.
         powered, button: power, and whether the STOP button is pressed.
         low_firmware: SIPs end behind the digital outputs, as P2OS sends them.
     """
@@ -52,18 +52,18 @@ class Arcos(Device):
         self.button = False
         self.low_firmware = False
         self.host_baud = BAUDS[self.settings.host_baud]
-        self.orders: list[Order] = []
+        self.orders: list[Command] = []
         self.volts_pretended = 0
         self._reader = ArcosReader()
         self._next_sip = 0.0
         self._heard_at = 0.0
-        self._shots_owed = 0.0
-        self._handlers = self._table()
+        self._shots_due = 0.0
+        self._handlers = self._command_table()
 
     # --- the wire -------------------------------------------------------------------------------------------------
 
     def receive(self, data: bytes, now: float) -> list[Answer]:
-        """Take bytes; a controller that listens at another speed hears only noise."""
+        """Receive bytes; at another line speed they are noise and ignored."""
         if not self.powered or (self.baud is not None and self.baud != self.host_baud):
             return []
         with self.lock:
@@ -74,11 +74,11 @@ class Arcos(Device):
                 if self.body.halted:
                     self.body.halted = False
                 if self.state < OPEN_STATE:
-                    answers += self._greet(body, now)
+                    answers += self._handle_sync(body, now)
                 else:
-                    heard = order(body)
+                    heard = parse_command(body)
                     if heard is not None:
-                        answers += self._obey(heard, now)
+                        answers += self._execute_command(heard, now)
             return answers
 
     def due(self) -> float | None:
@@ -86,7 +86,7 @@ class Arcos(Device):
         return self._next_sip if self.state == OPEN_STATE and self.powered else None
 
     def tick(self, now: float) -> list[Answer]:
-        """Let time pass; SIPs that are late are not sent after."""
+        """Advance to `now`; SIPs that were missed are not sent later."""
         with self.lock:
             self.body.advance(now)
             if self.state == OPEN_STATE and now - self._heard_at > self.settings.watchdog / 1000:
@@ -96,46 +96,46 @@ class Arcos(Device):
             cycle = self.settings.sip_cycle / 1000
             self._next_sip = max(self._next_sip + cycle, now + cycle / 2)
             bodies = [self.sip().body(), *self.extras.bodies(), *self.sim_laser.bodies()]
-            return [answer for body in bodies for answer in self._say(body, now)]
+            return [answer for body in bodies for answer in self._send_packet(body, now)]
 
-    def _say(self, body: bytes, now: float) -> list[Answer]:
+    def _send_packet(self, body: bytes, now: float) -> list[Answer]:
         delay, data = self.faults.disturb(0, arcos_packet(body))
         return [Answer(now + delay + len(data) * self.byte_time, data)] if data else []
 
     # --- the connection -------------------------------------------------------------------------------------------
 
-    def _greet(self, body: bytes, now: float) -> list[Answer]:
+    def _handle_sync(self, body: bytes, now: float) -> list[Answer]:
         number = body[0]
-        if self.state == 3 and number == 1:
+        if self.state == 3 and number == numbers.OPEN:
             self.state = OPEN_STATE
             self._next_sip = now + self.settings.sip_cycle / 1000
             return []
         if number != self.state or self.state == 3:
-            # A SYNC0 always begins anew.
-            self.state = 1 if number == 0 else 0
-            return self._say(b"\0" if number == 0 else bytes([LOST_COUNT]), now)
+            # A SYNC0 always restarts the handshake.
+            self.state = 1 if number == numbers.SYNC0 else 0
+            return self._send_packet(b"\0" if number == numbers.SYNC0 else bytes([LOST_COUNT]), now)
         self.state += 1
-        return self._say(body[:1] if number < 2 else sips.names(self.settings), now)
+        return self._send_packet(body[:1] if number < 2 else sips.names(self.settings), now)
 
     def _close(self) -> None:
         self.body.stop()
-        self.extras.forget()
+        self.extras.drop_requests()
         self.sim_laser.mode = 0
         self.state = 0
 
     def reset(self, now: float) -> list[Answer]:
-        """The controller starts again; it says so."""
+        """Restart the controller; it sends a reset notice."""
         self._close()
-        self.body.switch(False)
-        return self._say(bytes([RESET_NOTICE]), now)
+        self.body.switch_motors(False)
+        return self._send_packet(bytes([RESET_NOTICE]), now)
 
     def power_off(self, now: float, who: int | None = None) -> None:
-        """Dark: it coasts to a stop and forgets its connection."""
+        """Power off: the robot coasts to a stop, and the connection is lost."""
         with self.lock:
             self.body.advance(now)
             self.powered = False
             self._close()
-            self.body.switch(False)
+            self.body.switch_motors(False)
 
     def power_on(self, now: float, who: int | None = None) -> None:
         """On again, as after the main switch."""
@@ -143,95 +143,95 @@ class Arcos(Device):
 
     # --- commands -------------------------------------------------------------------------------------------------
 
-    def _obey(self, heard: Order, now: float) -> list[Answer]:
+    def _execute_command(self, heard: Command, now: float) -> list[Answer]:
         self.orders.append(heard)
         del self.orders[:-1000]
-        if heard.number == 2:
+        if heard.number == numbers.CLOSE:
             self._close()
-        elif heard.number == 18:
-            return self._say(self.settings.body(), now)
-        elif heard.number == 253:
+        elif heard.number == numbers.CONFIG:
+            return self._send_packet(self.settings.body(), now)
+        elif heard.number == numbers.RESET:
             return self.reset(now)
-        elif heard.number in self.extras.ORDERS:
-            self.extras.obey(heard)
-        elif heard.number in self.sim_laser.ORDERS:
-            self.sim_laser.obey(heard)
+        elif heard.number in self.extras.COMMANDS:
+            self.extras.execute_command(heard)
+        elif heard.number in self.sim_laser.COMMANDS:
+            self.sim_laser.execute_command(heard)
         elif heard.number in self._handlers:
             self._handlers[heard.number](heard)
         return []
 
-    def _table(self) -> dict[int, Callable[[Order], None]]:
+    def _command_table(self) -> dict[int, Callable[[Command], None]]:
         forward, turning = self.body.forward, self.body.turning
         millimetres, degrees = 0.001, math.radians(1)
         return {
-            3: lambda heard: self.sonars.poll(heard.text),
-            4: lambda heard: self.body.switch(bool(heard.value) and not self.button),
-            5: lambda heard: _ramp(forward, heard.value * millimetres),
-            6: lambda heard: setattr(forward, "most", abs(heard.value) * millimetres),
-            7: lambda heard: setattr(self.body, "odometry", (0.0, 0.0, 0.0)),
-            8: lambda heard: forward.go(heard.value * millimetres),
-            9: lambda heard: turning.want(heard.value * degrees),
-            10: lambda heard: setattr(turning, "most", abs(heard.value) * degrees),
-            11: lambda heard: forward.want(heard.value * millimetres),
-            12: lambda heard: self._turn_to(heard.value * degrees),
-            13: lambda heard: turning.go(heard.value * degrees),
-            21: lambda heard: turning.want(heard.value * degrees),
-            23: lambda heard: _ramp(turning, heard.value * degrees),
-            28: lambda heard: setattr(self.sonars, "on", bool(heard.value & 1)),
-            29: lambda heard: self.body.stop(),
-            32: self._wheels,
-            44: lambda heard: setattr(self.body, "bump_stall", heard.value),
-            50: self._change_baud,
-            55: lambda heard: self._emergency(),
-            224: lambda heard: None,
-            225: lambda heard: self._to_start(),
-            250: lambda heard: setattr(self, "volts_pretended", heard.value),
+            numbers.POLLING: lambda heard: self.sonars.poll(heard.text),
+            numbers.ENABLE: lambda heard: self.body.switch_motors(bool(heard.value) and not self.button),
+            numbers.SETA: lambda heard: _ramp(forward, heard.value * millimetres),
+            numbers.SETV: lambda heard: setattr(forward, "most", abs(heard.value) * millimetres),
+            numbers.SETO: lambda heard: setattr(self.body, "odometry", (0.0, 0.0, 0.0)),
+            numbers.MOVE: lambda heard: forward.set_distance(heard.value * millimetres),
+            numbers.ROTATE: lambda heard: turning.set_speed(heard.value * degrees),
+            numbers.SETRV: lambda heard: setattr(turning, "most", abs(heard.value) * degrees),
+            numbers.VEL: lambda heard: forward.set_speed(heard.value * millimetres),
+            numbers.HEAD: lambda heard: self._turn_to(heard.value * degrees),
+            numbers.DHEAD: lambda heard: turning.set_distance(heard.value * degrees),
+            numbers.RVEL: lambda heard: turning.set_speed(heard.value * degrees),
+            numbers.SETRA: lambda heard: _ramp(turning, heard.value * degrees),
+            numbers.SONAR: lambda heard: setattr(self.sonars, "on", bool(heard.value & 1)),
+            numbers.STOP: lambda heard: self.body.stop(),
+            numbers.VEL2: self._set_wheel_speeds,
+            numbers.BUMPSTALL: lambda heard: setattr(self.body, "bump_stall", heard.value),
+            numbers.HOSTBAUD: self._change_baud,
+            numbers.E_STOP: lambda heard: self._emergency_stop(),
+            numbers.SIM_SET_POSE: lambda heard: None,
+            numbers.SIM_RESET: lambda heard: self._reset_to_home(),
+            numbers.BATTEST: lambda heard: setattr(self, "volts_pretended", heard.value),
         }
 
     def _turn_to(self, heading: float) -> None:
         away = heading - self.body.odometry[2]
-        self.body.turning.go((away + math.pi) % (2 * math.pi) - math.pi)
+        self.body.turning.set_distance((away + math.pi) % (2 * math.pi) - math.pi)
 
-    def _wheels(self, heard: Order) -> None:
+    def _set_wheel_speeds(self, heard: Command) -> None:
         step = 0.02
         left, right = (_byte(heard.value >> shift) * step for shift in (8, 0))
-        self.body.forward.want((left + right) / 2)
-        self.body.turning.want((right - left) / 2 / 0.1786)
+        self.body.forward.set_speed((left + right) / 2)
+        self.body.turning.set_speed((right - left) / 2 / 0.1786)
 
-    def _change_baud(self, heard: Order) -> None:
+    def _change_baud(self, heard: Command) -> None:
         if self.settings.auto_baud and 0 <= heard.value < len(BAUDS):
             self.host_baud = BAUDS[heard.value]
 
-    def _emergency(self) -> None:
+    def _emergency_stop(self) -> None:
         self.body.stop()
         self.body.forward.halt()
         self.body.turning.halt()
 
-    def _to_start(self) -> None:
-        self._emergency()
-        self.body.place(*self.body.world.home)
+    def _reset_to_home(self) -> None:
+        self._emergency_stop()
+        self.body.set_pose(*self.body.world.home)
         self.body.odometry = (0.0, 0.0, 0.0)
 
     # --- the SIP --------------------------------------------------------------------------------------------------
 
-    def press(self, pressed: bool) -> None:
-        """Press the STOP button, or let it go: the motors stay off until they are enabled."""
+    def press_stop_button(self, pressed: bool) -> None:
+        """Press or release the STOP button: the motors stay off until they are enabled."""
         with self.lock:
             self.button = pressed
             if pressed:
-                self.body.switch(False)
+                self.body.switch_motors(False)
 
     def sip(self) -> SipFields:
-        """What the controller would say now; the sonars that fired since the last SIP are in it."""
+        """Return the fields of the present SIP, with the sonars that fired since the last one."""
         body, settings = self.body, self.settings
         x, y, theta = body.odometry
         left, right = body.wheels
         distance = DISTANCE_CONV.get(settings.subclass, 1.0)
         speed = SPEED_CONV.get(settings.subclass, 1.0)
         volts = self.volts_pretended or round(body.volts * 10)
-        self._shots_owed += settings.sip_cycle / settings.sonar_cycle
-        shots = int(self._shots_owed)
-        self._shots_owed -= shots
+        self._shots_due += settings.sip_cycle / settings.sonar_cycle
+        shots = int(self._shots_due)
+        self._shots_due -= shots
         unit = RANGE_CONV.get(settings.subclass, 1.0)
         heard = self.sonars.fire(shots)
         return SipFields(
@@ -266,7 +266,7 @@ class Arcos(Device):
 
 
 def _ramp(axis: object, value: float) -> None:
-    """A positive value says how hard to speed up, a negative one how hard to brake."""
+    """Set the acceleration (positive value) or the deceleration (negative value) of an axis."""
     setattr(axis, "faster" if value > 0 else "slower", max(abs(value), 0.001))
 
 

@@ -35,17 +35,17 @@ class Axis:
     goal: float | None = None
     speed: float = 0.0
 
-    def want(self, speed: float) -> None:
-        """Go at a speed."""
+    def set_speed(self, speed: float) -> None:
+        """Set the wanted speed."""
         self.goal, self.wanted = None, max(-self.most, min(self.most, speed))
 
-    def go(self, distance: float) -> None:
-        """Go some way and stand."""
+    def set_distance(self, distance: float) -> None:
+        """Move by a distance, then stand still."""
         self.goal = distance
 
     def step(self, dt: float, *, allowed: bool) -> float:
-        """How far it goes in ``dt``."""
-        aim = self._aim() if allowed else 0.0
+        """Advance by ``dt`` seconds; return the distance."""
+        aim = self._target_speed() if allowed else 0.0
         braking = abs(aim) < abs(self.speed) or aim * self.speed < 0
         change = (self.slower if braking else self.faster) * dt
         self.speed += max(-change, min(change, aim - self.speed))
@@ -58,13 +58,13 @@ class Axis:
                 self.goal -= way
         return way
 
-    def _aim(self) -> float:
+    def _target_speed(self) -> float:
         if self.goal is None:
             return self.wanted
         return math.copysign(min(self.most, math.sqrt(2 * self.slower * 0.8 * abs(self.goal)) + 0.002), self.goal)
 
     def halt(self) -> None:
-        """Stand now."""
+        """Stop at once."""
         self.wanted = self.speed = 0.0
         self.goal = None
 
@@ -100,36 +100,36 @@ class Body:
 
     @property
     def wheels(self) -> tuple[float, float]:
-        """Speeds of the left and of the right wheel."""
+        """Speeds of the left and of the right wheel, m/s."""
         spread = self.turning.speed * HALF_TRACK
         return self.forward.speed - spread, self.forward.speed + spread
 
     @property
     def moving(self) -> bool:
-        """Whether it moves."""
+        """Whether the robot moves."""
         return abs(self.forward.speed) > 1e-4 or abs(self.turning.speed) > 1e-4
 
     def stop(self) -> None:
         """Brake; the motors stay on."""
-        self.forward.want(0.0)
-        self.turning.want(0.0)
+        self.forward.set_speed(0.0)
+        self.turning.set_speed(0.0)
 
-    def switch(self, on: bool) -> None:
-        """Motors on or off; what was wanted is forgotten."""
+    def switch_motors(self, on: bool) -> None:
+        """Switch the motors; wanted speeds and distances are dropped."""
         self.motors = on
         self.stop()
 
     def advance(self, now: float) -> None:
-        """Let time pass until ``now``."""
+        """Advance to ``now``."""
         if self._now is None or now - self._now > LONGEST_GAP:
-            # Nobody looked for long; the watchdog has stopped it since.
+            # After a long pause of the caller the watchdog has stopped the robot.
             self._now = now
         while self._now + STEP <= now + 1e-9:
             self._now += STEP
             self._step(STEP)
 
-    def place(self, x: float, y: float, heading: float) -> None:
-        """Carry it somewhere; its odometry does not notice."""
+    def set_pose(self, x: float, y: float, heading: float) -> None:
+        """Move the body to a pose without changing its odometry."""
         self.pose = (x, y, heading)
 
     def _step(self, dt: float) -> None:
@@ -138,7 +138,7 @@ class Body:
         angle = self.turning.step(dt, allowed=allowed)
         self.volts = max(0.0, self.volts - dt * (DRAIN_MOVING if self.moving else DRAIN_RESTING))
         if not way and not angle:
-            self._touch(0.0)
+            self._press_bumpers(0.0)
             return
         x, y, heading = self.pose
         middle = heading + angle * (1 - self.slip) / 2
@@ -148,7 +148,7 @@ class Body:
             self.forward.speed = way = 0.0
             to = (x, y)
         self.pose = (*to, _turned(heading, angle * (1 - self.slip)))
-        self._believe(way, angle)
+        self._update_odometry(way, angle)
 
     def _blocked(self, x: float, y: float, way: float) -> bool:
         distance, direction = self.world.nearest(x, y)
@@ -156,7 +156,7 @@ class Body:
         ahead = math.cos(direction - self.pose[2]) * way > 0
         hit = distance < RADIUS and ahead
         if hit:
-            self._touch(way)
+            self._press_bumpers(way)
             if (self.bump_stall & 1 and self.front and way > 0) or (self.bump_stall & 2 and self.rear and way < 0):
                 self.forward.goal = None
         else:
@@ -165,8 +165,8 @@ class Body:
                 self.front, self.rear = set(), set()
         return hit
 
-    def _touch(self, way: float) -> None:
-        """Which bumpers the nearest wall presses; the wheels stall while they push against it."""
+    def _press_bumpers(self, way: float) -> None:
+        """Press the bumpers at the nearest wall; the wheels stall while they push against it."""
         distance, direction = self.world.nearest(*self.pose[:2])
         self.front, self.rear = set(), set()
         pushing = self.forward.goal or self.forward.wanted if self.motors and not self.halted else 0.0
@@ -177,7 +177,7 @@ class Body:
         (self.front if abs(side) <= math.pi / 2 else self.rear).add(_bumper(side))
         self.stalled = (math.cos(side) * (way or pushing) > 1e-9,) * 2
 
-    def _believe(self, way: float, angle: float) -> None:
+    def _update_odometry(self, way: float, angle: float) -> None:
         x, y, heading = self.odometry
         middle = heading + angle / 2
         self.odometry = (x + way * math.cos(middle), y + way * math.sin(middle), _turned(heading, angle))
@@ -191,7 +191,7 @@ def _turned(heading: float, angle: float) -> float:
 
 
 def _bumper(side: float) -> int:
-    """The number, from the left, of the bumper that looks to this side."""
+    """Return the number, from the left, of the bumper on this side."""
     ahead = side if abs(side) <= math.pi / 2 else math.pi - side
     number = BUMPERS // 2 - round(_turned(0.0, ahead) / BUMPER_ARC)
     return max(0, min(BUMPERS - 1, number))

@@ -11,22 +11,22 @@ LONGEST = 16
 
 
 class Camera:
-    """Attributes: pan, tilt and zoom in the camera's own counts; ``said``: what it has answered and nobody read."""
+    """Attributes: pan, tilt and zoom in the camera's own counts; ``said``: its answers that were not read yet."""
 
     def __init__(self) -> None:
         self.pan = self.tilt = self.zoom = 0
         self.said = b""
         self._heard = b""
 
-    def hear(self, data: bytes) -> None:
-        """Take bytes of the line."""
+    def receive_bytes(self, data: bytes) -> None:
+        """Receive bytes of the line."""
         self._heard += data
         while b"\xff" in self._heard:
             command, _, self._heard = self._heard.partition(b"\xff")
-            self.said += b"\x90\x41\xff\x90\x51\xff" if self._obey(command) else b"\x90\x60\x02\xff"
+            self.said += b"\x90\x41\xff\x90\x51\xff" if self._execute_command(command) else b"\x90\x60\x02\xff"
         self._heard = self._heard[-LONGEST:]
 
-    def _obey(self, command: bytes) -> bool:
+    def _execute_command(self, command: bytes) -> bool:
         if command.startswith(PAN_TILT) and len(command) == 14:
             self.pan, self.tilt = _signed(command[6:10]), _signed(command[10:14])
             return True

@@ -23,30 +23,30 @@ def arcos_packet(body: bytes) -> bytes:
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
-    """A command as the controller hears it: ``value`` is its integer, ``text`` its string."""
+class Command:
+    """A command of the host: ``value`` is its integer argument, ``text`` its string argument."""
 
     number: int
     value: int = 0
     text: bytes = b""
 
 
-def order(body: bytes) -> Order | None:
-    """What a body orders; None when its argument makes no sense."""
+def parse_command(body: bytes) -> Command | None:
+    """Decode the command in a packet body; None when its argument is invalid."""
     number, rest = body[0], body[1:]
     if not rest:
-        return Order(number)
+        return Command(number)
     kind, data = rest[0], rest[1:]
     if kind in (0x3B, 0x1B) and len(data) >= 2:
         value = data[0] + 256 * data[1]
-        return Order(number, -value if kind == 0x1B else value)
+        return Command(number, -value if kind == 0x1B else value)
     if kind == 0x2B and data and len(data) > data[0]:
-        return Order(number, text=bytes(data[1 : 1 + data[0]]))
+        return Command(number, text=bytes(data[1 : 1 + data[0]]))
     return None
 
 
 class ArcosReader:
-    """Packets out of a stream, as a controller reads it: bad ones are dropped without a word."""
+    """Decodes packets from a byte stream as the controller does: invalid ones are dropped silently."""
 
     def __init__(self) -> None:
         self._seen = b""

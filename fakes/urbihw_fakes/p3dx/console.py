@@ -1,9 +1,10 @@
-"""The words for a Pioneer at the console of `python -m urbihw_fakes p3dx`."""
+"""The commands of a Pioneer at the console of `python -m urbihw_fakes p3dx`."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -14,84 +15,96 @@ from urbihw_fakes.p3dx.world import add_box, without
 
 
 class Cable(Protocol):
-    """What can be pulled and put back."""
+    """A cable that can be unplugged."""
 
     def unplug(self) -> None:
-        """Pull it."""
+        """Unplug it."""
 
     def plug(self) -> None:
-        """Put it back."""
+        """Plug it again."""
 
 
 def commands(kit: P3dx, clock: Callable[[], float], laser_line: Cable) -> dict[str, Command]:
-    """The table for one robot; `clock` gives the time that it lives in."""
-    crates = [0]
+    """Return the commands of one robot; `clock` gives its simulated time in seconds."""
+    actions = _Actions(kit, clock)
+    return {
+        "box": Command("X Y [SIZE]", "add a crate to the world", actions.add_crate),
+        "unbox": Command("", "remove the crate that was added last", actions.remove_crate),
+        "place": Command("X Y DEGREES", "move the robot; its odometry does not notice", actions.place),
+        "where": Command("", "show the true position, and that of the odometry", actions.where),
+        "volts": Command("VOLTS", "set the voltage of the battery", _number(partial(setattr, kit.body, "volts"))),
+        "slip": Command("SHARE", "set the share 0..1 of each turn that is lost to slip",
+                        _number(partial(setattr, kit.body, "slip"))),
+        "button": Command("on|off", "press or release the STOP button", _switch(kit.robot.press_stop_button)),
+        "dirty": Command("on|off", "soil or clean the laser's window", _switch(partial(setattr, kit.laser, "dirty"))),
+        "unplug-laser": Command("", "unplug the laser's cable", _simple(laser_line.unplug)),
+        "plug-laser": Command("", "plug the laser's cable", _simple(laser_line.plug)),
+        "map": Command("FILE", "save this world as a map in ARIA's format", actions.save_map),
+    }  # fmt: skip
 
-    def box(words: list[str]) -> str:
+
+class _Actions:
+    """The actions of the commands: each gets the words behind the command and returns the answer."""
+
+    def __init__(self, kit: P3dx, clock: Callable[[], float]) -> None:
+        self._kit = kit
+        self._clock = clock
+        self._crates = 0
+
+    def add_crate(self, words: list[str]) -> str:
         x, y = float(words[0]), float(words[1])
-        with kit.lock:
-            add_box(kit.world, x, y, float(words[2]) if len(words) > 2 else 0.4)
-        crates[0] += 1
+        with self._kit.lock:
+            add_box(self._kit.world, x, y, float(words[2]) if len(words) > 2 else 0.4)
+        self._crates += 1
         return "ok"
 
-    def unbox(words: list[str]) -> str:
-        if not crates[0]:
+    def remove_crate(self, words: list[str]) -> str:
+        if not self._crates:
             raise UnknownRequest("unbox: there is no crate to take away")
-        with kit.lock:
-            kit.world.walls = without(kit.world.walls, 4)
-        crates[0] -= 1
+        with self._kit.lock:
+            self._kit.world.walls = without(self._kit.world.walls, 4)
+        self._crates -= 1
         return "ok"
 
-    def place(words: list[str]) -> str:
+    def place(self, words: list[str]) -> str:
         x, y, degrees = (float(word) for word in words[:3])
-        with kit.lock:
-            kit.body.place(x, y, math.radians(degrees))
+        with self._kit.lock:
+            self._kit.body.set_pose(x, y, math.radians(degrees))
         return "ok"
 
-    def where(words: list[str]) -> str:
-        with kit.lock:
-            kit.body.advance(clock())
-            (x, y, heading), (ox, oy, oh) = kit.body.pose, kit.body.odometry
+    def where(self, words: list[str]) -> str:
+        with self._kit.lock:
+            self._kit.body.advance(self._clock())
+            (x, y, heading), (ox, oy, oh) = self._kit.body.pose, self._kit.body.odometry
         truth = f"{x:.3f} {y:.3f} {math.degrees(heading):.1f}"
         return f"{truth}, believes {ox:.3f} {oy:.3f} {math.degrees(oh):.1f}"
 
-    def number(set_it: Callable[[float], None]) -> Callable[[list[str]], str]:
-        def run(words: list[str]) -> str:
-            set_it(float(words[0]))
-            return "ok"
-
-        return run
-
-    def switch(set_it: Callable[[bool], None]) -> Callable[[list[str]], str]:
-        def run(words: list[str]) -> str:
-            if words[0] not in ("on", "off"):
-                raise ValueError(words)
-            set_it(words[0] == "on")
-            return "ok"
-
-        return run
-
-    def cable(action: Callable[[], None]) -> Callable[[list[str]], str]:
-        def run(words: list[str]) -> str:
-            action()
-            return "ok"
-
-        return run
-
-    def world_map(words: list[str]) -> str:
-        Path(words[0]).write_text(kit.world.as_map(), "ascii")
+    def save_map(self, words: list[str]) -> str:
+        Path(words[0]).write_text(self._kit.world.as_map(), "ascii")
         return "ok"
 
-    return {
-        "box": Command("X Y [SIZE]", "put a crate into the world", box),
-        "unbox": Command("", "take the last crate away", unbox),
-        "place": Command("X Y DEGREES", "carry the robot; its odometry does not notice", place),
-        "where": Command("", "where it is, and where it believes to be", where),
-        "volts": Command("VOLTS", "the battery", number(lambda volts: setattr(kit.body, "volts", volts))),
-        "slip": Command("SHARE", "of all turning is lost", number(lambda share: setattr(kit.body, "slip", share))),
-        "button": Command("on|off", "press the STOP button, let it go", switch(kit.robot.press)),
-        "dirty": Command("on|off", "the laser's window", switch(lambda on: setattr(kit.laser, "dirty", on))),
-        "unplug-laser": Command("", "pull the laser's cable", cable(laser_line.unplug)),
-        "plug-laser": Command("", "put it back", cable(laser_line.plug)),
-        "map": Command("FILE", "write this world as a map in ARIA's format", world_map),
-    }
+
+def _number(action: Callable[[float], None]) -> Callable[[list[str]], str]:
+    def run(words: list[str]) -> str:
+        action(float(words[0]))
+        return "ok"
+
+    return run
+
+
+def _switch(action: Callable[[bool], None]) -> Callable[[list[str]], str]:
+    def run(words: list[str]) -> str:
+        if words[0] not in ("on", "off"):
+            raise ValueError(words)
+        action(words[0] == "on")
+        return "ok"
+
+    return run
+
+
+def _simple(action: Callable[[], None]) -> Callable[[list[str]], str]:
+    def run(words: list[str]) -> str:
+        action()
+        return "ok"
+
+    return run

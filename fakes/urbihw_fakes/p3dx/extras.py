@@ -1,28 +1,29 @@
-"""What the controller tells on request: encoders, inputs and outputs, gyro, joystick, batteries, bytes of AUX1."""
+"""Packets on request: encoders, inputs and outputs, gyro, joystick, batteries, bytes of AUX1."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 
-from urbihw_fakes.p3dx import sips
+from urbihw_fakes.p3dx import numbers, sips
 from urbihw_fakes.p3dx.body import Body
 from urbihw_fakes.p3dx.camera import Camera
-from urbihw_fakes.p3dx.codec import Order
+from urbihw_fakes.p3dx.codec import Command
 
-ENCODER, IO, GYRO, JOYSTICK, BATTERIES = 19, 40, 58, 17, 62
-TTY2, GETAUX, DIGOUT = 42, 43, 30
 GYRO_SCALE = 5 / 1023 * 300 / 2.5 * 1.626
 
 
 class Extras:
-    """The packets that are sent behind the SIPs: 0 none, 1 once, more always.
+    """The packets that are sent after the SIPs: a request of 0 ends them, 1 sends one, more sends one per SIP.
 
     Attributes:
         digital_in, digital_out: one byte each. analog: nine values from 0 to 1023. stick: x and y from 0 to 1023.
     """
 
-    ORDERS = frozenset({ENCODER, IO, GYRO, JOYSTICK, BATTERIES, TTY2, GETAUX, DIGOUT})
+    COMMANDS = frozenset({
+        numbers.ENCODER, numbers.IOREQUEST, numbers.GYRO, numbers.JOYREQUEST, numbers.BATTERYINFO, numbers.TTY2,
+        numbers.GETAUX, numbers.DIGOUT,
+    })  # fmt: skip
 
     def __init__(self, body: Body, ticks_mm: int) -> None:
         self._body = body
@@ -34,36 +35,36 @@ class Extras:
         self._wanted: dict[int, int] = {}
         self._aux_wanted = 0
         self._makers: dict[int, Callable[[], bytes]] = {
-            ENCODER: self._encoders,
-            IO: self._io,
-            GYRO: self._gyro,
-            JOYSTICK: lambda: sips.joystick(False, False, *self.stick, 0),
-            BATTERIES: lambda: sips.batteries([self._charge()]),
+            numbers.ENCODER: self._encoders,
+            numbers.IOREQUEST: self._io,
+            numbers.GYRO: self._gyro,
+            numbers.JOYREQUEST: lambda: sips.joystick(False, False, *self.stick, 0),
+            numbers.BATTERYINFO: lambda: sips.batteries([self._charge()]),
         }
 
-    def obey(self, order: Order) -> None:
-        """One of ORDERS."""
-        if order.number == TTY2:
-            self.camera.hear(order.text)
-        elif order.number == GETAUX:
+    def execute_command(self, order: Command) -> None:
+        """Execute one of COMMANDS."""
+        if order.number == numbers.TTY2:
+            self.camera.receive_bytes(order.text)
+        elif order.number == numbers.GETAUX:
             self._aux_wanted = order.value
             if not order.value:
                 self.camera.said = b""
-        elif order.number == DIGOUT:
+        elif order.number == numbers.DIGOUT:
             mask, values = order.value >> 8 & 0xFF, order.value & 0xFF
             self.digital_out = self.digital_out & ~mask | values & mask
         else:
             self._wanted[order.number] = order.value
 
     def bodies(self) -> list[bytes]:
-        """What goes out behind this SIP."""
+        """Return the packet bodies that follow this SIP."""
         found = []
         for number, make in self._makers.items():
             wanted = self._wanted.get(number, 0)
             if wanted:
                 found.append(make())
-                # The gyro only knows on and off.
-                if wanted == 1 and number != GYRO:
+                # The gyro packets are on or off; there is no request for a single one.
+                if wanted == 1 and number != numbers.GYRO:
                     self._wanted[number] = 0
         if self._aux_wanted and len(self.camera.said) >= self._aux_wanted:
             data, self.camera.said = self.camera.said[: self._aux_wanted], self.camera.said[self._aux_wanted :]
@@ -71,8 +72,8 @@ class Extras:
             found.append(b"\xb0" + data)
         return found
 
-    def forget(self) -> None:
-        """The connection is closed: nothing is wanted any more."""
+    def drop_requests(self) -> None:
+        """Drop all requests: the connection is closed."""
         self._wanted.clear()
         self._aux_wanted = 0
 

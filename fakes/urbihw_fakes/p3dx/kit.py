@@ -1,4 +1,4 @@
-"""All of a Pioneer in software: one body in one world, a controller on one line and a laser on another.
+"""A complete simulated Pioneer: one body in one world, a controller on one line and a laser on another.
 
     kit = P3dx()
     kit.robot.feed(bytes.fromhex("FA FB 03 00 00 00"), 0.0)      # SYNC0

@@ -1,12 +1,12 @@
-"""The laser of MobileSim: switched on by commands 230 to 233, its scans come between the SIPs."""
+"""The laser of MobileSim: controlled by the commands SIM_LRF_*, its scans are sent between the SIPs."""
 
 from __future__ import annotations
 
 import math
 
-from urbihw_fakes.p3dx import sips
+from urbihw_fakes.p3dx import numbers, sips
 from urbihw_fakes.p3dx.body import Body
-from urbihw_fakes.p3dx.codec import Order
+from urbihw_fakes.p3dx.codec import Command
 
 LASER_X = 0.021
 FARTHEST = 32.0
@@ -23,22 +23,24 @@ def scan(body: Body, first: float, last: float, step: float, farthest: float) ->
 
 
 class SimLaser:
-    """What MobileSim knows of its laser."""
+    """The laser as MobileSim simulates it."""
 
-    ORDERS = frozenset({230, 231, 232, 233})
+    COMMANDS = frozenset(
+        {numbers.SIM_LRF_ENABLE, numbers.SIM_LRF_START, numbers.SIM_LRF_END, numbers.SIM_LRF_INCREMENT}
+    )
 
     def __init__(self, body: Body) -> None:
         self._body = body
         self.mode = 0
         self._first, self._last, self._step = -90, 90, 1
 
-    def obey(self, order: Order) -> None:
-        """One of ORDERS."""
-        if order.number == 230:
+    def execute_command(self, order: Command) -> None:
+        """Execute one of COMMANDS."""
+        if order.number == numbers.SIM_LRF_ENABLE:
             self.mode = order.value
-        elif order.number == 231:
+        elif order.number == numbers.SIM_LRF_START:
             self._first = order.value
-        elif order.number == 232:
+        elif order.number == numbers.SIM_LRF_END:
             self._last = order.value
         elif order.value > 0:
             self._step = order.value

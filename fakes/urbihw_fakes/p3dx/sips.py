@@ -19,7 +19,7 @@ TAIL_LAYOUT = (
 
 @dataclass
 class SipFields:
-    """What stands in a SIP, in raw counts; ``tail`` are the fields behind the digital outputs, in order, by name."""
+    """The fields of a SIP, in raw counts; ``tail``: the fields after the digital outputs, in order, by name."""
 
     moving: bool = False
     x: int = 0
@@ -57,7 +57,7 @@ class SipFields:
 
 @dataclass
 class Settings:
-    """What a controller keeps in its flash, as CONFIGpac tells it."""
+    """The flash settings of a controller, as in CONFIGpac."""
 
     kind: str = "Pioneer"
     subclass: str = "p3dx-sh"

@@ -33,7 +33,7 @@ class Sonars:
                 self.orders[array] = mine
 
     def fire(self, shots: int) -> list[tuple[int, float]]:
-        """What was heard while each array fired ``shots`` times: (number, m)."""
+        """Return the echoes of ``shots`` shots of each array: (number, m)."""
         heard = {}
         if self.on:
             for array, order in enumerate(self.orders):
@@ -44,7 +44,7 @@ class Sonars:
         return sorted(heard.items())
 
     def distance(self, number: int) -> float:
-        """How far one sonar hears: the nearest echo in its beam."""
+        """Return the distance in m of the nearest echo in the beam of one sonar."""
         x, y, angle = PLACES[number]
         px, py, heading = self._body.pose
         sx = px + x * math.cos(heading) - y * math.sin(heading)

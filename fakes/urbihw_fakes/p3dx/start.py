@@ -1,4 +1,4 @@
-"""How a Pioneer in software is reached: the arguments of `python -m urbihw_fakes p3dx`.
+"""How a simulated Pioneer is reached: the arguments of `python -m urbihw_fakes p3dx`.
 
     --pty [PATH]     the controller on a pseudo terminal, the laser on another one (PATH-laser)
     --tcp PORT       the controller behind a TCP port, as MobileSim serves it on 8101; the laser behind the next one
@@ -36,7 +36,7 @@ class WithLaser(Endpoint):
         return f"{super().url}?laser={self.laser_line.url.removeprefix('serial://')}"  # type: ignore[safe-super]
 
     def close(self) -> None:
-        """Let go of both."""
+        """Close both lines."""
         self.laser_line.close()
         super().close()
 
@@ -72,7 +72,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def start(options: argparse.Namespace) -> tuple[Endpoint, Mapping[str, Command]]:
-    """The robot on its lines, and its words for the console."""
+    """The robot on its lines, and its console commands."""
     world = World.read(options.world) if options.world else World.room()
     settings = Settings(
         subclass=options.subclass, sip_cycle=options.cycle, front_bumps=BUMPERS, rear_bumps=BUMPERS

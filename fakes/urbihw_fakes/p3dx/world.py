@@ -71,7 +71,7 @@ class World:
         return world
 
     def ray(self, x: float, y: float, angle: float, limit: float) -> float:
-        """How far a ray goes before it meets a wall; at most ``limit``."""
+        """Return the distance in m of the first wall along a ray; at most ``limit``."""
         dx, dy = math.cos(angle), math.sin(angle)
         nearest = limit
         for x1, y1, x2, y2 in self.walls:

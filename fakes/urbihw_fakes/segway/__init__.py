@@ -1,7 +1,7 @@
-"""A Segway RMP in software.
+"""A simulated Segway RMP.
 
-Where to start: `frames` (what is on the bus), `body` (how the machine moves), `rmp` (the base: its modes, its
-supervision, its hundred monitoring cycles a second), `usb` (the maker's USB link), `console` (what can be typed at it).
+Reading order: `frames` (the frames on the bus), `body` (the physics), `rmp` (the base: modes, supervision, a hundred
+monitoring cycles per second), `usb` (the maker's USB link), `console` (its commands).
 
 Written from the frames that libsegwayrmp, Player, CARMEN, Orca and other drivers send and read, and from a log of a
 real bus in Orca; the maker's own interface guide was not available.

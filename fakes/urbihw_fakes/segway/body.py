@@ -1,11 +1,11 @@
-"""How the machine moves: speeds that ramp, a body that leans into them, counters that add up, a battery.
+"""The physics of the machine: speed ramps, the lean of the body, counters, a battery.
 
     v = forward speed, w = yaw speed (counter-clockwise positive); left = v - w d / 2, right = v + w d / 2
-    lean:  p'' = f^2 (atan(a / g) - p) - 2 z f p'      a balancing body leans towards where it accelerates
-Lying: once nothing balances it, the body falls over its stand and stays there until somebody lifts it.
+    lean:  p'' = f^2 (atan(a / g) - p) - 2 z f p'      a balancing body leans in the direction of its
+acceleration.  Without balance, the body falls onto its stand and stays there until it is lifted.
 
-d is the 0.54 m of Player and Orca. All other numbers here (accelerations, mass, stiffness, battery) are guesses of the
-right size, none is from a data sheet.
+d is the 0.54 m of Player and Orca. All other numbers here (accelerations, mass, stiffness, battery) are guesses of
+plausible size, not from a data sheet.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ WHEEL_DISTANCE = 0.54
 MOST_ACCELERATION = 2.0
 MOST_TURN_ACCELERATION = 6.0
 FALLEN = math.radians(38)
-"""Lean at which the stand takes over."""
+"""Lean at which the body lies on its stand."""
 
 _GRAVITY = 9.81
 _FREQUENCY = 9.0  # of the balance, 1/s
 _DAMPING = 0.7
-_TIP_RATE = 3.0  # of a body that nothing holds up, 1/s
+_TIP_RATE = 3.0  # of a falling body, 1/s
 _COASTING = 1.5  # deceleration without motors, m/s^2 and rad/s^2
 _MASS, _WHEEL_RADIUS = 70.0, 0.24
 _FULL_VOLTS, _SAG = 77.5, 0.02  # V; V per N m
@@ -31,13 +31,15 @@ _IDLE_DRAIN, _WORK_DRAIN = 1e-4, 2e-6  # V/s; V per N m and s
 
 
 class Body:
-    """The machine. SI units; `step` moves it on by one servo frame.
+    """The machine, in SI units; `drive` or `coast` advances it by one servo frame.
 
     Attributes:
         speed, turn: forward in m/s, yaw in rad/s.
-        forward, yaw, left, right: travelled in all, m and rad.
+        forward, yaw, left, right: total travel, m and rad.
         pitch, pitch_rate, roll: rad, rad/s, rad; forward and left are positive.
         left_torque, right_torque: N m.
+        x, y, heading: true pose on the floor, m and rad, relative to power-on.
+        slip: share of the wheels' rotation that is lost; the counters do not show it.
         volts: of the battery, at rest.
         fallen: it lies on its stand.
     """
@@ -47,6 +49,8 @@ class Body:
         self.forward = self.yaw = self.left = self.right = 0.0
         self.pitch = self.pitch_rate = self.roll = 0.0
         self.left_torque = self.right_torque = 0.0
+        self.x = self.y = self.heading = 0.0
+        self.slip = 0.0
         self.volts = _FULL_VOLTS
         self.fallen = False
 
@@ -66,7 +70,7 @@ class Body:
         return self.volts - _SAG * (abs(self.left_torque) + abs(self.right_torque))
 
     def drive(self, speed: float, turn: float, acceleration: float, balancing: bool) -> None:
-        """One servo frame with motors: towards `speed` and `turn`, with at most `acceleration` of the most."""
+        """Advance one servo frame with motors, towards `speed` and `turn`; `acceleration` is a share of the maximum."""
         before, turned = self.speed, self.turn
         self.speed = _towards(before, speed, MOST_ACCELERATION * acceleration * STEP)
         self.turn = _towards(turned, turn, MOST_TURN_ACCELERATION * STEP)
@@ -81,7 +85,7 @@ class Body:
         self._travel()
 
     def coast(self, stands: bool) -> None:
-        """One servo frame without motors; unless it `stands` on more than its two wheels, it falls."""
+        """Advance one servo frame without motors; the body falls unless it `stands` on casters."""
         self.speed = _towards(self.speed, 0.0, _COASTING * STEP)
         self.turn = _towards(self.turn, 0.0, _COASTING * STEP)
         self.left_torque = self.right_torque = 0.0
@@ -95,11 +99,11 @@ class Body:
         self._travel()
 
     def push(self, lean: float) -> None:
-        """Somebody leans on it: that many rad at once."""
+        """Tilt the body at once by `lean` rad."""
         self.pitch += lean
 
     def lift(self) -> None:
-        """Somebody puts it upright."""
+        """Put the body upright."""
         self.fallen = False
         self.pitch = self.pitch_rate = 0.0
 
@@ -111,6 +115,11 @@ class Body:
     def _travel(self) -> None:
         self.forward += self.speed * STEP
         self.yaw += self.turn * STEP
+        grip = 1 - self.slip
+        middle = self.heading + self.turn * STEP * grip / 2
+        self.x += self.speed * STEP * grip * math.cos(middle)
+        self.y += self.speed * STEP * grip * math.sin(middle)
+        self.heading += self.turn * STEP * grip
         self.left += self.left_speed * STEP
         self.right += self.right_speed * STEP
         work = abs(self.left_torque) + abs(self.right_torque)

@@ -1,4 +1,4 @@
-"""The frames that the base sends by itself, made from what it measures."""
+"""The frames that the base sends unasked, made from its measured values."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from urbihw_fakes.can.node import CanFrame
 from urbihw_fakes.segway import frames as f
 
 BUILD = 2032
-"""Firmware of the base whose log we have; the words behind it, and that in 0x0405, are from there, without meaning."""
+"""Firmware of the base in the available log; the words after it, and the one in 0x0405, are copied from the log."""
 _NO_MEANING = (0x0504, 0x0D35, 0x0423)
 _TORQUE_FILLER = 0x0080
 _WAKE_CONTROL = 0x0005
@@ -18,7 +18,7 @@ _WAKE_CONTROL = 0x0005
 @dataclass(frozen=True, slots=True)
 class Reading:
     """One monitoring cycle in SI units; `frames` is in servo frames, `velocity` and `turn` are the command in counts,
-    `left_count` ... the integrators as they are."""
+    `left_count` ... the raw integrators."""
 
     pitch: float = 0.0
     pitch_rate: float = 0.0
@@ -44,7 +44,7 @@ class Reading:
 
 
 def cycle(reading: Reading, model: f.Model) -> list[CanFrame]:
-    """The eight frames of a monitoring cycle."""
+    """Return the eight frames of a monitoring cycle."""
     angles = (reading.pitch, reading.pitch_rate, reading.roll, reading.roll_rate)
     return [
         f.frame(0x400, reading.build, *_NO_MEANING),
@@ -67,7 +67,7 @@ def cycle(reading: Reading, model: f.Model) -> list[CanFrame]:
 
 
 def old_cycle(reading: Reading, model: f.Model) -> list[CanFrame]:
-    """The five frames of the oldest firmware, which has the battery in the first."""
+    """Return the five frames of the oldest firmware, with the battery in the first."""
     first, *rest = cycle(reading, model)[:5]
     return [f.frame(first.id, reading.build, 0, round(reading.volts * 4)), *rest]
 
@@ -78,20 +78,20 @@ def status(first: int, second: int) -> CanFrame:
 
 
 def box_heartbeat(volts: float) -> CanFrame:
-    """The heartbeat of the user interface box while the base is on."""
+    """Return the heartbeat of the user interface box while the base is on."""
     return f.frame(f.BOX, 0, 0, box_count(volts))
 
 
 def box_alone(volts: float) -> list[CanFrame]:
-    """What the box sends while the base is off."""
+    """Return the frames of the box while the base is off."""
     return [f.frame(f.SHUTDOWN, 0, 0, box_count(volts)), f.frame(f.BOX_STATE, 0xAA40)]
 
 
 def box_count(volts: float) -> int:
-    """Volts of the box's battery as it reports them: 1.4 V + 12.5 mV a count."""
+    """Return the count for the voltage of the box's battery: 1.4 V + 12.5 mV per count."""
     return round((volts - 1.4) / 0.0125)
 
 
 def turns(yaw: float) -> float:
-    """Radians as turns."""
+    """Convert radians to turns."""
     return yaw / math.tau

@@ -1,17 +1,17 @@
-"""The base: obeys commands for 0.4 s each, supervises itself, and tells all about it a hundred times a second.
+"""The base: executes each command for 0.4 s, supervises itself, and sends its monitoring cycle 100 times per second.
 
     base = SegwayRmp("200")
-    base.hear(frame(0x413, 332, 0), now=0.0)
+    base.receive_frame(frame(0x413, 332, 0), 0.0)
     base.tick(0.01)                                # ten frames, at 0.01 s
 
-What it models: both scales of firmware and the oldest one (five frames a cycle), speed, acceleration and turn limits,
-tractor and balance mode, lockout, a fall when it balances no more, the end of a command after 0.4 s, e-stop, a low and
-an empty battery, integrators that are reset and that wrap, the servo frame counter that wraps, power off by command.
+Modelled: both scales of firmware and the oldest firmware (five frames per cycle), speed, acceleration and turn limits,
+tractor and balance mode, lockout, a fall without balance, the end of a command after 0.4 s, e-stop, a low and an empty
+battery, reset and wrap of the integrators, wrap of the servo frame counter, power off by command.
 
-What it leaves out: current limits, gain schedules (kept and reported, without effect), roll, slopes, wheel slip,
+Not modelled: current limits, gain schedules (kept and reported, without effect), roll, slopes,
 temperatures, the low speed of a nearly empty battery, the difference between the two channels. The maker's guide was
-not at hand: that a base forgets its settings when it is switched off, and that 0x0407 shows zeros once a command is
-too old, are guesses.
+not available: two guesses are that a base loses its settings at power-off, and that 0x0407 shows zeros after the end of
+a command.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from urbihw_fakes.segway import monitor as m
 from urbihw_fakes.segway.body import STEP, Body
 
 LIFETIME = 0.4
-"""Seconds for which a command is good."""
+"""Seconds for which a command is valid."""
 LOW, EMPTY = 66.0, 60.0
 """Volts."""
 _CATCH_UP = 100
-"""Servo frames at most that are made up for after a pause of whoever serves this."""
+"""Maximum number of servo frames executed at once after a pause of the serving loop."""
 _FULL = 16
 _FULL_CURRENT = 256
 _RIGHT, _LEFT, _YAW, _FORWARD = (1, 2, 4, 8)
@@ -39,15 +39,15 @@ class SegwayRmp(CanNode):
     """One base, switched on and standing.
 
     Attributes:
-        body: the machine; `body.volts`, `body.push`, `body.lift` are for whoever plays the world.
+        body: the machine; `body.volts`, `body.push`, `body.lift` simulate its surroundings.
         mode, gain: see `frames`.
         lockout: balance mode is refused.
-        velocity_scale, acceleration_scale, turn_scale: 0..16, share of the most; current_limit: 0..256.
-        powered: the base is on; the box is always.
-        heard: commands heard so far.
-        refused: configurations that made no sense.
+        velocity_scale, acceleration_scale, turn_scale: 0..16, share of the maximum; current_limit: 0..256.
+        powered: the base is on; the box is always on.
+        heard: number of commands so far.
+        refused: number of invalid configurations.
         turn_factor: counts of turn command for 1 rad/s; published values differ.
-        blink: servo frames for which the motors are off, from the next one on; then they are on again by themselves.
+        blink: number of servo frames, from the next one on, with the motors off; then they are on again.
 
     Raises:
         UnknownRequest: no such model.
@@ -77,12 +77,12 @@ class SegwayRmp(CanNode):
         self._lost: dict[int | None, int] = {}
         self._chance = Random(0)
         self.start_mode = mode
-        self._forget()
+        self._reset_settings()
         self._zero = dict.fromkeys((_RIGHT, _LEFT, _YAW, _FORWARD), 0)
         self._next: float | None = None
 
-    def _forget(self) -> None:
-        """As after switching on."""
+    def _reset_settings(self) -> None:
+        """Reset all settings to those after switching on."""
         self.mode = self.start_mode
         self.gain = 0
         self.lockout = False
@@ -93,8 +93,8 @@ class SegwayRmp(CanNode):
 
     # --- the bus --------------------------------------------------------------------------------------------------
 
-    def hear(self, frame: CanFrame, now: float) -> list[Timed]:
-        """Take a command; there is no answer to any."""
+    def receive_frame(self, frame: CanFrame, now: float) -> list[Timed]:
+        """Receive a command; commands are not answered."""
         if not self.powered or len(frame.data) != 8:
             return []
         if frame.id == f.SHUTDOWN:
@@ -109,11 +109,11 @@ class SegwayRmp(CanNode):
         return []
 
     def due(self) -> float | None:
-        """When the next servo frame is over; at once, before the first."""
+        """Return the end of the present servo frame; 0 before the first."""
         return 0.0 if self._next is None else self._next
 
     def tick(self, now: float) -> list[Timed]:
-        """Move on to `now`; the frames of all servo frames until then."""
+        """Advance to `now`; return the CAN frames of all servo frames until then."""
         if self._next is None:
             self._next = now
         elif now - self._next > _CATCH_UP * STEP:
@@ -121,12 +121,12 @@ class SegwayRmp(CanNode):
         sent: list[Timed] = []
         while self._next <= now + 1e-9:
             self._move(self._next)
-            sent += [Timed(self._next, frame) for frame in self._said()]
+            sent += [Timed(self._next, frame) for frame in self._frames_of_cycle()]
             self._next += STEP
         return sent
 
-    def lose(self, identifier: int | None, every: int = 1) -> None:
-        """Send a frame no more in every so many-th cycle; None for one of the frames, another each time. 0: send all.
+    def drop_frames(self, identifier: int | None, every: int = 1) -> None:
+        """Drop a frame in each `every`-th cycle; None: a random frame each time. `every` 0: drop none.
 
         Raises:
             UnknownRequest: no such frame, or a number below 0.
@@ -138,44 +138,44 @@ class SegwayRmp(CanNode):
         self._lost[identifier] = every
 
     def power_off(self, now: float) -> None:
-        """The base goes off; a balancing one falls."""
+        """Switch the base off; a balancing base falls."""
         self.powered = False
 
     def power_on(self, now: float) -> None:
-        """The base starts with its counters at zero."""
+        """Switch the base on; its counters start at zero."""
         if not self.powered:
             self.powered = True
             self.frames = 0
-            self._forget()
-            self._reset(_RIGHT | _LEFT | _YAW | _FORWARD)
+            self._reset_settings()
+            self._reset_integrators(_RIGHT | _LEFT | _YAW | _FORWARD)
 
     # --- commands -------------------------------------------------------------------------------------------------
 
     def _configure(self, command: int, parameter: int, now: float) -> None:
         scale = min(parameter, _FULL)
         match command:
-            case 0:
+            case f.NO_CONFIGURATION:
                 pass
-            case 10:
+            case f.SET_VELOCITY_SCALE:
                 self.velocity_scale = scale
-            case 11:
+            case f.SET_ACCELERATION_SCALE:
                 self.acceleration_scale = scale
-            case 12:
+            case f.SET_TURN_SCALE:
                 self.turn_scale = scale
-            case 13 if parameter <= 2:
+            case f.SET_GAIN_SCHEDULE if parameter <= 2:
                 self.gain = parameter
-            case 14:
+            case f.SET_CURRENT_LIMIT:
                 self.current_limit = min(parameter, _FULL_CURRENT)
-            case 15 if parameter <= 1:
+            case f.SET_LOCKOUT if parameter <= 1:
                 self.lockout = bool(parameter)
-            case 16 if parameter <= f.POWER_DOWN:
-                self._request(parameter, now)
-            case 50:
-                self._reset(parameter)
+            case f.SET_MODE if parameter <= f.POWER_DOWN:
+                self._request_mode(parameter, now)
+            case f.RESET_INTEGRATORS:
+                self._reset_integrators(parameter)
             case _:
                 self.refused += 1
 
-    def _request(self, mode: int, now: float) -> None:
+    def _request_mode(self, mode: int, now: float) -> None:
         if mode == f.POWER_DOWN:
             self.power_off(now)
         elif (mode == f.BALANCE and (self.lockout or self.body.fallen)) or (mode != f.DISABLED and self.estop):
@@ -183,20 +183,20 @@ class SegwayRmp(CanNode):
         else:
             self.mode = mode
 
-    def _reset(self, mask: int) -> None:
+    def _reset_integrators(self, mask: int) -> None:
         counts = self._counts()
         for bit in self._zero:
             if mask & bit:
                 self._zero[bit] = counts[bit]
 
-    def preset(self, left: int = 0, right: int = 0, forward: int = 0, yaw: int = 0) -> None:
-        """Let the integrators stand at these counts now, as after a long way."""
+    def preset_integrators(self, left: int = 0, right: int = 0, forward: int = 0, yaw: int = 0) -> None:
+        """Set the integrators to these counts, as after a long distance."""
         counts = self._counts()
         for bit, value in ((_LEFT, left), (_RIGHT, right), (_FORWARD, forward), (_YAW, yaw)):
             self._zero[bit] = counts[bit] - value
 
     def _counts(self) -> dict[int, int]:
-        """Counts since the machine was made."""
+        """Return the absolute counts since the start of the simulation."""
         body, model = self.body, self.model
         return {
             _RIGHT: round(body.right * model.distance),
@@ -222,7 +222,7 @@ class SegwayRmp(CanNode):
         if self.estop and self.mode != f.DISABLED:
             self.mode = f.DISABLED
         if not self.motors:
-            # In tractor mode it stands on casters; in any other it has two wheels.
+            # In tractor mode it stands on casters, in the other modes on two wheels.
             self.body.coast(self.start_mode == f.TRACTOR)
             return
         empty = self.body.volts < EMPTY
@@ -230,23 +230,23 @@ class SegwayRmp(CanNode):
         turn = 0.0 if empty else self._turn / self.turn_factor * self.turn_scale / _FULL
         self.body.drive(speed, turn, self.acceleration_scale / _FULL, self.mode == f.BALANCE)
 
-    def _said(self) -> list[CanFrame]:
+    def _frames_of_cycle(self) -> list[CanFrame]:
         if not self.powered:
             return m.box_alone(self.box_volts)
         reading = self.reading()
         frames = (m.old_cycle if self.old_firmware else m.cycle)(reading, self.model)
         if not self.old_firmware:
             frames += [m.status(*self.status_words()), m.box_heartbeat(self.box_volts)]
-        lost = self._lost_now([frame.id for frame in frames])
+        lost = self._dropped_frames([frame.id for frame in frames])
         return [frame for frame in frames if frame.id not in lost]
 
-    def _lost_now(self, identifiers: list[int]) -> set[int]:
-        """Which frames of this cycle are not sent."""
+    def _dropped_frames(self, identifiers: list[int]) -> set[int]:
+        """Return the identifiers of the frames that are dropped in this cycle."""
         due = [identifier for identifier, every in self._lost.items() if every and self.frames % every == 0]
         return {self._chance.choice(identifiers) if identifier is None else identifier for identifier in due}
 
     def reading(self) -> m.Reading:
-        """What the base measures now."""
+        """Return the measured values of the base."""
         body = self.body
         counts = {bit: count - self._zero[bit] for bit, count in self._counts().items()}
         return m.Reading(
@@ -272,7 +272,7 @@ class SegwayRmp(CanNode):
         )
 
     def status_words(self) -> tuple[int, int]:
-        """The two words of 0x0680: what is on, and what is wrong on both sides."""
+        """Return the two words of 0x0680: states, and the faults of both sides."""
         first = second = 0
         if self.motors:
             first |= 0x0080 | (0x0100 if self.mode == f.BALANCE else 0)

@@ -1,9 +1,9 @@
-"""How an RMP in software is reached: the arguments of `python -m urbihw_fakes segway`.
+"""The arguments of `python -m urbihw_fakes segway`: the transport of a simulated RMP.
 
-    --pty [PATH]                       a CAN adapter with the slcan text on a pseudo terminal: private, works everywhere
+    --pty [PATH]                       a CAN adapter with slcan text on a pseudo terminal
     --pty [PATH] --usb                 the maker's USB link on one
     --tcp PORT [--usb]                 the same two behind a TCP port
-    --can udp_multicast/239.74.163.2   on an interface of python-can, here multicast, which stays on this machine
+    --can udp_multicast/239.74.163.2   an interface of python-can, here multicast on this machine
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class UsbPty(PtyEndpoint):
 
 
 def options(parser: argparse.ArgumentParser) -> None:
-    """The arguments of this robot."""
+    """Add the arguments of this robot."""
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--pty", nargs="?", const="", metavar="PATH", help="a pseudo terminal, linked at PATH")
     where.add_argument("--tcp", type=int, metavar="PORT", help="a TCP port of this machine; 0 takes a free one")
@@ -60,10 +60,10 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def start(options: argparse.Namespace) -> tuple[Endpoint, Mapping[str, Command]]:
-    """The robot where it was asked for, and what can be typed at it.
+    """Return the robot on its transport, and its console commands.
 
     Raises:
-        FakeError: the place cannot be had.
+        FakeError: the transport is not available.
     """
     base = SegwayRmp(options.model, mode=TRACTOR if options.tractor else BALANCE, old_firmware=options.old)
     return _endpoint(options, base), commands(base)

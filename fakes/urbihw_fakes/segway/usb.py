@@ -1,9 +1,9 @@
-"""The maker's USB link: each frame in a packet of 18 bytes, both ways.
+"""The maker's USB link: each frame in a packet of 18 bytes, in both directions.
 
     host to base   F0 55 00 00 00 00 ID ID 00 | data (8) | sum          ID: identifier, big-endian
     base to host   F0 55 AA 00 II JJ 00 00 00 | data (8) | sum          identifier = II << 3 | JJ >> 5; BB for channel B
 
-The sum makes the end-around-carry sum of all 18 bytes 0. On a real base both channels come through, each frame twice.
+The sum makes the end-around-carry sum of all 18 bytes 0. A real base sends both channels, each frame twice.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ _HEAD = b"\xf0\x55"
 
 
 class UsbLink:
-    """The codec. `both`: send channel B, too. `damaged` counts bytes of the host that were no packet."""
+    """The codec. `both`: also send channel B. `damaged` counts bytes of the host outside packets."""
 
     def __init__(self, *, both: bool = True) -> None:
         self.both = both
         self.damaged = 0
         self._rest = b""
 
-    def take(self, data: bytes) -> tuple[list[CanFrame], bytes]:
-        """Take bytes of the host."""
+    def decode(self, data: bytes) -> tuple[list[CanFrame], bytes]:
+        """Decode bytes of the host."""
         data = self._rest + data
         frames = []
         while len(data) >= SIZE:
@@ -37,21 +37,21 @@ class UsbLink:
         self._rest = data
         return frames, b""
 
-    def give(self, frame: CanFrame) -> bytes:
-        """A frame for the host, once or for both channels."""
+    def encode(self, frame: CanFrame) -> bytes:
+        """Encode a frame for the host, for one channel or both."""
         channels = (0xAA, 0xBB) if self.both else (0xAA,)
         return b"".join(packet(frame, channel) for channel in channels)
 
 
 def packet(frame: CanFrame, channel: int = 0xAA) -> bytes:
-    """A frame of the base in its packet."""
+    """Return the packet of a frame of the base."""
     place = bytes([frame.id >> 3, frame.id << 5 & 0xFF])
     body = _HEAD + bytes([channel, 0]) + place + bytes(3) + frame.data.ljust(8, b"\0")
     return body + bytes([checksum(body)])
 
 
 def checksum(body: bytes) -> int:
-    """The last byte for these 17."""
+    """Return the checksum byte of 17 bytes."""
     total = sum(body)
     for _ in range(2):
         total = (total & 0xFF) + (total >> 8)

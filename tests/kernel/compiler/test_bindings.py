@@ -14,7 +14,7 @@ from urbihw.kernel.compiler import Unit, compile_node
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.binding import UNBOUND, Bound
 from urbihw.kernel.syntax.check import children
-from urbihw.kernel.syntax.pace import EVERY, Pace
+from urbihw.kernel.syntax.pace import STEPS_PER_PAUSE, Pace
 from urbihw.kernel.syntax.reader import Statement, parse_program
 
 PROGRAM = (
@@ -64,7 +64,7 @@ def test_nothing_is_left_on_the_nodes() -> None:
 
 
 def test_nothing_is_left_when_it_is_given_up() -> None:
-    node = node_of("{" + "f(1); " * EVERY + "}")
+    node = node_of("{" + "f(1); " * STEPS_PER_PAUSE + "}")
 
     def give_up() -> None:
         assert bound_nodes(node)

@@ -82,11 +82,11 @@ PROGRAMS = {
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Nearly everything counts as long."""
-    for name, size in {"WHOLE": 40, "PIECE": 30, "APART": 20}.items():
+    for name, size in {"MAX_WHOLE_WEIGHT": 40, "MAX_PIECE_WEIGHT": 30, "MIN_APART_WEIGHT": 20}.items():
         monkeypatch.setattr(pieces, name, size)
-    monkeypatch.setattr(visit, "HEAVY", 6)
-    monkeypatch.setattr(long_work, "SHORT", 0)
-    monkeypatch.setattr(shell, "SHORT", 0)
+    monkeypatch.setattr(visit, "MAX_PARTS", 6)
+    monkeypatch.setattr(long_work, "MAX_SHORT_TEXT", 0)
+    monkeypatch.setattr(shell, "MAX_SHORT_TEXT", 0)
     yield
 
 

@@ -8,21 +8,25 @@ import pytest
 
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.sched.group import Group
+from urbihw.kernel.sched.hooks import SchedulerHooks
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.scheduler import Scheduler
 from urbihw.kernel.sched.signals import StopTag
-from urbihw.kernel.sched.tag import Tag
+from urbihw.kernel.sched.tag import Tag, TagEntry
 from urbihw.kernel.sched.waiting import WaitQueue
 
 
-class World:
+class World(SchedulerHooks):
     """A scheduler and a log of what its jobs said."""
 
     def __init__(self) -> None:
         self.clock = SimClock()
-        self.scheduler = Scheduler(self.clock)
         self.said: list[Any] = []
-        self.scheduler.failed = lambda job, error: self.said.append(f"{job.name} failed: {error!r}")
+        self.scheduler = Scheduler(self.clock, hooks=self)
+
+    def job_failed(self, job: Job, error: Exception) -> None:
+        """A job has failed."""
+        self.said.append(f"{job.name} failed: {error!r}")
 
     def talker(self, name: str, count: int) -> Job:
         """A job that says name1, name2 ... and yields after each."""
@@ -273,3 +277,36 @@ def test_ten_thousand_jobs_come_and_go(world: World) -> None:
     world.scheduler.run_simulated()
     assert not world.scheduler.jobs
     assert len(world.scheduler.timers) == 0
+
+
+def test_jobs_that_begin_in_one_round_need_no_carrier_each(world: World) -> None:
+    carriers: list[Any] = []
+
+    def body() -> None:
+        carriers.append(world.scheduler.running().carrier)
+
+    for _ in range(3):
+        world.scheduler.spawn(body)
+    frozen = world.scheduler.spawn(lambda: world.said.append("frozen"), entries=[frozen_entry(world)])
+    killed = world.scheduler.spawn(lambda: world.said.append("killed"))
+    world.scheduler.kill(killed)
+    world.scheduler.spawn(body)
+    assert world.run() == []
+    assert len(carriers) == 4 and len(set(carriers)) == 1
+    assert killed.done and not frozen.done
+    frozen.entries[0].tag.unfreeze()
+    assert world.run() == ["frozen"]
+
+
+def frozen_entry(world: World) -> TagEntry:
+    """What a job stands in that is under a frozen tag."""
+    entries: list[TagEntry] = []
+    tag = Tag(world.scheduler, "cold")
+
+    def body() -> None:
+        entries.append(tag.enter())
+
+    world.scheduler.spawn(body)
+    world.run()
+    tag.freeze()
+    return entries[0]

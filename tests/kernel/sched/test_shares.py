@@ -8,8 +8,9 @@ from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.sched.errors import TooManyJobs
+from urbihw.kernel.sched.hooks import SchedulerHooks
 from urbihw.kernel.sched.job import Job
-from urbihw.kernel.sched.scheduler import SPARED, Scheduler
+from urbihw.kernel.sched.scheduler import RESERVED_JOBS, Scheduler
 
 REFUSED = "too many jobs: 300 of this connection"
 
@@ -19,7 +20,7 @@ class Talk:
 
     def __init__(self) -> None:
         self.kernel = Kernel(fast=True)
-        self.kernel.scheduler.most_jobs_of_one = 300
+        self.kernel.scheduler.max_jobs_per_context = 300
         self.lobby = self.kernel.open_lobby("127.0.0.1")
         self.other = self.kernel.open_lobby("127.0.0.1")
         self.kernel.run()
@@ -84,9 +85,9 @@ def test_the_error_can_be_caught(talk: Talk) -> None:
     assert talk.jobs(talk.lobby) == 0
 
 
-def scheduler_with(most: int, of_one: int) -> Scheduler:
-    made = Scheduler(SimClock())
-    made.most_jobs, made.most_jobs_of_one = most, of_one
+def scheduler_with(most: int, of_one: int, hooks: SchedulerHooks | None = None) -> Scheduler:
+    made = Scheduler(SimClock(), hooks=hooks)
+    made.max_total_jobs, made.max_jobs_per_context = most, of_one
     return made
 
 
@@ -107,8 +108,12 @@ def test_jobs_are_counted_until_they_are_over() -> None:
 
 
 def test_a_job_that_is_refused_fails_when_it_begins_if_nobody_can_be_told() -> None:
-    scheduler, failed = scheduler_with(1000, 10), []
-    scheduler.failed = lambda job, error: failed.append((job.context, str(error)))
+    class FailureLog(SchedulerHooks):
+        def job_failed(self, job: Job, error: Exception) -> None:
+            failed.append((job.context, str(error)))
+
+    failed: list[tuple[object, str]] = []
+    scheduler = scheduler_with(1000, 10, FailureLog())
     waiting(scheduler, "a", 11)
     scheduler.run()
     assert failed == [("a", "too many jobs: 10 of this connection")]
@@ -127,9 +132,9 @@ def test_with_too_many_in_all_whoever_has_few_may_still_make_some() -> None:
     scheduler = scheduler_with(500, 400)
     waiting(scheduler, "greedy", 400)
     waiting(scheduler, "second", 100)
-    modest = waiting(scheduler, "modest", SPARED)
+    modest = waiting(scheduler, "modest", RESERVED_JOBS)
     scheduler.run()
-    assert scheduler.jobs_of("modest") == SPARED
+    assert scheduler.jobs_of("modest") == RESERVED_JOBS
     with pytest.raises(TooManyJobs, match=r"^too many jobs$"):
         scheduler.spawn(lambda: None, parent=modest[0])
 

@@ -21,9 +21,9 @@ from urbihw.kernel.sched.scheduler import Scheduler
 from urbihw.kernel.server import watchdog
 from urbihw.kernel.server.bounds import MIB, NONE, Bounds, bounds, machine_memory
 from urbihw.kernel.server.loop import Driver
-from urbihw.kernel.server.memory import MARGIN, Memory, Resident
+from urbihw.kernel.server.memory import GROWTH_MARGIN, MemoryAccount, ResidentMemory
 
-PATIENCE = 15.0
+TIMEOUT_S = 15.0
 HOLD = 0.2
 HELD = "held the interpreter for more than 0.2 s: give way with ';' or sleep"
 KILLED = "is ended: it held the interpreter on"
@@ -57,9 +57,9 @@ class Talk:
     async def heard(self, lobby: Lobby, wanted: str = "") -> list[str]:
         """The lines that come, up to one that has ``wanted`` in it."""
         lines: list[str] = []
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + TIMEOUT_S
         while time.monotonic() < end:
-            lines += [line.partition("] ")[2] for line in lobby.output.take().decode().splitlines()]
+            lines += [line.partition("] ")[2] for line in lobby.output.take_bytes().decode().splitlines()]
             if any(wanted in line for line in lines):
                 return lines
             await asyncio.sleep(0.002)
@@ -84,7 +84,7 @@ def played(scene: Callable[[Talk], object], limits: Bounds) -> None:
 
 @pytest.fixture(autouse=True)
 def hurry(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
-    monkeypatch.setattr(watchdog, "GRACE", 0.2)
+    monkeypatch.setattr(watchdog, "GRACE_S", 0.2)
     caplog.set_level(logging.WARNING)
 
 
@@ -219,7 +219,7 @@ def test_who_takes_all_memory_gets_an_error_and_its_neighbour_does_not(
         # A crowd of short jobs is ended at once: the one that took most is over by then.
         wanted = r"!!! (\d+\.\d+(-\d+(\.\d+)?)?: )?memory exhausted" + (".*" if kind == "branches" else "")
         assert any(re.fullmatch(wanted, line) for line in lines)
-        assert _present() < limit + 3 * MARGIN
+        assert _present() < limit + 3 * GROWTH_MARGIN
         assert await talk.ask("40 + 2;") == "42"
         assert await talk.ask("n > 0;", talk.other) == "true"
 
@@ -236,7 +236,7 @@ def test_who_takes_on_is_ended(caplog: pytest.LogCaptureFixture) -> None:
         await talk.heard(talk.lobby, "memory exhausted: all that this connection was running is ended")
         assert await talk.ask("40 + 2;") == "42"
         assert talk.kernel.scheduler.jobs_of(talk.lobby) == 1
-        assert _present() < limit + 3 * MARGIN
+        assert _present() < limit + 3 * GROWTH_MARGIN
         assert await talk.ask("n > 0;", talk.other) == "true"
         assert talk.kernel.scheduler.jobs_of(talk.other) > 1
 
@@ -278,7 +278,7 @@ def test_the_jobs_of_a_neighbour_live_on_when_somebody_takes_memory_in_few_steps
 
 
 def _present() -> int:
-    resident = Resident()
+    resident = ResidentMemory()
     try:
         return resident()
     finally:
@@ -292,7 +292,7 @@ class Account:
         self.scheduler = Scheduler(SimClock())
         self.size = 500 * MIB
         self.time = 1.0
-        self.memory = Memory(self.scheduler, 1000 * MIB, lambda: self.size, lambda: self.time)
+        self.memory = MemoryAccount(self.scheduler, 1000 * MIB, lambda: self.size, lambda: self.time)
         self.greedy = self.job("greedy")
         self.modest = self.job("modest")
 
@@ -304,14 +304,14 @@ class Account:
     def turn(self, job: Job, grows: int) -> None:
         """A turn of a job in which the process grows by so many MiB."""
         self.size += grows * MIB
-        self.memory.turn(job)
+        self.memory.charge_turn(job)
 
 
 def near() -> Account:
     """An account near the limit."""
     account = Account()
     account.size = 800 * MIB
-    assert not account.memory.seen()
+    assert not account.memory.is_over_limit()
     return account
 
 
@@ -327,13 +327,13 @@ def test_who_is_found_running_while_there_is_plenty_is_charged_for_a_while(monke
     account = Account()
     account.size = 600 * MIB
     monkeypatch.setattr(account.scheduler, "current", account.modest)
-    account.memory.seen()
+    account.memory.is_over_limit()
     for _ in range(4):
         account.time += 2
-        account.memory.seen()
+        account.memory.is_over_limit()
     account.size = 1200 * MIB
     monkeypatch.setattr(account.scheduler, "current", account.greedy)
-    account.memory.seen()
+    account.memory.is_over_limit()
     monkeypatch.setattr(account.scheduler, "current", None)
     account.turn(account.modest, 20)
     assert isinstance(account.greedy.pending, MemoryError)
@@ -352,7 +352,7 @@ def test_growth_between_two_turns_is_nobodys() -> None:
 def test_nobody_is_blamed_who_did_not_grow_it() -> None:
     account = Account()
     account.size = 1200 * MIB
-    account.memory.seen()
+    account.memory.is_over_limit()
     account.turn(account.modest, 0)
     account.turn(account.modest, 1)
     assert account.modest.pending is None
@@ -360,9 +360,9 @@ def test_nobody_is_blamed_who_did_not_grow_it() -> None:
 
 def test_each_turn_is_looked_at_only_near_the_limit() -> None:
     account = Account()
-    assert (account.memory.seen(), account.memory.near) == (False, False)
+    assert (account.memory.is_over_limit(), account.memory.near) == (False, False)
     account.size = 800 * MIB
-    assert (account.memory.seen(), account.memory.near) == (False, True)
+    assert (account.memory.is_over_limit(), account.memory.near) == (False, True)
     account.turn(account.modest, -400)
     assert not account.memory.near
 
@@ -371,7 +371,7 @@ def test_a_job_in_its_turn_is_not_to_be_left_for_what_another_took() -> None:
     account = near()
     account.turn(account.greedy, 150)
     account.size += 60 * MIB
-    assert not account.memory.exceeded(account.modest)
+    assert not account.memory.must_end(account.modest)
     account.turn(account.modest, 0)
     assert isinstance(account.greedy.pending, MemoryError)
 
@@ -406,7 +406,7 @@ def test_long_work_of_the_library_gives_way(kind: str) -> None:
         for _ in range(5):
             assert await talk.ask("6 * 7;", talk.other) == "42"
             await asyncio.sleep(HOLD / 2)
-        assert all(HELD not in line for line in talk.lobby.output.take().decode().splitlines())
+        assert all(HELD not in line for line in talk.lobby.output.take_bytes().decode().splitlines())
 
     played(scene, Bounds(hold_limit=HOLD))
 
@@ -439,7 +439,7 @@ def test_who_reads_a_stream_that_never_ends_holds_nothing() -> None:
         await asyncio.sleep(0.5 + 2 * HOLD)
         assert await talk.ask("6 * 7;", talk.other) == "42"
         talk.say("p.kill;", talk.other)
-        assert talk.lobby.output.take() == b"", "nobody was told that it held the interpreter"
+        assert talk.lobby.output.take_bytes() == b"", "nobody was told that it held the interpreter"
         await asyncio.sleep(0.1)
 
     played(scene, Bounds(hold_limit=HOLD))

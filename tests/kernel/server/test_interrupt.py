@@ -35,7 +35,7 @@ class Console:
         """Type something and let simulated time pass; what comes back, without time stamps."""
         self.lobby.feed(text.encode())
         self.kernel.scheduler.run_simulated(until)
-        return [line[:1] + line[9:] for line in self.lobby.output.take().decode().splitlines()]
+        return [line[:1] + line[9:] for line in self.lobby.output.take_bytes().decode().splitlines()]
 
     def ask(self, text: str) -> str:
         """What the neighbour is answered."""
@@ -106,18 +106,24 @@ def test_without_a_lobby_the_first_shuts_down(console: Console) -> None:
 
 
 def test_the_handler_is_that_of_the_process_until_a_shutdown_begins(console: Console) -> None:
-    former, press = signal.getsignal(signal.SIGINT), console.press
+    press = Interrupter(console.kernel.scheduler, console.end, console.lobby, second_is_fatal=True)
+    former = signal.signal(signal.SIGINT, press)
     handlers = []
-    press.install()
     try:
         for _ in range(2):
             signal.raise_signal(signal.SIGINT)
             handlers.append(signal.getsignal(signal.SIGINT))
     finally:
-        press.uninstall()
+        signal.signal(signal.SIGINT, former)
     assert handlers == [press, signal.SIG_DFL]
-    assert signal.getsignal(signal.SIGINT) is former
     console.kernel.run()
+    assert console.ended == 1
+
+
+def test_sigterm_shuts_down_whatever_the_console_runs(console: Console) -> None:
+    console.say("sleep(1h);", until=1)
+    console.press(signal.SIGTERM)
+    console.say("", until=1)
     assert console.ended == 1
 
 

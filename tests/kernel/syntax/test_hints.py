@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from urbihw.kernel.syntax.hints import LONGEST
+from urbihw.kernel.syntax.hints import MAX_LENGTH
 from urbihw.kernel.syntax.reader import SyntaxProblem, parse_program
 
 MISSPELT = {
@@ -61,5 +61,5 @@ def test_the_name_of_the_file_is_said() -> None:
 
 
 def test_long_statements_are_not_read_again() -> None:
-    text = "[" + "1, " * LONGEST + "1\n1];"
+    text = "[" + "1, " * MAX_LENGTH + "1\n1];"
     assert complaints(text) == ["unexpected float"]

@@ -112,6 +112,7 @@ NODES: list[tuple[str, Node]] = [
     ("emit a.e(1) ~ 1s", ast.Emit(Call(A, "e"), (ONE,), ONE)),
     ("at (e?) a", ast.At(ast.EventCond(E, None, None, None), A, None)),
     ("at (e?() if b ~ 1) a onleave c", ast.At(ast.EventCond(E, (), B, ONE), A, C)),
+    ("at sync (e?) a onleave c", ast.At(ast.EventCond(E, None, None, None), A, C, True)),
     ("at (?a.e(var x)) b", ast.At(ast.EventCond(Call(A, "e"), (ast.Var(None, "x"),), None, None), B, None)),
     ("whenever (a == 2 ~ 1s) b else c", ast.Whenever(ast.ExprCond(call(A, "==", TWO), ONE), B, C)),
     ("waituntil(a)", ast.WaitUntil(ast.ExprCond(A, None))),

@@ -184,8 +184,8 @@ def test_deep_nesting_that_is_wrong_is_an_error() -> None:
 @pytest.fixture
 def narrow(monkeypatch: pytest.MonkeyPatch) -> None:
     """A statement may have few words, and few of them open."""
-    monkeypatch.setattr(reader_module, "MOST_TOKENS", 12)
-    monkeypatch.setattr(reader_module, "MOST_OPEN", 6)
+    monkeypatch.setattr(reader_module, "MAX_TOKENS", 12)
+    monkeypatch.setattr(reader_module, "MAX_OPEN", 6)
 
 
 LONG = "statement too long (more than 12 words and signs): make several of it"

@@ -1,7 +1,7 @@
-"""canopen over a CAN port, without a thread: messages are taken when somebody waits for one or looks.
+"""canopen over a CAN port, without a receiving thread.
 
-canopen's own way is a thread that receives; its calls then wait for what that thread brings. Here the wait itself
-receives, so that everything happens in the one thread of a worker and on its clock.
+canopen normally receives in a thread, and its calls wait for the messages of that thread. Here the wait itself
+receives, so that everything happens in the one thread of a worker, on its clock.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 import canopen
 
 from urbihw.buses.can.frame import Frame
-from urbihw.buses.can.port import CanPort, keep_quiet
+from urbihw.buses.can.port import CanPort, silence_logger
 
 _MOST_FRAMES = 1000
 
@@ -21,12 +21,12 @@ class PortNetwork(canopen.Network):
     """A network on an open port.
 
     Attributes:
-        damaged: messages that made no sense, such as too short ones.
+        damaged: number of malformed messages, such as too short ones.
     """
 
     def __init__(self, port: CanPort) -> None:
         super().__init__()
-        keep_quiet("canopen")
+        silence_logger("canopen")
         self.damaged = 0
         self._port = port
 
@@ -35,32 +35,32 @@ class PortNetwork(canopen.Network):
         self._port.send(Frame(can_id, bytes(data)))
 
     def receive(self, deadline: float = 0.0) -> int:
-        """Take what has come, or wait for a message until `deadline`; how many there were. Raises LinkGone."""
+        """Process received messages, waiting for one until `deadline`; return their number. Raises LinkGone."""
         frames = self._port.receive(_MOST_FRAMES, deadline)
         now = self._port.clock.now()
         for frame in frames:
             try:
                 self.notify(frame.id, bytearray(frame.data), now)
             except Exception:
-                # Whatever stands in a message, it must not end the worker; canopen checks little.
+                # No content of a message may end the worker; canopen checks little.
                 self.damaged += 1
         return len(frames)
 
-    def wait(self, seconds: float) -> None:
-        """Receive for so long."""
+    def receive_for(self, seconds: float) -> None:
+        """Receive for a number of seconds."""
         end = self._port.clock.now() + seconds
         while self._port.clock.now() < end:
             self.receive(end)
 
-    def node(self, number: int, dictionary: canopen.ObjectDictionary) -> Any:
+    def add_remote_node(self, number: int, dictionary: canopen.ObjectDictionary) -> Any:
         """Add a node to talk to; a `canopen.RemoteNode`."""
         node: Any = self.add_node(number, dictionary)
-        node.sdo.responses = _Answers(self, self._port)
+        node.sdo.responses = _SdoResponses(self, self._port)
         return node
 
 
-class _Answers(queue.SimpleQueue[bytes]):
-    """Answers of an SDO server; waiting for one receives."""
+class _SdoResponses(queue.SimpleQueue[bytes]):
+    """Queue of the answers of an SDO server; waiting for one receives from the port."""
 
     def __init__(self, network: PortNetwork, port: CanPort) -> None:
         super().__init__()
@@ -68,7 +68,7 @@ class _Answers(queue.SimpleQueue[bytes]):
         self._port = port
 
     def empty(self) -> bool:
-        """Whether nothing waits: late answers to an earlier question are thrown away, and then nothing does."""
+        """Discard late answers to an earlier request, and return True."""
         while not super().empty():
             super().get(block=False)
         return True

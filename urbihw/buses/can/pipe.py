@@ -19,10 +19,10 @@ _FAST = 100_000_000
 
 
 class PipeBus:
-    """As much of python-can's bus as a port needs. Raises Unavailable."""
+    """The part of python-can's bus interface that a port uses. Raises Unavailable."""
 
     def __init__(self, name: str, context: Context) -> None:
-        # A pipe counts time for serial bytes; here they take next to none.
+        # A pipe simulates the time of serial bytes; the high speed makes it negligible.
         self._link = PipeLink(Url.parse(f"pipe://{name}?baud={_FAST}"), context)
         self._link.open()
         self._rest = b""
@@ -45,5 +45,5 @@ class PipeBus:
         return can.Message(arbitration_id=identifier, data=data[: min(length, MOST_DATA)], is_extended_id=False)
 
     def shutdown(self) -> None:
-        """Let go of the pipe."""
+        """Close the pipe."""
         self._link.close()

@@ -1,11 +1,11 @@
 """A CAN bus by url, through python-can: `can://INTERFACE/CHANNEL?option=value`.
 
-INTERFACE is python-can's name; options go to it as they are, numbers as numbers. Which there are, python-can says
-itself: what its class of the interface takes or documents. `bitrate` is 500000 if not given (a socketcan interface
-keeps the one it was set up with). Settings files of python-can are not read: the url says all.
+INTERFACE is python-can's name; the options are passed to it. Valid options are the parameters that python-can's class
+of the interface has or documents. `bitrate` is 500000 if not given (a socketcan interface keeps the one it was set up
+with). Settings files of python-can are not read: the url holds all settings.
 
-Only classic data frames with 11-bit identifiers come out of `receive`. Everybody on a multicast bus may send, and a
-serial adapter may send anything: what is no frame is counted in `damaged` and dropped.
+`receive` returns only classic data frames with 11-bit identifiers. On a multicast bus any program may send, and a
+serial adapter may send anything: data that is not a frame is counted in `damaged` and dropped.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ _PATHS: Final = {"slcan"}
 _CHUNK: Final = 65536
 _FULL: Final = {errno.ENOBUFS, errno.EAGAIN}
 BITRATE: Final = Rule((int,), "a number such as 500000", least=1)
-_OURS: Final = {"self", "channel", "can_filters", "timing", "kwargs"}
-"""Parameters of python-can that no url can say."""
+_RESERVED: Final = {"self", "channel", "can_filters", "timing", "kwargs"}
+"""Parameters of python-can that cannot be given in a url."""
 _DOCUMENTED: Final = re.compile(r":param (?:[^:]* )?(\w+):")
 
 
@@ -47,7 +47,7 @@ class CanPort(Port):
     """One bus.
 
     Attributes:
-        damaged: what came in and was no frame, since opening.
+        damaged: number of received items that were not frames, since opening.
     """
 
     def __init__(self, url: Url, context: Context) -> None:
@@ -55,7 +55,7 @@ class CanPort(Port):
         if not channel:
             raise BadUrl(f"bus url {url.text!r}: write can://INTERFACE/CHANNEL, such as can://socketcan/can0")
         super().__init__(url, context)
-        self.channel = f"/{channel}" if self._on_path(channel) else channel
+        self.channel = f"/{channel}" if self._uses_serial_port(channel) else channel
         self.baud = self.options.setdefault("bitrate", DEFAULT_BITRATE)
         self.damaged = 0
         self._context = context
@@ -66,13 +66,13 @@ class CanPort(Port):
 
     @classmethod
     def parameters(cls, url: Url) -> Mapping[str, Rule]:
-        """See `Port`: those of python-can's interface."""
+        """Return the rules of the parameters of python-can's interface."""
         interface = url.target.partition("/")[0]
         if interface == "pipe":
             names: set[str] = set()
         elif interface in BACKENDS:
             names = _parameters(*BACKENDS[interface])
-            # What is not installed here may take anything; that it is missing is said when the port is opened.
+            # The parameters of an interface that is not installed are unknown; opening the port reports it as missing.
             names = names or set(url.options)
         else:
             known = (*BACKENDS, "pipe")
@@ -91,22 +91,22 @@ class CanPort(Port):
         return self._bus
 
     def send(self, frame: Frame) -> None:
-        """Send a frame. Raises BusTimeout when the adapter is full (nobody acknowledges?), LinkGone."""
+        """Send a frame. Raises BusTimeout when the adapter's buffer is full (no ACK on the bus?), LinkGone."""
         message = can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=False)
         try:
             self._open_bus.send(message)
         except LinkGone:
             raise
         except can.CanTimeoutError as error:
-            raise BusTimeout(self._full()) from error
+            raise BusTimeout(self._full_text()) from error
         except (can.CanError, OSError) as error:
             if _number_of(error) in _FULL:
-                raise BusTimeout(self._full()) from error
-            raise self._gone(error) from error
+                raise BusTimeout(self._full_text()) from error
+            raise self._link_gone(error) from error
         self.bytes_written += frame.wire_bytes
 
     def receive(self, limit: int, deadline: float) -> list[Frame]:
-        """Wait for a frame until `deadline` at most, then take what else is there, `limit` frames at most.
+        """Wait for a frame until `deadline`, then return all that have arrived, at most `limit`.
 
         A deadline in the past still collects what has arrived. Raises LinkGone.
         """
@@ -116,14 +116,14 @@ class CanPort(Port):
     def _receive(self, limit: int, pause: float) -> list[Frame]:
         frames: list[Frame] = []
         for _ in range(limit):
-            message, damaged = self._next(pause)
+            message, damaged = self._next_message(pause)
             if damaged:
                 self.damaged += 1
                 continue
             if message is None:
                 break
             pause = 0.0
-            if _plain(message):
+            if _is_classic_data(message):
                 frame = Frame(message.arbitration_id, bytes(message.data))
                 self.bytes_read += frame.wire_bytes
                 frames.append(frame)
@@ -142,46 +142,47 @@ class CanPort(Port):
                 frames += self._text.feed(data)
                 pause = 0.0
         except BlockingIOError:
-            # Somebody else's byte; there is nothing now.
+            # `select` was a false alarm; there is no data now.
             pass
         except OSError as error:
             if isinstance(error, LinkGone):
                 raise
-            raise self._gone(error) from error
-        self.damaged += self._text.take_damaged()
+            raise self._link_gone(error) from error
+        self.damaged += self._text.pop_damaged_count()
         frames, self._waiting = frames[:limit], frames[limit:]
         self.bytes_read += sum(frame.wire_bytes for frame in frames)
         return frames
 
-    def _next(self, pause: float) -> tuple[can.Message | None, bool]:
-        """The next message, or whether something came that is none."""
+    def _next_message(self, pause: float) -> tuple[can.Message | None, bool]:
+        """Return the next message, and whether damaged data came instead of one."""
         try:
             return self._open_bus.recv(pause), False
         except LinkGone:
             raise
         except (ValueError, IndexError):
-            # Text of a serial adapter that is no frame; python-can lets its mistakes through.
+            # Malformed text of a serial adapter: python-can passes the conversion error on.
             return None, True
         except (can.CanError, OSError) as error:
             if "unpack" in str(error):
-                # A datagram that is no frame: any program may send one.
+                # A datagram that is not a frame; any program may send one.
                 return None, True
-            raise self._gone(error) from error
+            raise self._link_gone(error) from error
 
     def _open(self) -> None:
-        keep_quiet("can")
+        silence_logger("can")
         try:
-            self._claim()
+            self._lock_serial_port()
             self._bus = self._make_bus()
             self._text = SlcanText() if self.interface == "slcan" else None
         except (NotImplementedError, ImportError) as error:
             self._close()
-            raise Unavailable(errno.ENOENT, f"{self.url.text}: {error}; python-can knows: {_known()}") from error
+            known = _known_interfaces()
+            raise Unavailable(errno.ENOENT, f"{self.url.text}: {error}; python-can knows: {known}") from error
         except Unavailable:
             raise
         except (can.CanError, OSError) as error:
             self._close()
-            raise self._explained(error) from error
+            raise self._unavailable(error) from error
         except (ValueError, TypeError) as error:
             self._close()
             raise BadUrl(f"bus url {self.url.text!r}: {error}") from error
@@ -197,7 +198,7 @@ class CanPort(Port):
             try:
                 bus.shutdown()
             except (can.CanError, OSError):
-                # An unplugged adapter cannot be told that we go; python-can then leaves its port open.
+                # The shutdown of an unplugged adapter fails, and python-can then leaves its serial port open.
                 port = getattr(bus, "serialPortOrig", None)
                 if port is not None:
                     port.close()
@@ -205,18 +206,18 @@ class CanPort(Port):
             os.close(self._lock)
             self._lock = -1
 
-    def _claim(self) -> None:
-        """Lock the port of a serial adapter as pyserial does, which python-can leaves out."""
-        if self._on_path(self.channel):
+    def _lock_serial_port(self) -> None:
+        """Lock the port of a serial adapter as pyserial does; python-can does not."""
+        if self._uses_serial_port(self.channel):
             self._lock = os.open(self.channel.partition("@")[0], os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
-    def _on_path(self, channel: str) -> bool:
+    def _uses_serial_port(self, channel: str) -> bool:
         return self.interface in _PATHS and "://" not in channel
 
-    def _explained(self, error: Exception) -> Unavailable:
+    def _unavailable(self, error: Exception) -> Unavailable:
         number, name = _number_of(error), self.channel
-        none = no_port(name.partition("@")[0]) if self._on_path(name) else None
+        none = no_port(name.partition("@")[0]) if self._uses_serial_port(name) else None
         if none is not None:
             return none
         if number in {errno.EWOULDBLOCK, errno.EBUSY}:
@@ -233,19 +234,19 @@ class CanPort(Port):
             text = f"cannot open {self.url.text}: {error}"
         return Unavailable(number or errno.EIO, text)
 
-    def _gone(self, error: Exception) -> LinkGone:
+    def _link_gone(self, error: Exception) -> LinkGone:
         if _number_of(error) == errno.ENETDOWN:
             return LinkGone(
                 f"{self.channel} is down: sudo ip link set {self.channel} up type can bitrate {self.baud}"
             )
         return LinkGone(f"{self.url.text}: {error}; was it unplugged?")
 
-    def _full(self) -> str:
+    def _full_text(self) -> str:
         return f"{self.url.text}: takes no more frames; is anything else on the bus, is it terminated?"
 
 
-def keep_quiet(library: str) -> None:
-    """What a library logs is said better by what it raises: keep it out of our log."""
+def silence_logger(library: str) -> None:
+    """Keep the messages of a library out of our log; its exceptions hold the same information."""
     logger = logging.getLogger(library)
     logger.propagate = False
     if not logger.handlers:
@@ -259,12 +260,12 @@ def can_port(port: Port) -> CanPort:
     return port
 
 
-def _plain(message: can.Message) -> bool:
+def _is_classic_data(message: can.Message) -> bool:
     return not (message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd)
 
 
 def _number_of(error: BaseException | None) -> int:
-    """The system's number of an error, which python-can may have wrapped."""
+    """Return the errno of an error that python-can may have wrapped, 0 if none."""
     while error is not None:
         number = getattr(error, "errno", None) or getattr(error, "error_code", None)
         if isinstance(number, int):
@@ -274,17 +275,17 @@ def _number_of(error: BaseException | None) -> int:
 
 
 def _parameters(module: str, name: str) -> set[str]:
-    """What python-can's class of an interface takes; nothing when its library is missing."""
-    keep_quiet("can")
+    """Return the parameters of python-can's class of an interface; none when its library is missing."""
+    silence_logger("can")
     try:
         kind = getattr(importlib.import_module(module), name)
     except (ImportError, AttributeError, OSError):
         return set()
-    return {parameter for base in kind.__mro__ for parameter in _taken(base)} - _OURS
+    return {parameter for base in kind.__mro__ for parameter in _parameters_of_class(base)} - _RESERVED
 
 
-def _taken(kind: type) -> Iterator[str]:
-    """The parameters of one class; those that it takes by `**kwargs` are only in its documentation."""
+def _parameters_of_class(kind: type) -> Iterator[str]:
+    """Yield the parameters of one class; those in `**kwargs` are found in its docstring."""
     made = kind.__dict__.get("__init__")
     if inspect.isfunction(made):
         named = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
@@ -292,5 +293,5 @@ def _taken(kind: type) -> Iterator[str]:
         yield from _DOCUMENTED.findall(f"{kind.__doc__} {made.__doc__}")
 
 
-def _known() -> str:
+def _known_interfaces() -> str:
     return ", ".join(sorted(can.VALID_INTERFACES))

@@ -1,4 +1,4 @@
-"""Text of an slcan adapter into frames: bytes only.
+"""Decoder of the text of an slcan adapter; no I/O.
 
     t4018FFF9000FFFFF0009\\r      a frame: identifier (3 digits), length (1), data; what follows is ignored
     \\r, z\\r, \\a                  the adapter's answers to what was sent to it
@@ -13,20 +13,20 @@ from __future__ import annotations
 from urbihw.buses.can.frame import MOST_DATA, STANDARD_IDS, Frame
 
 _LONGEST = 64
-"""Of a line; longer ones are no text of an adapter."""
+"""Longest line in bytes; longer ones do not come from an adapter."""
 _ANSWERS = (b"", b"z", b"Z")
 _HEAD = 5
 
 
 class SlcanText:
-    """Puts text together."""
+    """Assembles lines from bytes and decodes them."""
 
     def __init__(self) -> None:
         self._damaged = 0
         self._rest = b""
 
     def feed(self, data: bytes) -> list[Frame]:
-        """The frames that are complete with these bytes."""
+        """Add bytes; return the frames that they complete."""
         *lines, rest = (self._rest + data).replace(b"\a", b"\r").split(b"\r")
         if len(rest) > _LONGEST:
             self._damaged += 1
@@ -41,14 +41,14 @@ class SlcanText:
                 self._damaged += 1
         return frames
 
-    def take_damaged(self) -> int:
-        """How many lines were no frame and no answer, since the last call."""
+    def pop_damaged_count(self) -> int:
+        """Return how many lines were neither a frame nor an answer, since the last call."""
         damaged, self._damaged = self._damaged, 0
         return damaged
 
 
 def _frame(line: bytes) -> Frame | None:
-    """A line as a frame; None for everything else."""
+    """Decode a line; None if it is not a frame."""
     if line[:1] != b"t":
         return None
     try:

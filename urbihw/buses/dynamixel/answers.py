@@ -1,4 +1,4 @@
-"""Is this the answer we wait for? Looks at bytes, no waiting."""
+"""Recognition of the expected answer in received bytes; no I/O."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from urbihw.buses.dynamixel.crc import crc16
 from urbihw.buses.dynamixel.status import Status
 
 
-def fits(status: Status, device: int, size: int) -> bool:
-    """Can this be the answer of `device` with `size` bytes? A refusal comes without data."""
+def is_answer_of(status: Status, device: int, size: int) -> bool:
+    """Return whether this can be the answer of `device` with `size` bytes; a refusal has no data."""
     return status.device == device and (len(status.params) == size or (not status.params and bool(status.refusal)))
 
 
 def exact_answer(protocol: int, data: bytes, device: int, expected: int) -> Status | None:
-    """The quick look: is `data` exactly the plain answer of `device`, `expected` bytes long? None if in doubt."""
+    """Return the status if `data` is exactly the answer of `device`, `expected` bytes long, not stuffed; else None."""
     if len(data) != expected:
         return None
     if protocol == 1:
@@ -31,11 +31,11 @@ def exact_answer(protocol: int, data: bytes, device: int, expected: int) -> Stat
 
 
 class GroupAnswer:
-    """Takes the answers of a group read apart; `exact`: they may be just where they are expected.
+    """Decodes the answers of a group read; `exact`: they may be expected at fixed offsets.
 
     Attributes:
-        missing: who has not answered yet.
-        noise: bytes that belong to no answer.
+        missing: ids of the devices that have not answered yet.
+        noise: number of bytes that belong to no answer.
     """
 
     def __init__(self, protocol: int, reads: Sequence[tuple[int, int]], decoder: packet.Decoder, exact: bool) -> None:
@@ -53,7 +53,7 @@ class GroupAnswer:
         return self._decoder.noise
 
     def feed(self, data: bytes) -> Iterator[Status]:
-        """Take bytes, yield the answers that they complete."""
+        """Add bytes; yield the answers that they complete."""
         self._data += data
         while self._exact and self._awaited is not None:
             device, size = self._awaited
@@ -62,7 +62,7 @@ class GroupAnswer:
                 return
             status = exact_answer(self._protocol, self._data[:length], device, length)
             if status is None:
-                # Damage, stuffing, or somebody is missing: the decoder sorts out the rest.
+                # Damage, stuffing, or a missing device: use the decoder from here on.
                 self._exact = False
                 break
             self._data = self._data[length:]
@@ -74,7 +74,7 @@ class GroupAnswer:
             yield from self._wanted(self._decoder.feed(rest))
 
     def flush(self) -> Iterator[Status]:
-        """No more bytes come: yield what can still be made out."""
+        """End of the bytes: yield the answers that can still be decoded."""
         yield from self._wanted(self._decoder.feed(self._data))
         self._data = b""
         yield from self._wanted(self._decoder.flush())

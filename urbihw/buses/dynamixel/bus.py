@@ -1,4 +1,4 @@
-"""Errands on a Dynamixel wire: ping, read, write, with retries and with refusals raised.
+"""Operations on a Dynamixel bus: ping, read, write, with retries, and with refusals raised as exceptions.
 
 with buses.open_link("/dev/ttyUSB0?baud=1000000") as link:
     bus = DynamixelBus(link, "auto")
@@ -12,41 +12,41 @@ from collections.abc import Mapping
 
 from urbihw.buses.dynamixel import packet
 from urbihw.buses.dynamixel.status import Status, refusal_words
-from urbihw.buses.dynamixel.wire import Wire
+from urbihw.buses.dynamixel.transactions import TransactionChannel
 from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
 
 _RETRIES = 2
 
 
-class DynamixelBus(Wire):
-    """Ask a device for something until it answers."""
+class DynamixelBus(TransactionChannel):
+    """A channel with retried operations."""
 
     def ping(self, device: int, retries: int = _RETRIES) -> Status:
         """Ping; protocol 2.0 answers model and firmware. Raises BusTimeout, BadFrame, LinkGone."""
         size = 3 if self.protocol == 2 else 0
-        return self.insist(packet.ping_packet(self.protocol, device), device, size, retries)
+        return self.ask_with_retries(packet.ping_packet(self.protocol, device), device, size, retries)
 
     def read(self, device: int, address: int, size: int, retries: int = _RETRIES) -> bytes:
         """Return `size` bytes from `address`. Raises BusTimeout, BadFrame, DeviceRefused, LinkGone."""
         request = packet.read_packet(self.protocol, device, address, size)
-        return self._accepted(self.insist(request, device, size, retries)).params
+        return self._raise_refusal(self.ask_with_retries(request, device, size, retries)).params
 
     def write(self, device: int, address: int, data: bytes, answered: bool = True, retries: int = _RETRIES) -> None:
         """Write `data`; `answered=False` for a device whose status return level is below 2, or for all (254).
 
         Raises BusTimeout, BadFrame, DeviceRefused, LinkGone.
         """
-        self._order(packet.write_packet(self.protocol, device, address, data), device, answered, retries)
+        self._send_command(packet.write_packet(self.protocol, device, address, data), device, answered, retries)
 
     def reboot(self, device: int) -> None:
-        """Restart a protocol 2.0 device: the only cure for a hardware alert. Raises as `write`."""
-        self._order(packet.reboot_packet(device), device, True, 0)
+        """Restart a protocol 2.0 device, the only way to clear a hardware alert. Raises as `write`."""
+        self._send_command(packet.reboot_packet(device), device, True, 0)
 
     def sync_write(self, address: int, values: Mapping[int, bytes]) -> None:
-        """Write the same registers of several devices in one packet; nobody confirms. Raises BadValue, LinkGone."""
+        """Write the same registers of several devices in one packet, unacknowledged. Raises BadValue, LinkGone."""
         self.send(packet.sync_write_packet(self.protocol, address, values))
 
-    def insist(self, request: bytes, device: int, size: int, retries: int) -> Status:
+    def ask_with_retries(self, request: bytes, device: int, size: int, retries: int) -> Status:
         """As `ask`, repeated up to `retries` times."""
         first = last = self.clock.now()
         for left in range(retries, -1, -1):
@@ -59,24 +59,25 @@ class DynamixelBus(Wire):
                     raise
                 self.counters.retried += 1
         if last > first:
-            # This may be the late answer to the first try; the one to the last must not answer the next question.
-            self._swallow(self.clock.now() + (last - first) + self.patience.allowance)
+            # This may be the late answer to the first try; discard the one to the last, or the next request takes it.
+            self.discard_until(self.clock.now() + (last - first) + self.response_timeout.allowance)
         return status
 
-    def _swallow(self, until: float) -> None:
+    def discard_until(self, until: float) -> None:
+        """Pass over what still comes, until a time."""
         while self.link.read(1024, until):
             pass
         self._overdue = None
 
-    def _order(self, request: bytes, device: int, answered: bool, retries: int) -> None:
+    def _send_command(self, request: bytes, device: int, answered: bool, retries: int) -> None:
         if device == packet.BROADCAST or not answered:
             self.send(request)
         else:
-            self._accepted(self.insist(request, device, 0, retries))
+            self._raise_refusal(self.ask_with_retries(request, device, 0, retries))
 
-    def _accepted(self, status: Status) -> Status:
+    def _raise_refusal(self, status: Status) -> Status:
         refusal = status.refusal
-        # Data is data: an AX servo whose goal lies outside its limits says "angle limit" in each answer.
+        # An answer with data is valid: an AX servo whose goal is outside its limits sets "angle limit" in each answer.
         if refusal and not status.params:
             self.counters.refused += 1
             raise DeviceRefused(status.device, status.error, refusal_words(refusal, status.protocol))

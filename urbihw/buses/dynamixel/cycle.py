@@ -1,19 +1,18 @@
-"""The cyclic work over one bus: write what changed, read what is due, never wait for the dead.
+"""The cyclic work on one bus: write changed targets, read what is due, spend no time on lost devices.
 
-One call of `Cycle.tick` is one tick. It has no thread and no clock of its own: the caller says what time it is, and
-the bus moves time forward by waiting for answers (on a `SimClock` that is a jump).
+One call of `Cycle.tick` is one tick. It has no thread and no clock of its own: the caller passes the time, and the bus
+advances it by waiting for answers (on a `SimClock` that is a jump).
 
 A tick in order:
-  1. the SYNC_WRITE packets of all changed targets (`plan.sync_writes`); they travel in one write together with the
-     first question, since nobody answers them;
-  2. the reads that are due of healthy devices. Protocol 1.0: one READ per device and block. Protocol 2.0: one SYNC
-     READ per block (FAST if all can), and single READs for those whose answer was missing, because a silent device can
+  1. the SYNC_WRITE packets of all changed targets (`plan.sync_writes`); they are sent in one write together with the
+     first question, since no device answers them;
+  2. the reads of healthy devices that are due. Protocol 1.0: one READ per device and block. Protocol 2.0: one SYNC
+     READ per block (FAST if all support it), then single READs for missing answers, because a silent device can
      silence those behind it in the list;
-  3. the suspects, one single READ each;
-  4. a ping to one lost device whose time has come.
-The wire never waits for our own bookkeeping if that can be helped: the next question goes out first, then the last
-answer is taken apart while the servo thinks. A device that is lost costs nothing but its pings: a cycle with 5 of 18
-lost spends 20 time-outs a second on them.
+  3. one single READ for each suspect device. They come last, because each may cost a whole time-out;
+  4. a ping to one lost device whose probe is due.
+The wire is kept busy: the next question is sent first, then the last answer is decoded while the servo prepares the
+next one. A lost device costs only its pings: a cycle with 5 of 18 lost spends 20 time-outs a second on them.
 """
 
 from __future__ import annotations
@@ -32,22 +31,22 @@ from urbihw.buses.dynamixel.status import Status, state_of
 from urbihw.buses.errors import BadFrame, BadValue, BusTimeout, DeviceRefused
 
 STATE_ITEM = "state"
-# A second try may start while this share of the tick is not over; the rest belongs to the others.
+# A retry may start only within this share of the tick, so that one bad device does not take the time of the others.
 _RETRY_SHARE = 0.6
 _CHECKSUM_1 = 0x10
 _CRC_2 = 3
-_Asked = tuple[Member, tuple[Question, ...]]
+_Read = tuple[Member, tuple[Question, ...]]
 
 
 @dataclass(slots=True)
 class Tick:
-    """What one tick brought.
+    """The results of one tick.
 
     Attributes:
         values: device -> item -> raw count.
-        times: device -> when its answer was in.
+        times: device -> arrival of its answer.
         changes: (device, change of its health) in order.
-        fired: devices whose bus watchdog has stopped them.
+        fired: devices that were stopped by their own bus watchdog.
     """
 
     values: dict[int, dict[str, int]] = field(default_factory=dict)
@@ -57,12 +56,12 @@ class Tick:
 
 
 class Cycle:
-    """The devices of one bus and the work that returns each tick.
+    """The devices of one bus and the work of each tick.
 
     Attributes:
         bus: the wire.
         members: id -> device, in order of id.
-        period: seconds between ticks; bounds retries, and tells when something is due.
+        period: seconds between ticks; limits retries, and the tolerance of due times.
         fast: FAST SYNC READ may be used.
     """
 
@@ -73,7 +72,7 @@ class Cycle:
         self.fast = fast
         self._prefix = b""
         self._retry_until = 0.0
-        self._chore: Callable[[], None] | None = None
+        self._meanwhile: Callable[[], None] | None = None
         self._urgent: Callable[[], bool] = lambda: False
         self._runs: dict[tuple[str, tuple[str, ...]], tuple[Run, ...]] = {}
         self._group_requests: dict[tuple[int, int, tuple[int, ...], bool], bytes] = {}
@@ -86,36 +85,36 @@ class Cycle:
             raise BadValue(f"there is no device {device} on {self.bus.link.url.text}") from None
 
     def motors(self) -> list[Member]:
-        """The members that can move."""
+        """Return the members with a motor."""
         return [member for member in self.members.values() if member.has_motor]
 
-    def aim(self, device: int, name: str, raw: int) -> None:
-        """Set a target, sent at the next tick; forgotten when the device is lost. Raises BadValue."""
+    def set_target(self, device: int, name: str, raw: int) -> None:
+        """Set a target, sent at the next tick; dropped when the device is lost. Raises BadValue."""
         member = self.member(device)
-        member.aim(name, raw)
+        member.set_target(name, raw)
         if member.health.state == "lost":
             member.pending.clear()
 
     def watch(self, device: int, names: Iterable[str], period: float | None, now: float) -> None:
         """Read `names` of a device each `period` seconds, see `Member.watch`. Raises BadValue."""
         members = list(self.members)
-        # In protocol 1.0 everyone is asked alone, so slow items of many devices are spread over their period.
+        # In protocol 1.0 each device costs a question of its own, so slow items are spread over their period.
         spread = members.index(device) / len(members) if self.bus.protocol == 1 and device in self.members else 0.0
         self.member(device).watch(names, period, now + spread * (period or 0.0))
 
     def tick(
         self, now: float, meanwhile: Callable[[], None] | None = None, urgent: Callable[[], bool] = lambda: False
     ) -> Tick:
-        """Do the work of the tick at time `now`; `meanwhile` is called once while the wire is busy. Raises LinkGone.
+        """Execute the tick at time `now`; `meanwhile` is called once while the wire is busy. Raises LinkGone.
 
-        Between two transactions `urgent` is asked; when it says so, the rest of the reads is left out.
+        `urgent` is called between two transactions; when it returns true, the remaining reads are left out.
         """
         tick = Tick()
-        self._chore = meanwhile
+        self._meanwhile = meanwhile
         self._urgent = urgent
         self._retry_until = now + self.period * _RETRY_SHARE
-        self._prefix = self._take_writes()
-        healthy, suspects, lost = self._take_due(now)
+        self._prefix = self._pop_write_packets()
+        healthy, suspects, lost = self._collect_due_reads(now)
         if self.bus.protocol == 2:
             self._read_groups(healthy, tick)
         elif healthy:
@@ -124,22 +123,22 @@ class Cycle:
             if not urgent():
                 self._read_alone(member, questions, tick)
         if lost and not urgent():
-            self._probe(lost, tick)
+            self._probe_lost(lost, tick)
         if self._prefix:
-            self.bus.send(self._take_prefix())
-        self._do_chore()
+            self.bus.send(self._pop_prefix())
+        self._run_meanwhile()
         return tick
 
-    def _do_chore(self) -> None:
-        """Do, once, what was put off until the wire is busy."""
-        chore, self._chore = self._chore, None
+    def _run_meanwhile(self) -> None:
+        """Call `meanwhile`, if this tick has not called it yet."""
+        chore, self._meanwhile = self._meanwhile, None
         if chore is not None:
             chore()
 
     # Writing.
 
-    def _take_writes(self) -> bytes:
-        """Return the packets of all changed targets, which then count as sent."""
+    def _pop_write_packets(self) -> bytes:
+        """Return the packets of all changed targets, and mark these as sent."""
         alike: dict[tuple[str, tuple[str, ...]], list[Member]] = {}
         for member in self.members.values():
             if member.pending:
@@ -155,61 +154,61 @@ class Cycle:
         packets = plan.sync_writes(self.bus.protocol, groups)
         for members in alike.values():
             for member in members:
-                member.sent()
+                member.mark_sent()
         return b"".join(packets)
 
-    def _take_prefix(self) -> bytes:
+    def _pop_prefix(self) -> bytes:
         prefix, self._prefix = self._prefix, b""
         return prefix
 
     # Reading.
 
-    def _take_due(self, now: float) -> tuple[list[_Asked], list[_Asked], list[Member]]:
-        """Return whom to ask what, healthy devices and suspects apart, and those who are lost."""
-        healthy: list[_Asked] = []
-        suspects: list[_Asked] = []
+    def _collect_due_reads(self, now: float) -> tuple[list[_Read], list[_Read], list[Member]]:
+        """Return the reads due of healthy devices, the reads due of suspects, and the lost devices."""
+        healthy: list[_Read] = []
+        suspects: list[_Read] = []
         lost: list[Member] = []
         for member in self.members.values():
             state = member.health.state
             if state == "lost":
                 lost.append(member)
                 continue
-            names = member.due(now, self.period / 2)
+            names = member.pop_due_items(now, self.period / 2)
             if names:
                 (suspects if state == "suspect" else healthy).append((member, member.questions(names)))
         return healthy, suspects, lost
 
-    def _read_each(self, asked: Iterable[_Asked], tick: Tick) -> None:
-        """Ask healthy devices one after the other; a miss is tried once more while there is time in this tick."""
+    def _read_each(self, asked: Iterable[_Read], tick: Tick) -> None:
+        """Read healthy devices one after the other; a missing answer is retried once if this tick has time left."""
         bus = self.bus
         pairs = [(member, question) for member, questions in asked for question in questions]
         requests = [(question.request, member.device.id, question.block.size) for member, question in pairs]
-        for index, answer in bus.ask_each(requests, self._take_prefix(), self._do_chore, self._urgent):
+        for index, answer in bus.ask_each(requests, self._pop_prefix(), self._run_meanwhile, self._urgent):
             member, question = pairs[index]
             if isinstance(answer, Status) and not (answer.error and _request_was_damaged(answer)):
-                self._take(member, question.block, answer, tick)
+                self._store_answer(member, question.block, answer, tick)
             elif isinstance(answer, Status):
-                # The next question is under way already; the tick after this one asks again.
+                # The next question is already on the wire; the next tick asks this one again.
                 bus.counters.refused += 1
             elif bus.clock.now() < self._retry_until:
                 bus.counters.retried += 1
                 self._read_alone(member, (question,), tick)
             else:
-                self._missed(member, str(answer), tick)
+                self._record_miss(member, str(answer), tick)
 
     def _read_alone(self, member: Member, questions: Iterable[Question], tick: Tick) -> None:
-        """Ask one device for its blocks, one after the other, until one answer stays out."""
+        """Read the blocks of one device, one after the other, until an answer is missing."""
         for question in questions:
             try:
                 status = self.bus.ask(
-                    question.request, member.device.id, question.block.size, self._take_prefix(), self._do_chore
+                    question.request, member.device.id, question.block.size, self._pop_prefix(), self._run_meanwhile
                 )
             except (BusTimeout, BadFrame) as error:
-                self._missed(member, str(error), tick)
+                self._record_miss(member, str(error), tick)
                 return
-            self._take(member, question.block, status, tick)
+            self._store_answer(member, question.block, status, tick)
 
-    def _read_groups(self, asked: Iterable[_Asked], tick: Tick) -> None:
+    def _read_groups(self, asked: Iterable[_Read], tick: Tick) -> None:
         groups: dict[tuple[int, int], list[tuple[Member, Question]]] = {}
         for member, questions in asked:
             for question in questions:
@@ -225,7 +224,7 @@ class Cycle:
     def _read_group(self, address: int, size: int, pairs: list[tuple[Member, Question]], tick: Tick) -> None:
         bus = self.bus
         ids = tuple(member.device.id for member, _ in pairs)
-        fast = self.fast and all(_can_fast(member.device) for member, _ in pairs)
+        fast = self.fast and all(_supports_fast_read(member.device) for member, _ in pairs)
         key = (address, size, ids, fast)
         request = self._group_requests.get(key)
         if request is None:
@@ -233,25 +232,25 @@ class Cycle:
         damaged = bus.counters.damaged
         ask: Callable[..., Iterable[Status]] = bus.ask_joint if fast else bus.ask_group
         waiting = dict(zip(ids, pairs, strict=True))
-        for status in ask(request, [(number, size) for number in ids], self._take_prefix(), self._do_chore):
+        for status in ask(request, [(number, size) for number in ids], self._pop_prefix(), self._run_meanwhile):
             member, question = waiting.pop(status.device)
-            self._take(member, question.block, status, tick)
+            self._store_answer(member, question.block, status, tick)
         first_missing = True
         for member, question in waiting.values():
             if self._urgent():
                 return
             if first_missing and bus.counters.damaged == damaged:
-                # This one kept the line silent; those behind it may only have waited for it.
-                self._missed(member, "does not answer", tick)
+                # The first missing device was silent; those behind it may only have waited for its answer.
+                self._record_miss(member, "does not answer", tick)
             else:
                 self._read_alone(member, (question,), tick)
             first_missing = False
 
     # What answers mean.
 
-    def _take(self, member: Member, block: Block, status: Status, tick: Tick) -> None:
+    def _store_answer(self, member: Member, block: Block, status: Status, tick: Tick) -> None:
         number = status.device
-        change = member.health.answered()
+        change = member.health.record_answer()
         if change is not None:
             tick.changes.append((number, change))
         error = status.error
@@ -262,7 +261,7 @@ class Cycle:
         if PLACE in values:
             member.place, member.place_at = values[PLACE], self.bus.clock.now()
         if WATCHDOG in values:
-            _look_at_watchdog(member, values, tick)
+            _check_watchdog(member, values, tick)
         if error or member.state:
             state = state_of(error, status.protocol)
             if state != member.state:
@@ -275,17 +274,17 @@ class Cycle:
             return
         tick.times[number] = self.bus.clock.now()
 
-    def _missed(self, member: Member, reason: str, tick: Tick) -> None:
-        change = member.health.missed(self.bus.clock.now(), reason)
+    def _record_miss(self, member: Member, reason: str, tick: Tick) -> None:
+        change = member.health.record_miss(self.bus.clock.now(), reason)
         if change is not None:
             tick.changes.append((member.device.id, change))
             if change.new == "lost":
-                member.forget()
+                member.drop_targets()
 
     # The lost.
 
-    def _probe(self, lost: Iterable[Member], tick: Tick) -> None:
-        """Ping the lost device that waits longest, if its time has come."""
+    def _probe_lost(self, lost: Iterable[Member], tick: Tick) -> None:
+        """Ping the lost device whose probe is due first, if it is due."""
         now = self.bus.clock.now()
         member = min(lost, key=lambda member: member.health.next_probe, default=None)
         if member is None or member.health.next_probe > now:
@@ -294,36 +293,36 @@ class Cycle:
         size = 3 if self.bus.protocol == 2 else 0
         ping = packet.ping_packet(self.bus.protocol, number)
         try:
-            # It may have been without power, or be another one with the same id: ask who it is.
-            pong = self.bus.ask(ping, number, size, self._take_prefix(), brief=True)
+            # It may have lost power, or be another device with the same id: identify it again.
+            pong = self.bus.ask(ping, number, size, self._pop_prefix(), brief=True)
             found = identify(self.bus, number, pong)
-            if member.must_be_whole and not found.is_whole:
+            if member.must_be_complete and not found.is_complete:
                 raise BusTimeout(f"device {number} answers pings, but not yet what it is asked")
-            member.meet(found)
+            member.update_device(found)
         except (BusTimeout, BadFrame, DeviceRefused):
-            member.health.probed(self.bus.clock.now(), False)
+            member.health.record_probe(self.bus.clock.now(), False)
             return
-        member.forget()
-        change = member.health.probed(self.bus.clock.now(), True)
+        member.drop_targets()
+        change = member.health.record_probe(self.bus.clock.now(), True)
         if change is not None:
             tick.changes.append((number, change))
 
 
-def _look_at_watchdog(member: Member, values: dict[str, int], tick: Tick) -> None:
-    """What the watchdog says, which concerns nobody but us unless it was asked for."""
+def _check_watchdog(member: Member, values: dict[str, int], tick: Tick) -> None:
+    """Evaluate the register of the bus watchdog; it stays in the samples only if it is watched."""
     left = values[WATCHDOG] if member.is_watched(WATCHDOG) else values.pop(WATCHDOG)
     if left == FIRED:
         tick.fired.append(member.device.id)
     if member.armed and left <= 0:
-        # It fired, or never heard that it was to be armed, or was without power: as long as it is to turn, try again.
+        # It fired, or never received the packet that arms it, or lost power: arm it again while the servo turns.
         member.armed = False
-        member.rearm()
+        member.rearm_watchdog()
 
 
 def _request_was_damaged(status: Status) -> bool:
     return bool(status.refusal & _CHECKSUM_1) if status.protocol == 1 else status.refusal == _CRC_2
 
 
-def _can_fast(device: Device) -> bool:
+def _supports_fast_read(device: Device) -> bool:
     table = device.table
     return table is not None and table.fast_firmware is not None and device.firmware >= table.fast_firmware

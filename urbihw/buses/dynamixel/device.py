@@ -11,7 +11,7 @@ from urbihw.buses.dynamixel.tables import table_of
 
 @dataclass(frozen=True)
 class Device:
-    """What a device says of itself.
+    """The description of a device, as it was read.
 
     Attributes:
         id: on the bus.
@@ -29,7 +29,7 @@ class Device:
 
     @property
     def table(self) -> Table | None:
-        """Its control table, None for a model we do not know."""
+        """Its control table, None for an unknown model."""
         return table_of(self.model)
 
     @property
@@ -42,18 +42,18 @@ class Device:
 
     @property
     def is_known(self) -> bool:
-        """False for a device that is only expected: it has not told anything yet, not even that it is there."""
+        """False for a device that is only expected and has never answered."""
         return self.model != 0 or bool(self.setup)
 
     @property
-    def is_whole(self) -> bool:
-        """Whether it told its model, and all that is asked of this model when it is met."""
+    def is_complete(self) -> bool:
+        """Whether its model and all set-up items of the model could be read."""
         table = self.table
         return self.model != 0 and (table is None or all(name in self.setup for name in table.setup_items))
 
     @property
     def answers_writes(self) -> bool:
-        """False when its status return level says that it keeps quiet after a write."""
+        """False when its status return level disables answers to writes."""
         return self.setup.get("status_return_level", 2) >= 2
 
     @property
@@ -65,7 +65,7 @@ class Device:
 
 @dataclass(frozen=True, slots=True)
 class DeviceInfo:
-    """One device as a worker's `Found` tells of it.
+    """The description of a device in a worker's `Found`.
 
     Attributes:
         id: on the bus.

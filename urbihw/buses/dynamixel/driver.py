@@ -1,7 +1,7 @@
-"""What a worker runs on a Dynamixel wire: messages in, messages out, over `Cycle`.
+"""The driver of a Dynamixel bus: messages of the worker to `Cycle` and back.
 
-It outlives the link: watches, known devices and who was moved are kept while the adapter is unplugged; targets are
-not, so that nothing moves by itself when it returns.
+It outlives the link: watches, known devices and the set of moved servos are kept while the adapter is unplugged;
+targets are dropped, so that nothing moves by itself when it returns.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from typing import Any
 
-from urbihw.buses.driver import Driver, never
+from urbihw.buses.driver import Driver, no_stop
 from urbihw.buses.dynamixel.bus import DynamixelBus
 from urbihw.buses.dynamixel.cycle import Cycle, Tick
 from urbihw.buses.dynamixel.device import Device, DeviceInfo, Scan
@@ -18,8 +18,14 @@ from urbihw.buses.dynamixel.item import Motion
 from urbihw.buses.dynamixel.member import FIRED, GOAL, WATCHDOG, WATCHDOG_COUNTS, Member
 from urbihw.buses.dynamixel.options import Options
 from urbihw.buses.dynamixel.plan import TORQUE
-from urbihw.buses.dynamixel.scan import Interrupted, identify, scan
-from urbihw.buses.dynamixel.stop import HERE, here, pay_stops, safe_stop, stop_what_moves
+from urbihw.buses.dynamixel.scan import ScanInterrupted, identify, scan
+from urbihw.buses.dynamixel.stop import (
+    PRESENT_POSITION,
+    execute_pending_stops,
+    read_position_goal,
+    safe_stop,
+    stop_what_moves,
+)
 from urbihw.buses.errors import BadValue, BusError, LinkGone
 from urbihw.buses.link import Port, byte_link
 from urbihw.buses.messages import (
@@ -35,20 +41,21 @@ from urbihw.buses.messages import (
     Watch,
 )
 
-# With nobody on the bus (robot switched off?) look again this often; a scan writes nothing.
-_LOOK_AGAIN = 3.0
+# Seconds between scans of a bus without devices (robot switched off?); a scan writes nothing.
+_SCAN_PERIOD_S = 3.0
 _AX_SPEED, _AX_SIGN = "moving_speed", 1024
 _GONE = "it does not answer"
 
 
 class DynamixelDriver(Driver):
-    """The Dynamixel half of a worker; see `urbihw.buses.driver.Driver` for who calls what.
+    """The driver of the family "dynamixel"; `urbihw.buses.driver.Driver` describes the calls of the engine.
 
     Verbs: "read", "write"; "write_all" writes the pairs (item, value) of `value` one after the other, until one is
-    refused, and gives them; the value `HERE` is where the servo is at that moment; "ping" gives the model number,
-    "reboot" restarts a protocol 2.0 device, "scan" looks for devices on all ids (0.5 s, in which the cycle rests: not
-    while the robot moves; a stop ends it), posts `Found` and gives the number of devices. The item "state" comes with
-    the lasting error bits of the answers when they change (`urbihw.buses.dynamixel.status.state_words` says them).
+    refused, and returns them; the value `PRESENT_POSITION` stands for the servo's position at that moment; "ping"
+    returns the model number, "reboot" restarts a protocol 2.0 device, "scan" searches devices on all ids (0.5 s during
+    which the cycle pauses: not while the robot moves; a stop ends it), posts `Found` and returns the number of devices.
+    The item "state" holds the lasting error bits of the answers when they change, in words:
+    `urbihw.buses.dynamixel.status.state_words`.
     """
 
     slow_verbs = frozenset({"scan"})
@@ -59,13 +66,13 @@ class DynamixelDriver(Driver):
         self._cycle: Cycle | None = None
         self._known: dict[int, Device] = {}
         self._expected: tuple[int, ...] = ()
-        self._urgent: Callable[[], bool] = never
+        self._urgent: Callable[[], bool] = no_stop
         self._moved: set[int] = set()
         self._watches: dict[tuple[int, str], float] = {}
-        self._next_look = 0.0
+        self._next_scan_at = 0.0
 
     def configure(self, settings: Configure) -> None:
-        """Take new settings; the protocol and the ids count from the next `attach` on. Raises BadSetting."""
+        """Apply settings; the protocol and the ids take effect with the next `attach`. Raises BadSetting."""
         self._options = Options.of(settings.options)
         self._settings = settings
         if self._cycle is not None:
@@ -74,55 +81,55 @@ class DynamixelDriver(Driver):
 
     @property
     def _ids(self) -> tuple[int, ...] | None:
-        """Where to look for devices, None for everywhere."""
+        """The ids to scan, None for all."""
         return self._options.ids or None
 
-    def expect(self, devices: tuple[Any, ...]) -> None:
-        """Look for the devices of an earlier worker first: it takes less time than looking for all."""
+    def expect_devices(self, devices: tuple[Any, ...]) -> None:
+        """Scan for the devices of an earlier worker only: this takes less time than scanning all ids."""
         self._expected = tuple(device.id for device in devices if isinstance(device, DeviceInfo))
 
     def attach(self, port: Port) -> list[FromWorker]:
-        """Take an open link and find the devices: all (or the configured) the first time, the known ones later."""
+        """Find the devices on an open link: all (or the configured) ones the first time, the known ones later."""
         bus = DynamixelBus(byte_link(port), self._options.protocol)
         outcome = scan(bus, sorted(self._known) if self._known else self._expected or self._ids)
         wanted = {number: Device(number, 0, 0, bus.protocol) for number in self._options.ids} | self._known
-        # One that was there once is kept, also when its answer was damaged: it may turn, and must be stopped.
+        # A known device is kept even when its answer was damaged: it may be turning, and must be stopped.
         there = {device.id for device in outcome.devices} | ({*outcome.conflicts} - self._known.keys())
-        return self._begin(bus, outcome, [device for number, device in wanted.items() if number not in there])
+        return self._start_cycle(bus, outcome, [device for number, device in wanted.items() if number not in there])
 
     def detach(self) -> None:
-        """Let go of the link: it is gone. Targets are forgotten."""
+        """Drop the cycle and its targets; remember which servos were moved."""
         if self._cycle is not None:
             self._moved = {number for number, member in self._cycle.members.items() if member.moved}
             self._cycle = None
 
-    def tick(self, now: float, meanwhile: Callable[[], None], urgent: Callable[[], bool] = never) -> list[FromWorker]:
-        """One tick of the cycle; `meanwhile` is called while the wire is busy. Raises LinkGone."""
+    def tick(self, now: float, meanwhile: Callable[[], None], urgent: Callable[[], bool] = no_stop) -> list[FromWorker]:
+        """Execute one tick of the cycle; `meanwhile` is called while the wire is busy. Raises LinkGone."""
         cycle = self._cycle
         if cycle is None:
             return []
         if not cycle.members:
-            return self._look_again(cycle, now)
+            return self._scan_if_due(cycle, now)
         self._urgent = urgent
         tick = cycle.tick(now, meanwhile, urgent)
-        pay_stops(cycle)
+        execute_pending_stops(cycle)
         if tick.fired:
-            # They stand, and would take no goals; that nobody spoke to them for so long is a stop for all.
+            # They stand and accept no goals. So long a silence on the bus counts as a stop of the whole robot.
             which = ", ".join(map(str, tick.fired))
             self.halted = f"servo {which} stopped by itself: nobody spoke to it for {WATCHDOG_COUNTS * 0.02:g} s"
             _clear_watchdogs(cycle, tick.fired)
         back = [number for number, change in tick.changes if change.new == "back"]
         _clear_watchdogs(cycle, [number for number in back if _has_fired(cycle.members[number].device)])
-        return self._newly_found(cycle, tick) + _report(tick)
+        return self._newly_found(cycle, tick) + _tick_messages(tick)
 
     def targets(self, message: Targets) -> list[FromWorker]:
-        """Take targets for the next tick."""
+        """Set targets for the next tick; return a `Refused` for each invalid one."""
         if self._cycle is None:
             return []
         refused: list[FromWorker] = []
         for (device, item), raw in message.values.items():
             try:
-                self._cycle.aim(device, item, raw)
+                self._cycle.set_target(device, item, raw)
             except BadValue as error:
                 refused.append(Refused(device, item, str(error)))
         return refused
@@ -145,14 +152,14 @@ class DynamixelDriver(Driver):
         return []
 
     def request(self, message: Request) -> list[FromWorker]:
-        """Do something once. Raises LinkGone, after which the request is to be answered as failed."""
+        """Execute a request. Raises LinkGone; the caller then answers the request with an error."""
         if self._cycle is None:
             return [Reply(message.reply_id, False, error="the link is down")]
         try:
             if message.verb == "scan":
                 found = self._rescan(self._cycle)
                 return [*found, Reply(message.reply_id, True, len(self._known))]
-            return [Reply(message.reply_id, True, self._errand(self._cycle, message))]
+            return [Reply(message.reply_id, True, self._execute_request(self._cycle, message))]
         except LinkGone:
             raise
         except BusError as error:
@@ -164,7 +171,7 @@ class DynamixelDriver(Driver):
             safe_stop(self._cycle, self._settings.torque_off_on_stop, devices)
 
     def stop_what_moves(self) -> tuple[Any, ...]:
-        """See `Driver`. Raises LinkGone."""
+        """Stop servos that move after the first `attach`; return their ids. Raises LinkGone."""
         return () if self._cycle is None else stop_what_moves(self._cycle)
 
     def moves(self, device: Any, item: str, value: Any) -> bool:
@@ -173,7 +180,7 @@ class DynamixelDriver(Driver):
         return member is not None and (member.moves(item) or (item == TORQUE and value != 0))
 
     def request_moves(self, request: Request) -> bool:
-        """As `moves`; a request for several writes moves if one of them does."""
+        """As `moves`; a request with several writes moves the robot if one of them does."""
         if request.verb == "write_all":
             return any(self.moves(request.device, item, value) for item, value in request.value)
         return request.verb == "write" and self.moves(request.device, request.item, request.value)
@@ -190,7 +197,7 @@ class DynamixelDriver(Driver):
         return -float(raw - _AX_SIGN)
 
     def raw_of(self, device: Any, item: str, signed: float) -> Any:
-        """See `signed`."""
+        """Return the raw target of a signed number: the inverse of `signed`."""
         if item == _AX_SPEED and signed < 0 and self._is_wheel(device):
             return _AX_SIGN + round(-signed)
         return round(signed)
@@ -204,15 +211,15 @@ class DynamixelDriver(Driver):
         """Return failures since `attach`, by kind."""
         return {} if self._cycle is None else asdict(self._cycle.bus.counters)
 
-    def _begin(self, bus: DynamixelBus, outcome: Scan, lost: Iterable[Device]) -> list[FromWorker]:
-        """Start a cycle over what a scan found and over those that should be there."""
+    def _start_cycle(self, bus: DynamixelBus, outcome: Scan, lost: Iterable[Device]) -> list[FromWorker]:
+        """Start a cycle with the devices that a scan found and those that are expected but absent."""
         absent = list(lost)
         cycle = Cycle(bus, [*outcome.devices, *absent], 1 / self._settings.rate, self._options.fast_read)
         self._cycle = cycle
         self._known = {device.id: device for device in (*outcome.devices, *absent) if device.is_known}
-        messages: list[FromWorker] = [Found(tuple(map(_info, outcome.devices)), outcome.conflicts)]
+        messages: list[FromWorker] = [Found(tuple(map(_info_of, outcome.devices)), outcome.conflicts)]
         now = bus.clock.now()
-        self._next_look = now + _LOOK_AGAIN
+        self._next_scan_at = now + _SCAN_PERIOD_S
         for device in absent:
             change = cycle.members[device.id].health.declare_lost(now, _GONE)
             if change is not None:
@@ -225,17 +232,17 @@ class DynamixelDriver(Driver):
         return messages
 
     def _newly_found(self, cycle: Cycle, tick: Tick) -> list[FromWorker]:
-        """Devices that were expected, and answer for the first time."""
+        """Return `Found` for expected devices that answer for the first time."""
         news = [number for number, change in tick.changes if change.new == "back" and number not in self._known]
         for number in news:
             self._known[number] = cycle.members[number].device
-        return [Found(tuple(_info(self._known[number]) for number in news))] if news else []
+        return [Found(tuple(_info_of(self._known[number]) for number in news))] if news else []
 
-    def _look_again(self, cycle: Cycle, now: float) -> list[FromWorker]:
-        if now < self._next_look:
+    def _scan_if_due(self, cycle: Cycle, now: float) -> list[FromWorker]:
+        if now < self._next_scan_at:
             return []
         messages = self._rescan(cycle)
-        self._next_look = cycle.bus.clock.now() + _LOOK_AGAIN
+        self._next_scan_at = cycle.bus.clock.now() + _SCAN_PERIOD_S
         return messages if self._known else []
 
     def _rescan(self, cycle: Cycle) -> list[FromWorker]:
@@ -243,24 +250,24 @@ class DynamixelDriver(Driver):
         cycle.bus.auto = self._options.protocol == "auto"
         try:
             outcome = scan(cycle.bus, self._ids, self._urgent)
-        except Interrupted:
+        except ScanInterrupted:
             cycle.bus.auto, cycle.bus.protocol = auto, protocol
             raise
         self.detach()
         self._known = {}
-        return self._begin(cycle.bus, outcome, ())
+        return self._start_cycle(cycle.bus, outcome, ())
 
-    def _errand(self, cycle: Cycle, message: Request) -> Any:
+    def _execute_request(self, cycle: Cycle, message: Request) -> Any:
         bus = cycle.bus
         member = cycle.member(message.device)
         if message.verb == "ping":
-            member.meet(identify(bus, message.device))
+            member.update_device(identify(bus, message.device))
             return member.device.model
         if message.verb == "reboot":
             if bus.protocol == 1:
                 raise BadValue("protocol 1.0 devices cannot be rebooted; switch the power off and on")
             bus.reboot(message.device)
-            member.forget()
+            member.drop_targets()
             return 0
         if message.verb == "write_all":
             return tuple((name, _write(bus, member, name, value)) for name, value in message.value)
@@ -269,7 +276,7 @@ class DynamixelDriver(Driver):
         item = member.table.item(message.item)
         value = item.unpack(bus.read(message.device, item.address, item.size))
         if item.name in member.table.setup_items:
-            member.wrote(item.name, value)
+            member.record_write(item.name, value)
         return value
 
 
@@ -278,9 +285,9 @@ def _has_fired(device: Device) -> bool:
 
 
 def _clear_watchdogs(cycle: Cycle, numbers: Iterable[int]) -> None:
-    """Let servos that their bus watchdog has stopped take goals again.  Raises LinkGone.
+    """Clear the bus watchdog of servos that it has stopped, so that they accept goals again.  Raises LinkGone.
 
-    Whether such a servo still has its last goal the sheet does not say, so one that turns is given 0 right behind it.
+    The data sheet does not say whether such a servo keeps its last goal, so in a turning mode 0 is written right after.
     """
     for number in numbers:
         member = cycle.members[number]
@@ -292,34 +299,34 @@ def _clear_watchdogs(cycle: Cycle, numbers: Iterable[int]) -> None:
         except LinkGone:
             raise
         except BusError:
-            # It does not answer: it will be lost, and met again.
+            # No answer: the cycle will declare it lost, and identify it again on its return.
             continue
 
 
 def _write(bus: DynamixelBus, member: Member, name: str, wanted: Any) -> int:
-    """Write an item, until the device has confirmed it where it does such things.
+    """Write an item, and wait for the acknowledgement if the device sends one.
 
-    An AX servo whose goal lies outside the limits that it was just given obeys and complains, and the confirmation may
-    get lost; so a device that did not confirm is asked what the register holds. Raises what `bus.write` raises.
+    An AX servo whose goal lies outside the limits that it was just given executes the write but reports an error, and
+    an acknowledgement may get lost; so without an acknowledgement the register is read back. Raises as `bus.write`.
     """
     item = member.table.item(name)
     if item.access != "RW":
         raise BadValue(f"{item.name} of {member.table.name} can only be read")
-    if wanted == HERE:
-        wanted = here(bus, member)
+    if wanted == PRESENT_POSITION:
+        wanted = read_position_goal(bus, member)
     value = int(wanted)
-    if value and member.must_arm(name):
+    if value and member.must_arm_watchdog(name):
         _write(bus, member, WATCHDOG, WATCHDOG_COUNTS)
     try:
         bus.write(member.device.id, item.address, item.pack(value), member.device.answers_writes)
     except BusError as error:
         if isinstance(error, LinkGone) or item.unpack(bus.read(member.device.id, item.address, item.size)) != value:
             raise
-    member.wrote(item.name, value)
+    member.record_write(item.name, value)
     return value
 
 
-def _info(device: Device) -> DeviceInfo:
+def _info_of(device: Device) -> DeviceInfo:
     table, mode = device.table, device.mode
     return DeviceInfo(
         device.id,
@@ -332,7 +339,7 @@ def _info(device: Device) -> DeviceInfo:
     )
 
 
-def _report(tick: Tick) -> list[FromWorker]:
+def _tick_messages(tick: Tick) -> list[FromWorker]:
     messages: list[FromWorker] = [
         DeviceState(device, change.old, change.new, change.reason) for device, change in tick.changes
     ]

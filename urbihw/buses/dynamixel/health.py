@@ -1,10 +1,10 @@
-"""What the cycle thinks of one device: ok, suspect, lost or back. Pure: time comes in as an argument.
+"""The health of one device: ok, suspect, lost or back. No I/O and no clock: time is an argument.
 
     ok --a miss--> suspect --LOST_AFTER misses in a row--> lost --answers a probe--> back --answers again--> ok
                       `--an answer--> ok
 
-A suspect is still asked each time its data is due, behind the others. A lost device is left out and pinged every
-PROBE_PERIOD: at 100 Hz it is found lost after 30 ms and found back within 0.3 s.
+A suspect device is still read whenever its data is due, after the others. A lost device is only pinged, every
+PROBE_PERIOD s: at 100 Hz a loss is noticed after 30 ms, and a return within 0.3 s.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ class Health:
         self.next_probe = 0.0
         self._misses = 0
 
-    def answered(self) -> Change | None:
-        """Note a good answer to an ordinary question."""
+    def record_answer(self) -> Change | None:
+        """Record a valid answer to a read."""
         if self.state == "ok":
             return None
         self._misses = 0
         return self._change("ok", "answers")
 
-    def missed(self, now: float, reason: str) -> Change | None:
-        """Note that an answer stayed out, or came damaged, for `reason`."""
+    def record_miss(self, now: float, reason: str) -> Change | None:
+        """Record that an answer was missing or damaged, for `reason`."""
         self._misses += 1
         if self.state == "lost":
             return None
@@ -58,13 +58,13 @@ class Health:
         return None if self.state == "suspect" else self._change("suspect", reason)
 
     def declare_lost(self, now: float, reason: str) -> Change | None:
-        """Note that the device is not there at all, for instance after the adapter came back without it."""
+        """Record that the device is absent, for instance after the link came back without it."""
         self._misses = LOST_AFTER
         self.next_probe = now + PROBE_PERIOD
         return None if self.state == "lost" else self._change("lost", reason)
 
-    def probed(self, now: float, answered: bool) -> Change | None:
-        """Note the outcome of a probe of a lost device."""
+    def record_probe(self, now: float, answered: bool) -> Change | None:
+        """Record the outcome of a probe of a lost device."""
         if not answered:
             self.next_probe = now + PROBE_PERIOD
             return None

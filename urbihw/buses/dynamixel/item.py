@@ -12,8 +12,8 @@ from urbihw.buses.errors import BadValue
 class Motion(Enum):
     """What writing an item does to the shaft."""
 
-    POSITION = "position"  # goes to a place; holding still means "to where it is"
-    RATE = "rate"  # turns, pulls or drives; 0 means stop
+    POSITION = "position"  # moves to a position; to hold still, the target is the present position
+    RATE = "rate"  # a speed, a current or a PWM; 0 means stop
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,12 +25,12 @@ class Item:
         address: of the low byte.
         size: 1, 2 or 4 bytes.
         access: "R" or "RW".
-        area: "E" kept without power (write rarely), "R" reset at power on.
+        area: "E" EEPROM (kept without power, write rarely), "R" RAM (reset at power-on).
         low, high: range of values that may be written, or that are read.
-        default: factory or power-on value, None where the maker names none.
+        default: factory or power-on value, None if the manual names none.
         unit: row of `units.UNITS`.
-        wheel_unit: the row that holds in wheel mode instead, "" when there is no difference.
-        clears: reading it changes the device, so it must not be read in passing.
+        wheel_unit: the row used in wheel mode instead, "" if it is the same.
+        clears_on_read: reading it changes the device, so it must not be read along with its neighbours.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Item:
     default: int | None
     unit: str = "count"
     wheel_unit: str = ""
-    clears: bool = False
+    clears_on_read: bool = False
 
     @property
     def signed(self) -> bool:
@@ -61,12 +61,12 @@ class Item:
             raise BadValue(f"{self.name} takes {self.low}..{self.high}, not {raw}")
 
     def pack(self, raw: int) -> bytes:
-        """Return `raw` as it goes over the wire. Raises BadValue outside low..high."""
+        """Return the bytes of `raw`. Raises BadValue outside low..high."""
         self.check(raw)
         return raw.to_bytes(self.size, "little", signed=self.signed)
 
     def unpack(self, data: bytes) -> int:
-        """Return the value of `size` bytes from the wire."""
+        """Return the value of `size` received bytes."""
         return int.from_bytes(data, "little", signed=self.signed)
 
 
@@ -75,10 +75,10 @@ class Mode:
     """How the safe stop treats a servo in one operating mode.
 
     Attributes:
-        name: in words.
+        name: as a text.
         effector: item that moves the shaft in this mode.
-        motion: whether that item names a place or a rate.
-        limits: items between whose values the place must lie, () for none.
+        motion: whether that item is a position or a rate.
+        limits: the items with the lowest and the highest position, () for none.
     """
 
     name: str
@@ -117,7 +117,7 @@ class Table:
             raise BadValue(f"{self.name} has no item {name!r}") from None
 
     def mode_of(self, values: Mapping[str, int]) -> Mode | None:
-        """Return the mode that the values of `mode_items` mean; None for a sensor or an unknown mode.
+        """Return the mode for the values of `mode_items`; None for a sensor or an unknown mode.
 
         On the AX series both angle limits 0 mean wheel mode; on the X series a register names the mode.
         """
@@ -128,7 +128,7 @@ class Table:
 
     @property
     def setup_items(self) -> tuple[str, ...]:
-        """What the gateway reads once of each device: mode, position limits, to what it answers, its bus watchdog."""
+        """The items that the worker reads once from each device: mode, position limits, status level, bus watchdog."""
         limits = {name for mode in self.modes.values() for name in mode.limits}
         wanted = {*self.mode_items, *limits, "status_return_level", "bus_watchdog"}
         return tuple(name for name in self.items if name in wanted)
@@ -140,7 +140,7 @@ class Table:
 
 
 def by_name(items: Iterable[Item]) -> dict[str, Item]:
-    """Return items by name, in order of address. Raises BadValue when a name comes twice."""
+    """Return items by name, in order of address. Raises BadValue for a duplicate name."""
     found: dict[str, Item] = {}
     for item in sorted(items, key=lambda item: item.address):
         if item.name in found:

@@ -1,9 +1,9 @@
-"""One device as the cycle sees it: its health, what is read of it and when, what was written to it.
+"""One device of the cycle: its health, its reading schedule, and the targets written to it.
 
-A servo of the X series that turns goes on turning when worker, daemon and adapter are dead. Its bus watchdog (register
-98) ends that: it is armed in front of the first value other than 0 that makes the servo turn, and runs on until
-somebody clears it. The sheet does not say whether instructions to others keep it quiet (unconfirmed), so an armed servo
-that is not read anyway is looked at every WATCHDOG_LOOK.
+A turning servo of the X series keeps turning when worker, daemon and adapter are dead. Its bus watchdog (register 98)
+prevents that: it is armed before the first value other than 0 that makes the servo turn, and runs until it is cleared.
+The data sheet does not say whether instructions to other servos reset it (unconfirmed), so an armed servo that is not
+read otherwise is read every WATCHDOG_CHECK_PERIOD_S.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ PLACE: Final = "present_position"
 GOAL: Final = "goal_position"
 WATCHDOG: Final = "bus_watchdog"
 WATCHDOG_COUNTS: Final = 25
-"""Of 20 ms: after half a second without an instruction a servo of the X series that turns stops by itself."""
-WATCHDOG_LOOK: Final = 0.2
-"""Seconds between two looks at an armed watchdog: a look is also what keeps it quiet, if nothing else is read."""
+"""In units of 20 ms: a turning servo of the X series stops after half a second without an instruction."""
+WATCHDOG_CHECK_PERIOD_S: Final = 0.2
+"""Seconds between two readings of an armed watchdog; the reading also resets it."""
 FIRED: Final = -1
-"""What the watchdog reads when it has stopped the servo; the servo takes no goals until 0 is written."""
+"""The watchdog's value after it has stopped the servo; the servo accepts no goals until 0 is written."""
 
 
 @dataclass(slots=True)
-class _Rhythm:
+class _ReadSchedule:
     """Items that are read at one period."""
 
     period: float
@@ -52,16 +52,16 @@ class Member:
     """A device that takes part in the cycle.
 
     Attributes:
-        device: what it said of itself; `meet` renews it.
+        device: its description; `update_device` replaces it.
         health: ok, suspect, lost, back.
         pending: targets not yet sent, item -> raw.
-        written: targets it has, item -> raw; empty when we do not know.
-        moved: we have told it to move since it was last stopped.
-        stop_owed: it was to stop, and could not be told where to hold.
+        written: targets that the device has, item -> raw; empty when unknown.
+        moved: it was given a motion since it was last stopped.
+        stop_pending: a stop could not be executed yet, because its position could not be read.
         place: the present position as last read, raw; None before that.
-        place_at: when that was.
+        place_at: time of that reading.
         state: the lasting error bits of its answers as last reported.
-        armed: its bus watchdog runs.
+        armed: its bus watchdog is running.
     """
 
     def __init__(self, device: Device) -> None:
@@ -71,83 +71,83 @@ class Member:
         self.pending: dict[str, int] = {}
         self.written: dict[str, int] = {}
         self.moved = False
-        self.stop_owed = False
+        self.stop_pending = False
         self.place: int | None = None
         self.place_at = -math.inf
         self.state = 0
         self.armed = device.setup.get(WATCHDOG, 0) > 0
-        self._look_due = 0.0
-        self._rhythms: list[_Rhythm] = []
+        self._watchdog_check_due = 0.0
+        self._schedules: list[_ReadSchedule] = []
         self._questions: dict[tuple[str, ...], tuple[Question, ...]] = {}
 
     @property
     def table(self) -> Table:
-        """Its control table. Raises BadValue for a model we have no table of."""
+        """Its control table. Raises BadValue for an unknown model."""
         if self._table is None:
             raise BadValue(f"device {self.device.id} is {self.device.name}, which urbihw has no control table of")
         return self._table
 
     @property
     def has_motor(self) -> bool:
-        """False for a sensor, and for a device that we have no table of."""
+        """False for a sensor, and for a device of an unknown model."""
         return self._table is not None and self._table.has_motor
 
     @property
-    def must_be_whole(self) -> bool:
-        """Whether it counts as there only when it tells all of itself: it did so before, or was never met.
+    def must_be_complete(self) -> bool:
+        """Whether a lost device counts as back only with a complete description: it had one before, or had none at all.
 
-        Others (status return level 0) answer nothing but pings.
+        Other devices (status return level 0) answer nothing but pings.
         """
-        return self.device.is_whole or not self.device.is_known
+        return self.device.is_complete or not self.device.is_known
 
-    def meet(self, device: Device) -> None:
-        """Take in what the device says of itself now: it may be in another mode, or another device."""
+    def update_device(self, device: Device) -> None:
+        """Replace the description of the device: it may be in another mode, or be another device."""
         self.device = device
         self.armed = device.setup.get(WATCHDOG, 0) > 0
         if device.table is not self._table:
             self._table = device.table
             self._questions.clear()
-            self._rhythms.clear()
+            self._schedules.clear()
 
-    def aim(self, name: str, raw: int) -> None:
-        """Take a new target for the next tick. Raises BadValue for an item or a value that cannot be a target."""
+    def set_target(self, name: str, raw: int) -> None:
+        """Set a target for the next tick. Raises BadValue for an item or a value that cannot be a target."""
         item = self.table.item(name)
         if item.access != "RW" or item.area != "R":
             raise BadValue(f"{name} of {self.table.name} cannot be a target (write it with a Request)")
         item.check(raw)
         if self.moves(name):
-            self.stop_owed = False
+            self.stop_pending = False
         if self.written.get(name) == raw:
             self.pending.pop(name, None)
         else:
             self.pending[name] = raw
-            if raw and self.must_arm(name):
+            if raw and self.must_arm_watchdog(name):
                 self.pending[WATCHDOG] = WATCHDOG_COUNTS
 
-    def must_arm(self, name: str) -> bool:
-        """Whether the watchdog is to be armed before this item is given a value other than 0: the servo then turns."""
+    def must_arm_watchdog(self, name: str) -> bool:
+        """Return whether a value other than 0 of this item makes the servo turn while its watchdog is not armed."""
         mode = self.device.mode
         turns = mode is not None and mode.motion is Motion.RATE and name == mode.effector
         return turns and not self.armed and WATCHDOG in self.table.items
 
-    def rearm(self) -> None:
-        """The watchdog does not run: arm it with the next tick if the servo was told to turn."""
-        if any(raw and self.must_arm(name) for name, raw in self.written.items()):
+    def rearm_watchdog(self) -> None:
+        """Arm the watchdog with the next tick if a target makes the servo turn."""
+        if any(raw and self.must_arm_watchdog(name) for name, raw in self.written.items()):
             self.pending[WATCHDOG] = WATCHDOG_COUNTS
 
-    def sent(self) -> None:
-        """Note that the pending targets are on the wire."""
+    def mark_sent(self) -> None:
+        """Record that the pending targets are on the wire."""
         if not self.moved:
             self.moved = any(map(self.moves, self.pending))
-        # Not among what is written: a stop forgets that, and the watchdog runs on.
+        # Kept apart from `written`: a stop clears that, while the watchdog keeps running.
         self.armed = self.armed or bool(self.pending.pop(WATCHDOG, 0))
         self.written.update(self.pending)
         self.pending.clear()
 
-    def wrote(self, name: str, raw: int) -> None:
-        """Note that one item was written apart from the targets, so that what we know of the device stays true."""
+    def record_write(self, name: str, raw: int) -> None:
+        """Record the write of one item by a request, so that `written` and `setup` agree with the device."""
         if self.moves(name):
-            self.moved, self.stop_owed = True, False
+            self.moved, self.stop_pending = True, False
         self.written[name] = raw
         self.pending.pop(name, None)
         if name == WATCHDOG:
@@ -156,12 +156,12 @@ class Member:
             self.device = replace(self.device, setup={**self.device.setup, name: raw})
 
     def moves(self, name: str) -> bool:
-        """Does writing this item move the shaft? The speed of a joint does not; in an unknown mode anything may."""
+        """Return whether writing this item moves the shaft: not the speed of a joint; in an unknown mode it may."""
         mode = self.device.mode
         return name.startswith("goal_") or (name == "moving_speed" and (mode is None or mode.motion is Motion.RATE))
 
-    def forget(self) -> None:
-        """Drop what is pending and what we believe it has: it may have lost power, or somebody stopped it."""
+    def drop_targets(self) -> None:
+        """Drop pending targets and the record of written ones: the device may have lost power, or was stopped."""
         self.pending.clear()
         self.written.clear()
 
@@ -169,39 +169,40 @@ class Member:
         """Read `names` each `period` seconds (0: every tick; None: never) from `now` on. Raises BadValue."""
         names = tuple(dict.fromkeys(names))
         read_blocks(self.table, names, self.device.protocol)
-        for rhythm in self._rhythms:
+        for rhythm in self._schedules:
             rhythm.names = tuple(name for name in rhythm.names if name not in names)
-        self._rhythms = [rhythm for rhythm in self._rhythms if rhythm.names]
+        self._schedules = [rhythm for rhythm in self._schedules if rhythm.names]
         if period is None or not names:
             return
-        for rhythm in self._rhythms:
+        for rhythm in self._schedules:
             if rhythm.period == period:
                 rhythm.names += names
                 return
-        self._rhythms.append(_Rhythm(period, names, now))
+        self._schedules.append(_ReadSchedule(period, names, now))
 
-    def due(self, now: float, tolerance: float) -> tuple[str, ...]:
-        """Return the items to read at a tick at `now`, and plan their next time."""
+    def pop_due_items(self, now: float, tolerance: float) -> tuple[str, ...]:
+        """Return the items to read in the tick at `now`, and schedule their next reading."""
         names: tuple[str, ...] = ()
-        for rhythm in self._rhythms:
+        for rhythm in self._schedules:
             if rhythm.due <= now + tolerance:
                 names += rhythm.names
                 rhythm.due += rhythm.period
                 if rhythm.due <= now:
-                    # Late: go on from here, reading twice at once makes nothing fresher.
+                    # Late: continue from now; catching up on missed readings gives no fresher values.
                     rhythm.due = now + rhythm.period
-        if self.armed and self._look_due <= now + tolerance:
-            # At the same tick for all, so that they are asked together.
-            self._look_due = math.floor((now + tolerance) / WATCHDOG_LOOK + 1) * WATCHDOG_LOOK
+        if self.armed and self._watchdog_check_due <= now + tolerance:
+            # At the same tick for all devices, so that one group read asks them together.
+            period = WATCHDOG_CHECK_PERIOD_S
+            self._watchdog_check_due = math.floor((now + tolerance) / period + 1) * period
             names = (*names, *(() if WATCHDOG in names else (WATCHDOG,)))
         return names
 
     def is_watched(self, name: str) -> bool:
-        """Whether anybody wants to hear of an item."""
-        return any(name in rhythm.names for rhythm in self._rhythms)
+        """Return whether an item is part of a watch."""
+        return any(name in rhythm.names for rhythm in self._schedules)
 
     def questions(self, names: tuple[str, ...]) -> tuple[Question, ...]:
-        """Return how to ask for `names`; computed once."""
+        """Return the read packets for `names`, cached."""
         known = self._questions.get(names)
         if known is None:
             protocol = self.device.protocol

@@ -33,7 +33,7 @@ HEADER_1: Final = b"\xff\xff"
 HEADER_2: Final = b"\xff\xff\xfd\x00"
 # Bytes of a status packet around its parameters.
 OVERHEAD: Final = {1: 6, 2: 11}
-# Longest parameters we take in an answer: what LEN can say in protocol 1.0; no control table is longer in 2.0.
+# Maximum parameters of an answer: the range of LEN in protocol 1.0; no control table is longer in 2.0.
 MAX_ANSWER: Final = {1: 253, 2: 2048}
 # The AX-12 holds an instruction packet in a buffer of 143 bytes (AX-12 user's manual, "Sync Write").
 MAX_PACKET_1: Final = 143
@@ -85,7 +85,7 @@ def stuff(data: bytes) -> bytes:
 
 
 def unstuff(data: bytes) -> bytes:
-    """Take one FD away behind each FF FF FD: the exact inverse of `stuff`."""
+    """Remove one FD behind each FF FF FD: the inverse of `stuff`."""
     return data.replace(b"\xff\xff\xfd\xfd", b"\xff\xff\xfd")
 
 
@@ -100,7 +100,7 @@ def _place(protocol: int, address: int, size: int | None = None) -> bytes:
 
 
 def ping_packet(protocol: int, device: int) -> bytes:
-    """PING: answered with no parameters (1.0), with model and firmware (2.0)."""
+    """PING; the answer has no parameters (1.0), or model and firmware (2.0)."""
     return encode(protocol, device, Instruction.PING)
 
 
@@ -135,23 +135,23 @@ def sync_read_packet(address: int, size: int, devices: Sequence[int], fast: bool
 
 
 class Decoder(Protocol):
-    """Bytes in, status packets out; noise in between is skipped and counted, never raised.
+    """Decodes bytes to status packets; noise is skipped and counted, and raises nothing.
 
     Attributes:
-        max_params: answers that claim more parameters than this are noise. Set it per request: a damaged length byte
+        max_params: answers with a larger length are noise. Set it per request: a damaged length byte
             then cannot swallow the good packets behind it.
-        noise: how many bytes were thrown away so far, the bytes of damaged packets included.
+        noise: number of bytes skipped so far, with those of damaged packets.
     """
 
     max_params: int
     noise: int
 
     def feed(self, data: bytes) -> list[Status]:
-        """Take bytes, return the packets they complete."""
+        """Process bytes; return the packets they complete."""
         ...
 
     def flush(self) -> list[Status]:
-        """Say that no more bytes come: give up on a half packet, return whole ones hidden behind its header."""
+        """End the input: drop an incomplete packet, and return complete ones behind its header."""
         ...
 
 
@@ -168,7 +168,7 @@ class _Scanner:
     def feed(self, data: bytes) -> list[Status]:
         self._buffer += data
         found: list[Status] = []
-        while (status := self._next()) is not None:
+        while (status := self._next_status()) is not None:
             found.append(status)
         return found
 
@@ -183,7 +183,7 @@ class _Scanner:
         del self._buffer[:count]
         self.noise += count
 
-    def _next(self) -> Status | None:
+    def _next_status(self) -> Status | None:
         raise NotImplementedError
 
 
@@ -191,7 +191,7 @@ class Decoder1(_Scanner):
     """Incremental decoder of protocol 1.0 status packets.
 
     A request and an answer look alike in protocol 1.0 (a ping is, byte for byte, the answer "input voltage error"), so
-    an echo cannot be recognised afterwards: on a line known to echo, announce each packet with `expect_echo`.
+    an echo cannot be recognised afterwards: on a line with echo, announce each packet with `expect_echo`.
     """
 
     protocol = 1
@@ -201,11 +201,11 @@ class Decoder1(_Scanner):
         self._echo = b""
 
     def expect_echo(self, packet: bytes) -> None:
-        """Drop these bytes when they come back as the next ones; harmless if they come back damaged."""
+        """Drop these bytes if they are received next; a damaged echo is left as noise."""
         self._echo += packet
 
     def feed(self, data: bytes) -> list[Status]:
-        """Take bytes, return the packets they complete."""
+        """Process bytes; return the packets they complete."""
         if self._echo:
             data = self._drop_echo(data)
         return super().feed(data)
@@ -219,7 +219,7 @@ class Decoder1(_Scanner):
         self._echo = b""
         return data
 
-    def _next(self) -> Status | None:
+    def _next_status(self) -> Status | None:
         buffer = self._buffer
         while True:
             start = buffer.find(HEADER_1)
@@ -249,11 +249,11 @@ class Decoder1(_Scanner):
 
 
 class Decoder2(_Scanner):
-    """Incremental decoder of protocol 2.0 status packets; echoes are no status packets and fall out as noise."""
+    """Incremental decoder of protocol 2.0 status packets; an echo is no status packet and is skipped as noise."""
 
     protocol = 2
 
-    def _next(self) -> Status | None:
+    def _next_status(self) -> Status | None:
         buffer = self._buffer
         while True:
             start = buffer.find(b"\xff\xff\xfd")
@@ -284,7 +284,7 @@ class Decoder2(_Scanner):
             del buffer[:size]
             body = packet[8:-2]
             if b"\xff\xff\xfd" in body:
-                # The 55 in front counts for the pattern as little as the error byte does: neither is part of FF FF FD.
+                # Neither the 55 before the body nor the error byte can be part of FF FF FD.
                 body = unstuff(body)
             return Status(packet[4], body[0], body[1:], 2)
 
@@ -295,11 +295,11 @@ def decoder(protocol: int) -> Decoder1 | Decoder2:
 
 
 def split_fast(data: bytes, sizes: Sequence[int]) -> list[Status]:
-    """Take a joint answer of FAST SYNC READ apart, as far as it is whole.
+    """Split a joint answer of FAST SYNC READ, as far as it is complete.
 
     `sizes` is the length of each device's data in order. The answer is `FF FF FD 00 FE LEN_L LEN_H 55`, then per
-    device `ERR ID data CRC_L CRC_H`, each CRC over everything before it. A missing device cuts the packet: what comes
-    before the cut is returned. Leading noise is skipped; an answer that is damaged at once gives an empty list.
+    device `ERR ID data CRC_L CRC_H`, each CRC over everything before it. A missing device cuts the packet: the blocks
+    before the cut are returned. Leading noise is skipped; a damaged first block gives an empty list.
     """
     start = data.find(HEADER_2 + b"\xfe")
     if start < 0 or len(data) < start + 8 or data[start + 7] != _STATUS:

@@ -1,4 +1,4 @@
-"""What to send for a set of wishes, computed once and without I/O: blocks to read, packets to write."""
+"""Planning of transactions, without I/O: blocks of registers to read, packets to write."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Final
 from urbihw.buses.dynamixel import packet
 from urbihw.buses.dynamixel.item import Item, Table
 
-# Reading this many unwanted bytes in passing is cheaper than asking twice: an extra READ is 14 bytes in protocol 1.0,
-# an extra answer of a sync read 11 in protocol 2.0.
+# Up to this many unwanted bytes it is cheaper to read through them than to ask twice: an extra READ is 14 bytes in
+# protocol 1.0, an extra answer of a sync read 11 in protocol 2.0.
 _BRIDGE: Final = {1: 14, 2: 11}
 TORQUE: Final = "torque_enable"
 _FORMATS: Final = {(1, False): "B", (2, False): "H", (4, False): "I", (1, True): "b", (2, True): "h", (4, True): "i"}
@@ -24,7 +24,7 @@ class Block:
     Attributes:
         address, size: where.
         names: the wanted items in it, in order of address.
-        layout: takes the bytes apart, unwanted ones skipped.
+        layout: unpacks the bytes, unwanted ones skipped.
     """
 
     address: int
@@ -44,12 +44,13 @@ def read_blocks(table: Table, names: Iterable[str], protocol: int) -> tuple[Bloc
     read (the remote control data of the AX-S1).
     """
     wanted = sorted({table.item(name) for name in names}, key=lambda item: item.address)
-    shy = [item.address for item in table.items.values() if item.clears and item not in wanted]
+    clears_on_read = [item.address for item in table.items.values() if item.clears_on_read and item not in wanted]
     runs: list[list[Item]] = []
     for item in wanted:
         if runs:
             end = runs[-1][-1].end
-            if item.address - end <= _BRIDGE[protocol] and not any(end <= address < item.address for address in shy):
+            clears = any(end <= address < item.address for address in clears_on_read)
+            if item.address - end <= _BRIDGE[protocol] and not clears:
                 runs[-1].append(item)
                 continue
         runs.append([item])
@@ -73,7 +74,7 @@ class Run:
     Attributes:
         address, size: where.
         names: the items in order of address.
-        layout: puts their values together.
+        layout: packs their values.
     """
 
     address: int
@@ -87,7 +88,7 @@ WriteGroup = tuple[tuple[Run, ...], Sequence[tuple[int, Mapping[str, int]]]]
 
 
 def write_runs(table: Table, names: Iterable[str]) -> tuple[Run, ...]:
-    """Return the fewest runs that hold all `names`, without holes. Torque enable keeps to itself, see `sync_writes`."""
+    """Return the fewest runs that hold all `names`, without gaps. Torque enable is a run of its own: `sync_writes`."""
     runs: list[list[Item]] = []
     for item in sorted((table.item(name) for name in names), key=lambda item: item.address):
         alone = not runs or TORQUE in {item.name, runs[-1][-1].name} or runs[-1][-1].end != item.address

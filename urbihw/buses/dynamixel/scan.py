@@ -1,15 +1,16 @@
-"""Who is on the bus: all 254 ids in less than half a second.
+"""The scan of a bus: all 254 ids in less than half a second.
 
-Waiting a full time-out for each silent id would take seconds. But an answer carries its sender's id, so it need not
-come while we wait for it: each id is given a short slot, long enough for the servo itself (0.5 ms factory return
-delay), and what an adapter delivers later is credited when it comes. One long wait at the end collects the rest.
+Waiting a full time-out for each silent id would take seconds. But an answer carries its sender's id, so it may arrive
+later: each id gets a short slot, long enough for the servo itself (0.5 ms factory return delay), and an answer that an
+adapter delivers later is assigned by its id. One long wait at the end collects the rest.
 
-Two devices with one id answer into each other, or one after the other when their return delays differ. Both leave
+The answers of two devices with the same id collide, or follow each other when their return delays differ. Both leave
 traces (noise, two answers); an id with traces is pinged again, and is a conflict if that happens most of the time.
 """
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterable
 from typing import Final
 
@@ -21,30 +22,31 @@ from urbihw.buses.dynamixel.status import Status
 from urbihw.buses.dynamixel.tables import table_of
 from urbihw.buses.errors import BadFrame, BusError, BusTimeout, DeviceRefused
 
-_SLOT: Final = 0.0010  # return delay of at most 508 us, time to think, and some jitter of the adapter
+_SLOT: Final = 0.0010  # return delay of at most 508 us, processing time, and some jitter of the adapter
+_LONGEST_LAST_WAIT: Final = 0.3  # behind answers that came later than that
 _LAST_WAIT: Final = 0.025  # longer than the 16 ms of an FTDI adapter that was not set to low latency
-_TRIALS: Final = 3
+_CONFLICT_PINGS: Final = 3
 
 
-class Interrupted(BusError):
-    """There is something more urgent to do than to scan."""
+class ScanInterrupted(BusError):
+    """The scan was interrupted by a stop."""
 
 
 def scan(bus: DynamixelBus, ids: Iterable[int] | None = None, urgent: Callable[[], bool] = lambda: False) -> Scan:
     """Find the devices on `bus`, all ids or the given ones.
 
-    With protocol "auto" 1.0 is tried first, then 2.0; the first that anybody answers becomes the bus's protocol.
-    Nothing is written to any device. Raises LinkGone, and Interrupted when `urgent`, which is asked between two ids.
+    With protocol "auto" 1.0 is tried first, then 2.0; the first with an answer becomes the protocol of the bus.
+    Nothing is written to any device. Raises LinkGone, and ScanInterrupted when `urgent`, called between two ids.
     """
     wanted = None if ids is None else sorted(set(ids))
-    bus.echo = _echoes(bus)
+    bus.echo = _detect_echo(bus)
     for protocol in (1, 2) if bus.auto else (bus.protocol,):
         bus.protocol = protocol
         asked = range(packet.MAX_ID[protocol] + 1) if wanted is None else wanted
         possible = [device for device in asked if device <= packet.MAX_ID[protocol]]
         heard, doubtful = _Sweep(bus, urgent).run(possible)
         if wanted is not None and heard:
-            # Those asked for by name are worth a second look.
+            # Ids from the settings that did not answer are pinged a second time.
             again, more = _Sweep(bus, urgent).run([device for device in possible if device not in heard])
             heard, doubtful = {**heard, **again}, doubtful | more
         if heard or doubtful:
@@ -54,8 +56,8 @@ def scan(bus: DynamixelBus, ids: Iterable[int] | None = None, urgent: Callable[[
     return Scan(())
 
 
-def _echoes(bus: DynamixelBus) -> bool:
-    """Ask a question that nobody answers (READ to all) and see whether it comes back."""
+def _detect_echo(bus: DynamixelBus) -> bool:
+    """Return whether the adapter echoes: send a request without an answer (READ to all), and read it back."""
     bus.echo = False
     bus.link.discard()
     question = packet.read_packet(bus.protocol, packet.BROADCAST, 0, 1)
@@ -68,7 +70,7 @@ def _echoes(bus: DynamixelBus) -> bool:
 
 
 class _Sweep:
-    """One ping per id, answers credited to whoever sent them."""
+    """One ping per id; answers are assigned by the sender's id."""
 
     def __init__(self, bus: DynamixelBus, urgent: Callable[[], bool]) -> None:
         self._bus = bus
@@ -77,6 +79,7 @@ class _Sweep:
         self._decoder.max_params = 3
         self._sent: dict[int, float] = {}
         self._heard: dict[int, Status] = {}
+        self._last_wait = _LAST_WAIT
         self._doubtful: set[int] = set()
 
     def run(self, ids: Iterable[int]) -> tuple[dict[int, Status], set[int]]:
@@ -86,9 +89,9 @@ class _Sweep:
         before = -1
         for device in ids:
             if self._urgent():
-                # Nothing of ours may answer into what is said next.
+                # A late answer to a ping must not collide with the next packet.
                 self._listen(-1, bus.clock.now() + _LAST_WAIT)
-                raise Interrupted("the scan gave way to a stop; ask for it again")
+                raise ScanInterrupted("the scan gave way to a stop; ask for it again")
             noise = self._decoder.noise
             ping = packet.ping_packet(bus.protocol, device)
             now = bus.clock.now()
@@ -101,11 +104,11 @@ class _Sweep:
             if self._decoder.noise - noise > (len(ping) if bus.echo and bus.protocol == 2 else 0):
                 self._doubtful |= {device, before} - {-1}
             before = device
-        self._listen(-1, bus.clock.now() + _LAST_WAIT)
+        self._listen(-1, bus.clock.now() + self._last_wait)
         return self._heard, self._doubtful
 
     def _listen(self, device: int, until: float) -> None:
-        """Credit answers until `device` has answered or time `until`."""
+        """Assign answers until `device` has answered or time `until`."""
         bus = self._bus
         answered = False
         while not answered and (data := bus.link.read(256, until)):
@@ -118,50 +121,61 @@ class _Sweep:
                 self._heard[status.device] = status
                 answered = answered or status.device == device
                 wire = packet.OVERHEAD[bus.protocol] + len(status.params)
-                bus.patience.observe(bus.clock.now() - self._sent[status.device] - wire * bus.link.byte_time)
+                delay = bus.clock.now() - self._sent[status.device] - wire * bus.link.byte_time
+                bus.response_timeout.add_delay(delay)
+                # Who was held up once, a busy computer or a slow adapter, may be held up as long again.
+                self._last_wait = min(max(self._last_wait, 2 * delay), _LONGEST_LAST_WAIT)
 
 
 def _confirm(bus: DynamixelBus, heard: dict[int, Status], doubtful: set[int]) -> Scan:
-    devices = []
+    devices: dict[int, Device] = {}
     conflicts = []
+    held_up = []
     for number in sorted({*heard, *doubtful}):
         if number in doubtful:
-            verdict = _trial(bus, number)
+            verdict = _ping_repeatedly(bus, number)
             if verdict == "crowd":
                 conflicts.append(number)
             if verdict != "one":
                 continue
         try:
-            devices.append(identify(bus, number, heard.get(number)))
+            devices[number] = identify(bus, number, heard.get(number))
         except BusTimeout:
-            continue
+            held_up.append(number)
         except BadFrame:
             conflicts.append(number)
-    return Scan(tuple(devices), tuple(conflicts))
+    held_up += [number for number, device in devices.items() if not device.model]
+    if held_up:
+        # They answered a moment ago: whatever holds up their answers, or those of all, may be over soon.
+        bus.discard_until(bus.clock.now() + _LONGEST_LAST_WAIT)
+        for number in held_up:
+            with contextlib.suppress(BusTimeout, BadFrame):
+                devices[number] = identify(bus, number)
+    return Scan(tuple(devices[number] for number in sorted(devices)), tuple(conflicts))
 
 
-def _trial(bus: DynamixelBus, device: int) -> str:
-    """Ping a doubtful id a few times, listening to the end: "nobody", "one" or "crowd"."""
+def _ping_repeatedly(bus: DynamixelBus, device: int) -> str:
+    """Ping a doubtful id a few times and decode all answers: "nobody", "one" or "crowd" answers to it."""
     ping = packet.ping_packet(bus.protocol, device)
     crowded = silent = 0
-    for _ in range(_TRIALS):
+    for _ in range(_CONFLICT_PINGS):
         bus.send(ping)
         decoder = packet.decoder(bus.protocol)
         decoder.max_params = 3
         answers = 0
-        deadline = bus.clock.now() + (len(ping) + 2 * 14) * bus.link.byte_time + bus.patience.allowance
+        deadline = bus.clock.now() + (len(ping) + 2 * 14) * bus.link.byte_time + bus.response_timeout.allowance
         while data := bus.link.read(64, deadline):
             answers += sum(status.device == device for status in decoder.feed(data))
         decoder.flush()
         crowded += answers > 1 or decoder.noise > 0
         silent += not answers and not decoder.noise
-    return "crowd" if 2 * crowded > _TRIALS else "nobody" if silent == _TRIALS else "one"
+    return "crowd" if 2 * crowded > _CONFLICT_PINGS else "nobody" if silent == _CONFLICT_PINGS else "one"
 
 
 def identify(bus: DynamixelBus, number: int, pong: Status | None = None) -> Device:
-    """Return what a device says of itself; `pong` is its answer to a ping if there was one.
+    """Return the description of a device; `pong` is its answer to a ping if there was one.
 
-    A device that answers nothing but pings (status return level 0) comes back with model 0.
+    A device that answers nothing but pings (status return level 0) gets model 0.
     Raises BusTimeout, BadFrame, LinkGone.
     """
     if pong is None or (bus.protocol == 2 and len(pong.params) != 3):

@@ -1,8 +1,8 @@
-"""The answer of a Dynamixel, and what its error byte means in either protocol.
+"""The answer of a Dynamixel, and the meaning of its error byte in both protocols.
 
-The error byte mixes two things. *State* (voltage, heat, overload; in protocol 2.0 the alert bit) stays set in every
-answer while it lasts, and the data beside it is good. A *refusal* says that this very instruction was not carried
-out. Source: e-manual, protocol 1.0 "Status packet" and protocol 2.0 "Error".
+The error byte has two parts. *State* (voltage, heat, overload; in protocol 2.0 the alert bit) stays set in every
+answer while it lasts, and the data beside it is good. A *refusal* means that this instruction was not
+executed. Source: e-manual, protocol 1.0 "Status packet" and protocol 2.0 "Error".
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 STATE_BITS_1: Final = {0x01: "input voltage", 0x04: "overheating", 0x20: "overload"}
 REFUSAL_BITS_1: Final = {0x02: "angle limit", 0x08: "range", 0x10: "checksum", 0x40: "unknown instruction"}
 
-ALERT_2: Final = 0x80  # the hardware error register (70) says which; only a reboot brings torque back
+ALERT_2: Final = 0x80  # register 70, hardware error, has the cause; only a reboot restores the torque
 REFUSALS_2: Final = {
     1: "result fail",
     2: "unknown instruction",
@@ -28,31 +28,31 @@ _REFUSAL_MASK_1 = sum(REFUSAL_BITS_1)
 
 
 def state_of(error: int, protocol: int) -> int:
-    """Return only the lasting state bits of an error byte: 0 when all is well."""
+    """Return the state bits of an error byte: 0 without an error."""
     return error & (_STATE_MASK_1 if protocol == 1 else ALERT_2)
 
 
 def refusal_of(error: int, protocol: int) -> int:
-    """Return only the part of an error byte that refuses the instruction: 0 when it was carried out."""
+    """Return the refusal in an error byte: 0 if the instruction was executed."""
     return error & (_REFUSAL_MASK_1 if protocol == 1 else ~ALERT_2 & 0xFF)
 
 
 def state_words(state: int, protocol: int) -> str:
-    """Say lasting state bits in words, for instance "overheating, overload"; "" when all is well."""
+    """Return state bits as a text, for instance "overheating, overload"; "" for none."""
     if protocol == 2:
         return "hardware alert (register 70 says which)" if state & ALERT_2 else ""
     return ", ".join(word for bit, word in STATE_BITS_1.items() if state & bit)
 
 
 def refusal_words(refusal: int, protocol: int) -> str:
-    """Say a refusal in words, for instance "range"; "" when there is none."""
+    """Return a refusal as a text, for instance "range"; "" for none."""
     if protocol == 2:
         return REFUSALS_2.get(refusal, f"error number {refusal}") if refusal else ""
     return ", ".join(word for bit, word in REFUSAL_BITS_1.items() if refusal & bit)
 
 
 class Status(NamedTuple):
-    """One status packet, decoded. A named tuple because thousands are made a second.
+    """One status packet, decoded. A named tuple, because thousands per second are made.
 
     Attributes:
         device: id of the sender.
@@ -68,10 +68,10 @@ class Status(NamedTuple):
 
     @property
     def state(self) -> int:
-        """The lasting state bits; the data is valid whatever they are."""
+        """The state bits; the data is valid with any of them."""
         return state_of(self.error, self.protocol)
 
     @property
     def refusal(self) -> int:
-        """Not 0 when the instruction was refused; the data is then meaningless."""
+        """The refusal, 0 if there is none; with a refusal the data is meaningless."""
         return refusal_of(self.error, self.protocol)

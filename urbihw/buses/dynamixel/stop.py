@@ -1,10 +1,9 @@
-"""The safe stop: what the wire sees when the master says Stop, falls silent, or dies.
+"""The safe stop, executed when the master sends Stop, falls silent, or dies.
 
-Servos that turn (wheel, velocity, current, PWM mode) get 0. Joints that the gateway has moved hold where they are:
-their goal becomes their present position, within their limits. Joints that nobody moved are left alone: limp ones
-stay limp, since on AX servos writing a goal switches the torque on. Torque stays as it was unless asked otherwise.
-First comes what needs no question: turning servos, and joints whose position was read a moment ago. The others are
-asked one after the other.
+Servos that turn (wheel, velocity, current, PWM mode) get 0. Joints that this driver has moved hold their position:
+their goal becomes their present position, within their limits. Joints that were not moved get nothing: limp ones stay
+limp, since on AX servos writing a goal switches the torque on. Torque is unchanged unless `torque_off`. Turning servos
+and joints with a recent position are stopped first, since that needs no reading; the others are read one by one.
 """
 
 from __future__ import annotations
@@ -21,57 +20,61 @@ from urbihw.buses.dynamixel.plan import TORQUE
 from urbihw.buses.dynamixel.units import unit_of
 from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
 
-# A SYNC_WRITE is confirmed by nobody, so it is said twice.
-_TIMES = 2
-HERE: Final = "here"
-"""As a goal: where the servo is when that is written."""
-ARRIVED: Final = 0.05
-"""Radians between goal and place within which a joint has arrived; a load makes it stay behind by some."""
-FRESH: Final = 0.05
-"""Seconds for which a position that was read is good enough to hold at."""
+# A SYNC_WRITE is not acknowledged, so it is sent twice.
+_REPEATS = 2
+PRESENT_POSITION: Final = "here"
+"""A goal value that stands for the position of the servo at the time of the write."""
+ARRIVED_WITHIN_RAD: Final = 0.05
+"""Distance to the goal in rad within which a joint has arrived; under load it stops short of its goal."""
+FRESH_S: Final = 0.05
+"""Age in s up to which a position is recent enough to hold at."""
 
 
 def safe_stop(cycle: Cycle, torque_off: bool = False, devices: Collection[int] | None = None) -> None:
-    """Stop the servos of `cycle`, all or some, and forget their targets (`torque_off`: switch off).
+    """Stop the servos of `cycle`, all or some, and drop their targets (`torque_off`: also switch the torque off).
 
-    A servo that is lost gets the packets too (it may hear without being heard), but cannot be told to hold.
-    Raises LinkGone.
+    A lost servo gets the packets too (it may receive although its answers are lost), but cannot be told to hold, since
+    its position is unknown. Raises LinkGone.
     """
     bus = cycle.bus
     motors = [member for member in cycle.motors() if devices is None or member.device.id in devices]
     for member in motors:
-        member.forget()
-    fresh = bus.clock.now() - FRESH
-    held = [member for member in motors if _holds(member)]
-    quick = {m.device.id: values for m in motors if (values := _zero(m))}
-    quick |= {m.device.id: _hold(m) for m in held if m.place_at >= fresh and m.health.state == "ok"}
+        member.drop_targets()
+    fresh = bus.clock.now() - FRESH_S
+    held = [member for member in motors if _is_moved_joint(member)]
+    quick = {m.device.id: values for m in motors if (values := _zero_goal(m))}
+    quick |= {m.device.id: _hold_goal(m) for m in held if m.place_at >= fresh and m.health.state == "ok"}
     _write(bus, motors, quick)
     for member in held:
         if member.device.id in quick:
-            member.moved = member.stop_owed = False
-        elif member.health.state != "lost" and (known := _look(bus, member)) is not None:
-            _write(bus, [member], {member.device.id: _hold(member) if known else {}})
-            member.moved = member.stop_owed = False
+            member.moved = member.stop_pending = False
+        elif member.health.state != "lost" and (known := _read_position(bus, member)) is not None:
+            _write(bus, [member], {member.device.id: _hold_goal(member) if known else {}})
+            member.moved = member.stop_pending = False
         else:
-            # It does not say where it is, so it cannot be told to hold: as soon as it does.
-            member.stop_owed = True
+            # Its position cannot be read: the stop stays pending until it answers again.
+            member.stop_pending = True
     if torque_off:
         _write(bus, motors, {member.device.id: {TORQUE: 0} for member in motors})
     for member in motors:
-        member.moved = member.moved and member.stop_owed
+        member.moved = member.moved and member.stop_pending
 
 
-def pay_stops(cycle: Cycle) -> None:
-    """Stop the joints that could not be told to hold when the robot was stopped, and answer again. Raises LinkGone."""
-    owed = [member for member in cycle.motors() if member.stop_owed and member.health.state == "ok"]
-    if owed:
-        safe_stop(cycle, devices=[member.device.id for member in owed])
+def execute_pending_stops(cycle: Cycle) -> None:
+    """Execute the pending stops of joints that answer again. Raises LinkGone."""
+    pending = [member for member in cycle.motors() if member.stop_pending and member.health.state == "ok"]
+    if pending:
+        safe_stop(cycle, devices=[member.device.id for member in pending])
 
 
 def stop_what_moves(cycle: Cycle) -> tuple[int, ...]:
-    """Stop the servos that are moving although this cycle has moved none, and tell which those are. Raises LinkGone."""
+    """Stop the servos that are moving although this cycle has moved none, and tell which those are.
+
+    One that turns and does not answer is told to stand all the same: it may hear. Raises LinkGone.
+    """
     bus = cycle.bus
     moving = []
+    silent = []
     for member in cycle.motors():
         mode = member.device.mode
         effector = None if mode is None or mode.motion is Motion.POSITION else member.table.item(mode.effector)
@@ -81,17 +84,18 @@ def stop_what_moves(cycle: Cycle) -> tuple[int, ...]:
             else:
                 goes = _is_on_its_way(bus, member)
         except (BusTimeout, BadFrame, DeviceRefused):
+            silent.append(member.device.id)
             continue
         if goes:
             member.moved = True
             moving.append(member.device.id)
-    if moving:
-        safe_stop(cycle, devices=moving)
+    if moving or silent:
+        safe_stop(cycle, devices=[*moving, *silent])
     return tuple(moving)
 
 
 def _is_on_its_way(bus: DynamixelBus, member: Member) -> bool:
-    """Whether a joint that has torque goes to its goal: it may be slow, and then says that it does not move."""
+    """Return whether a joint with torque is away from its goal: a slow one reports that it does not move."""
     number, item = member.device.id, member.table.item
     torque, moving, goal, place = (item(name) for name in (TORQUE, "moving", GOAL, PLACE))
     if not torque.unpack(bus.read(number, torque.address, torque.size)):
@@ -101,7 +105,7 @@ def _is_on_its_way(bus: DynamixelBus, member: Member) -> bool:
     wanted = goal.unpack(bus.read(number, goal.address, goal.size))
     left = abs(wanted - place.unpack(bus.read(number, place.address, place.size)))
     count = unit_of(place).to_si(1) - unit_of(place).to_si(0)
-    return left * count > ARRIVED
+    return left * count > ARRIVED_WITHIN_RAD
 
 
 def _write(bus: DynamixelBus, members: Iterable[Member], values: Mapping[int, Mapping[str, int]]) -> None:
@@ -112,23 +116,23 @@ def _write(bus: DynamixelBus, members: Iterable[Member], values: Mapping[int, Ma
             groups.append((plan.write_runs(member.table, wanted), [(member.device.id, wanted)]))
     packets = b"".join(plan.sync_writes(bus.protocol, groups))
     if packets:
-        for _ in range(_TIMES):
+        for _ in range(_REPEATS):
             bus.send(packets)
 
 
-def _zero(member: Member) -> dict[str, int]:
+def _zero_goal(member: Member) -> dict[str, int]:
     mode = member.device.mode
     return {mode.effector: 0} if mode is not None and mode.motion is Motion.RATE else {}
 
 
-def _holds(member: Member) -> bool:
-    """Whether it is a joint that we have moved."""
+def _is_moved_joint(member: Member) -> bool:
+    """Return whether it is a joint that this cycle has moved."""
     mode = member.device.mode
     return member.moved and (mode is None or mode.motion is Motion.POSITION)
 
 
-def _look(bus: DynamixelBus, member: Member) -> bool | None:
-    """Read where a joint is; False if it is limp (it may have lost power) and stays so, None if it is silent."""
+def _read_position(bus: DynamixelBus, member: Member) -> bool | None:
+    """Read the position of a joint; False if it has no torque (after a loss of power), None if it does not answer."""
     present, torque = member.table.item(PLACE), member.table.item(TORQUE)
     try:
         if not torque.unpack(bus.read(member.device.id, torque.address, torque.size)):
@@ -140,12 +144,12 @@ def _look(bus: DynamixelBus, member: Member) -> bool | None:
     return True
 
 
-def _hold(member: Member) -> dict[str, int]:
+def _hold_goal(member: Member) -> dict[str, int]:
     return {} if member.place is None else {GOAL: _within_limits(member, member.place)}
 
 
 def _within_limits(member: Member, place: int) -> int:
-    """A goal outside the limits would be refused, and the servo would go on moving."""
+    """Return a position within the limits: the servo refuses a goal outside them, and would keep moving."""
     goal = member.table.item(GOAL)
     low, high = goal.low, goal.high
     mode, setup = member.device.mode, member.device.setup
@@ -154,8 +158,8 @@ def _within_limits(member: Member, place: int) -> int:
     return min(max(place, low), high)
 
 
-def here(bus: DynamixelBus, member: Member) -> int:
-    """Where a servo is now, as a goal for it. Raises what `bus.read` raises."""
+def read_position_goal(bus: DynamixelBus, member: Member) -> int:
+    """Read the position of a servo and return it as a goal, within the limits. Raises as `bus.read`."""
     present = member.table.item(PLACE)
     member.place = present.unpack(bus.read(member.device.id, present.address, present.size))
     member.place_at = bus.clock.now()

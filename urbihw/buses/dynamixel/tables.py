@@ -1,12 +1,14 @@
 """Control tables as data: AX-12, AX-S1, XL330, XL430, XM430, and the model numbers that use them.
 
-Rows: name, address, size, access, area (E kept without power, R reset), low, high, default, unit, wheel unit, clears.
-Sources: ROBOTIS e-manual pages ax-12a, ax-s1, xl330-m288, xl430-w250, xm430-w350; the write ranges of the AX-12 from
-its manual; AX-S1 11..13, 20, 21, 42, 43 from Gostai's Bioloid manual.
+Rows: name, address, size, access, area (E kept without power, R reset), low, high, default, unit, wheel unit.
+Sources: ROBOTIS e-manual, pages ax-12a, ax-s1, xl330-m288, xl430-w250 and xm430-w350; the AX-12 manual for its write
+ranges; Gostai's Bioloid manual for AX-S1 11..13, 20, 21, 42 and 43.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Final
 
 from urbihw.buses.dynamixel.item import Item, Mode, Motion, Table, by_name
@@ -97,7 +99,7 @@ AXS1: Final = Table(
             Item("registered", 44, 1, "RW", "R", 0, 1, 0),
             Item("remocon_arrived", 46, 1, "R", "R", 0, 2, 0),
             Item("lock", 47, 1, "RW", "R", 0, 1, 0),
-            Item("remocon_rx", 48, 2, "R", "R", 0, _WORD, None, clears=True),
+            Item("remocon_rx", 48, 2, "R", "R", 0, _WORD, None, clears_on_read=True),
             Item("remocon_tx", 50, 2, "RW", "R", 0, _WORD, None),
             Item("obstacle_compare", 52, 1, "RW", "R", 0, _BYTE, None),
             Item("light_compare", 53, 1, "RW", "R", 0, _BYTE, None),
@@ -121,75 +123,71 @@ _MODES_X: Final = {
 }
 
 
+_GAIN = 16383
+_X_SERIES: Final = (
+    Item("model_number", 0, 2, "R", "E", 0, _WORD, None),
+    Item("model_information", 2, 4, "R", "E", 0, _DOUBLE, None),
+    Item("firmware_version", 6, 1, "R", "E", 0, _BYTE, None),
+    Item("id", 7, 1, "RW", "E", 0, 252, 1),
+    Item("baud_rate", 8, 1, "RW", "E", 0, 7, 1, "x_baud"),
+    Item("return_delay_time", 9, 1, "RW", "E", 0, 254, 250, "delay"),
+    Item("drive_mode", 10, 1, "RW", "E", 0, 13, 0),
+    Item("operating_mode", 11, 1, "RW", "E", 0, 16, 3),
+    Item("secondary_id", 12, 1, "RW", "E", 0, _BYTE, _BYTE),
+    Item("protocol_type", 13, 1, "RW", "E", 1, 2, 2),
+    Item("homing_offset", 20, 4, "RW", "E", -1_044_479, 1_044_479, 0, "x_angle"),
+    Item("moving_threshold", 24, 4, "RW", "E", 0, _VELOCITY, 10, "x_velocity"),
+    Item("temperature_limit", 31, 1, "RW", "E", 0, 100, None, "temperature"),
+    Item("max_voltage_limit", 32, 2, "RW", "E", 31, 160, None, "voltage"),
+    Item("min_voltage_limit", 34, 2, "RW", "E", 31, 160, None, "voltage"),
+    Item("pwm_limit", 36, 2, "RW", "E", 0, _PWM, _PWM, "x_pwm"),
+    Item("velocity_limit", 44, 4, "RW", "E", 0, 2047, None, "x_velocity"),
+    Item("max_position_limit", 48, 4, "RW", "E", 0, 4095, 4095, "x_position"),
+    Item("min_position_limit", 52, 4, "RW", "E", 0, 4095, 0, "x_position"),
+    Item("shutdown", 63, 1, "RW", "E", 0, 63, None),
+    Item("torque_enable", 64, 1, "RW", "R", 0, 1, 0),
+    Item("led", 65, 1, "RW", "R", 0, 1, 0),
+    Item("status_return_level", 68, 1, "RW", "R", 0, 2, 2),
+    Item("registered", 69, 1, "R", "R", 0, 1, 0),
+    Item("hardware_error", 70, 1, "R", "R", 0, _BYTE, 0),
+    Item("velocity_i_gain", 76, 2, "RW", "R", 0, _GAIN, None),
+    Item("velocity_p_gain", 78, 2, "RW", "R", 0, _GAIN, None),
+    Item("position_d_gain", 80, 2, "RW", "R", 0, _GAIN, None),
+    Item("position_i_gain", 82, 2, "RW", "R", 0, _GAIN, None),
+    Item("position_p_gain", 84, 2, "RW", "R", 0, _GAIN, None),
+    Item("feedforward_2nd_gain", 88, 2, "RW", "R", 0, _GAIN, 0),
+    Item("feedforward_1st_gain", 90, 2, "RW", "R", 0, _GAIN, 0),
+    Item("bus_watchdog", 98, 1, "RW", "R", -1, 127, 0, "watchdog"),
+    Item("goal_pwm", 100, 2, "RW", "R", -_PWM, _PWM, None, "x_pwm"),
+    Item("goal_velocity", 104, 4, "RW", "R", -2047, 2047, None, "x_velocity"),
+    Item("profile_acceleration", 108, 4, "RW", "R", 0, 32767, 0, "x_profile_acceleration"),
+    Item("profile_velocity", 112, 4, "RW", "R", 0, 32767, 0, "x_profile_velocity"),
+    Item("goal_position", 116, 4, "RW", "R", -_TURNS, _TURNS, None, "x_position"),
+    Item("realtime_tick", 120, 2, "R", "R", 0, 32767, None, "millisecond"),
+    Item("moving", 122, 1, "R", "R", 0, 1, 0),
+    Item("moving_status", 123, 1, "R", "R", 0, _BYTE, 0),
+    Item("present_pwm", 124, 2, "R", "R", -32768, 32767, None, "x_pwm"),
+    Item("present_velocity", 128, 4, "R", "R", -(1 << 31), (1 << 31) - 1, None, "x_velocity"),
+    Item("present_position", 132, 4, "R", "R", -(1 << 31), (1 << 31) - 1, None, "x_position"),
+    Item("velocity_trajectory", 136, 4, "R", "R", -(1 << 31), (1 << 31) - 1, None, "x_velocity"),
+    Item("position_trajectory", 140, 4, "R", "R", -(1 << 31), (1 << 31) - 1, None, "x_position"),
+    Item("present_voltage", 144, 2, "R", "R", 0, _WORD, None, "voltage"),
+    Item("present_temperature", 146, 1, "R", "R", 0, _BYTE, None, "temperature"),
+    Item("backup_ready", 147, 1, "R", "R", 0, 1, None),
+)
+"""The rows that all X series share; a default of None is one that each family names in its own table."""
+
+
 def _x_items(
-    *,
-    protocol_high: int,
-    temperature: int,
-    max_voltage: int,
-    min_voltage: int,
-    velocity: int,
-    shutdown: int,
-    velocity_gains: tuple[int, int],
-    position_gains: tuple[int, int, int],
-    baud_high: int,
-    own: tuple[Item, ...],
+    defaults: Mapping[str, int], own: tuple[Item, ...], highs: Mapping[str, int] | None = None
 ) -> dict[str, Item]:
-    """The X series shares its table; the arguments are where its members differ."""
-    vi, vp = velocity_gains
-    pd, pi, pp = position_gains
-    gain = 16383
-    common = (
-        Item("model_number", 0, 2, "R", "E", 0, _WORD, None),
-        Item("model_information", 2, 4, "R", "E", 0, _DOUBLE, None),
-        Item("firmware_version", 6, 1, "R", "E", 0, _BYTE, None),
-        Item("id", 7, 1, "RW", "E", 0, 252, 1),
-        Item("baud_rate", 8, 1, "RW", "E", 0, baud_high, 1, "x_baud"),
-        Item("return_delay_time", 9, 1, "RW", "E", 0, 254, 250, "delay"),
-        Item("drive_mode", 10, 1, "RW", "E", 0, 13, 0),
-        Item("operating_mode", 11, 1, "RW", "E", 0, 16, 3),
-        Item("secondary_id", 12, 1, "RW", "E", 0, _BYTE, _BYTE),
-        Item("protocol_type", 13, 1, "RW", "E", 1, protocol_high, 2),
-        Item("homing_offset", 20, 4, "RW", "E", -1_044_479, 1_044_479, 0, "x_angle"),
-        Item("moving_threshold", 24, 4, "RW", "E", 0, _VELOCITY, 10, "x_velocity"),
-        Item("temperature_limit", 31, 1, "RW", "E", 0, 100, temperature, "temperature"),
-        Item("max_voltage_limit", 32, 2, "RW", "E", 31, 160, max_voltage, "voltage"),
-        Item("min_voltage_limit", 34, 2, "RW", "E", 31, 160, min_voltage, "voltage"),
-        Item("pwm_limit", 36, 2, "RW", "E", 0, _PWM, _PWM, "x_pwm"),
-        Item("velocity_limit", 44, 4, "RW", "E", 0, 2047, velocity, "x_velocity"),
-        Item("max_position_limit", 48, 4, "RW", "E", 0, 4095, 4095, "x_position"),
-        Item("min_position_limit", 52, 4, "RW", "E", 0, 4095, 0, "x_position"),
-        Item("shutdown", 63, 1, "RW", "E", 0, 63, shutdown),
-        Item("torque_enable", 64, 1, "RW", "R", 0, 1, 0),
-        Item("led", 65, 1, "RW", "R", 0, 1, 0),
-        Item("status_return_level", 68, 1, "RW", "R", 0, 2, 2),
-        Item("registered", 69, 1, "R", "R", 0, 1, 0),
-        Item("hardware_error", 70, 1, "R", "R", 0, _BYTE, 0),
-        Item("velocity_i_gain", 76, 2, "RW", "R", 0, gain, vi),
-        Item("velocity_p_gain", 78, 2, "RW", "R", 0, gain, vp),
-        Item("position_d_gain", 80, 2, "RW", "R", 0, gain, pd),
-        Item("position_i_gain", 82, 2, "RW", "R", 0, gain, pi),
-        Item("position_p_gain", 84, 2, "RW", "R", 0, gain, pp),
-        Item("feedforward_2nd_gain", 88, 2, "RW", "R", 0, gain, 0),
-        Item("feedforward_1st_gain", 90, 2, "RW", "R", 0, gain, 0),
-        Item("bus_watchdog", 98, 1, "RW", "R", -1, 127, 0, "watchdog"),
-        Item("goal_pwm", 100, 2, "RW", "R", -_PWM, _PWM, None, "x_pwm"),
-        Item("goal_velocity", 104, 4, "RW", "R", -2047, 2047, None, "x_velocity"),
-        Item("profile_acceleration", 108, 4, "RW", "R", 0, 32767, 0, "x_profile_acceleration"),
-        Item("profile_velocity", 112, 4, "RW", "R", 0, 32767, 0, "x_profile_velocity"),
-        Item("goal_position", 116, 4, "RW", "R", -_TURNS, _TURNS, None, "x_position"),
-        Item("realtime_tick", 120, 2, "R", "R", 0, 32767, None, "millisecond"),
-        Item("moving", 122, 1, "R", "R", 0, 1, 0),
-        Item("moving_status", 123, 1, "R", "R", 0, _BYTE, 0),
-        Item("present_pwm", 124, 2, "R", "R", -32768, 32767, None, "x_pwm"),
-        Item("present_velocity", 128, 4, "R", "R", -(1 << 31), (1 << 31) - 1, None, "x_velocity"),
-        Item("present_position", 132, 4, "R", "R", -(1 << 31), (1 << 31) - 1, None, "x_position"),
-        Item("velocity_trajectory", 136, 4, "R", "R", -(1 << 31), (1 << 31) - 1, None, "x_velocity"),
-        Item("position_trajectory", 140, 4, "R", "R", -(1 << 31), (1 << 31) - 1, None, "x_position"),
-        Item("present_voltage", 144, 2, "R", "R", 0, _WORD, None, "voltage"),
-        Item("present_temperature", 146, 1, "R", "R", 0, _BYTE, None, "temperature"),
-        Item("backup_ready", 147, 1, "R", "R", 0, 1, None),
-    )
-    return by_name((*common, *own))
+    """Return the rows of the X series with the defaults and upper bounds of one family, and the family's own rows."""
+    rows = {row.name: row for row in _X_SERIES}
+    for name, default in defaults.items():
+        rows[name] = replace(rows[name], default=default)
+    for name, high in (highs or {}).items():
+        rows[name] = replace(rows[name], high=high)
+    return by_name((*rows.values(), *own))
 
 
 def _current_items(limit: int, unit: str) -> tuple[Item, ...]:
@@ -210,15 +208,19 @@ XL330: Final = Table(
     modes=_MODES_X,
     fast_firmware=46,
     items=_x_items(
-        protocol_high=22,
-        temperature=70,
-        max_voltage=70,
-        min_voltage=35,
-        velocity=445,
-        shutdown=53,
-        velocity_gains=(1600, 180),
-        position_gains=(0, 0, 400),
-        baud_high=6,
+        {
+            "temperature_limit": 70,
+            "max_voltage_limit": 70,
+            "min_voltage_limit": 35,
+            "velocity_limit": 445,
+            "shutdown": 53,
+            "velocity_i_gain": 1600,
+            "velocity_p_gain": 180,
+            "position_d_gain": 0,
+            "position_i_gain": 0,
+            "position_p_gain": 400,
+        },
+        highs={"protocol_type": 22, "baud_rate": 6},
         own=(
             *_current_items(1750, "milliampere"),
             _STARTUP,
@@ -235,15 +237,18 @@ XL430: Final = Table(
     modes={key: mode for key, mode in _MODES_X.items() if key not in {0, 5}},
     fast_firmware=45,
     items=_x_items(
-        protocol_high=2,
-        temperature=72,
-        max_voltage=140,
-        min_voltage=60,
-        velocity=265,
-        shutdown=52,
-        velocity_gains=(1000, 100),
-        position_gains=(4000, 0, 640),
-        baud_high=7,
+        {
+            "temperature_limit": 72,
+            "max_voltage_limit": 140,
+            "min_voltage_limit": 60,
+            "velocity_limit": 265,
+            "shutdown": 52,
+            "velocity_i_gain": 1000,
+            "velocity_p_gain": 100,
+            "position_d_gain": 4000,
+            "position_i_gain": 0,
+            "position_p_gain": 640,
+        },
         own=(_STARTUP, Item("present_load", 126, 2, "R", "R", -1000, 1000, None, "x_load")),
     ),
 )
@@ -256,15 +261,18 @@ XM430: Final = Table(
     modes=_MODES_X,
     fast_firmware=45,
     items=_x_items(
-        protocol_high=2,
-        temperature=80,
-        max_voltage=160,
-        min_voltage=95,
-        velocity=350,
-        shutdown=52,
-        velocity_gains=(1920, 100),
-        position_gains=(0, 0, 800),
-        baud_high=7,
+        {
+            "temperature_limit": 80,
+            "max_voltage_limit": 160,
+            "min_voltage_limit": 95,
+            "velocity_limit": 350,
+            "shutdown": 52,
+            "velocity_i_gain": 1920,
+            "velocity_p_gain": 100,
+            "position_d_gain": 0,
+            "position_i_gain": 0,
+            "position_p_gain": 800,
+        },
         own=(
             *_current_items(1193, "xm_current"),
             Item("acceleration_limit", 40, 4, "RW", "E", 0, 32767, 32767, "x_acceleration"),

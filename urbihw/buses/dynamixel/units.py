@@ -1,15 +1,15 @@
 """Raw counts to SI and back, for every item of every table.
 
-Above a platform's devices all numbers are SI: rad, rad/s, rad/s2, V, A, s, degrees Celsius; torque, load and PWM are
-fractions of full scale (1 = all of it). Below they are raw counts. This is the only file that knows both::
+Slots of devices are in SI units: rad, rad/s, rad/s2, V, A, s, degrees Celsius; torque, load and PWM are fractions of
+full scale. Registers are raw counts. This is the only file that converts between them::
 
     item = tables.AX12.item("goal_position")
     to_si(item, 512)        # 0.0026 rad
     from_si(item, 0.5)      # 609
     limits_si(item)         # (-2.618, 2.618)
 
-Positions are centred: 0 is the middle of the first turn (AX: 511.5, X: 2048) and larger is counter-clockwise seen on
-the front. In wheel mode pass `wheel=True`: speeds of the AX series are then fractions of full drive.
+Positions are centred: 0 is the middle of the first turn (AX: 511.5, X: 2048), and positive is counter-clockwise, seen
+from the front. In wheel mode pass `wheel=True`: speeds of the AX series are then fractions of full drive.
 Sources: ROBOTIS e-manual; pypot `dynamixel/conversion.py` for the centred form.
 """
 
@@ -36,13 +36,13 @@ _X_BAUDS: Final = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_0
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A way to read raw counts.
+    """The conversion between raw counts and SI units.
 
     Attributes:
         symbol: of the SI unit, "" for plain numbers and fractions.
         to_si: raw count to SI value.
         to_raw: SI value to the nearest raw count, unchecked.
-        high: largest raw count that makes sense in this unit, where that is less than the register takes.
+        high: largest raw count with a value in this unit, if the register accepts more.
     """
 
     symbol: str
@@ -68,7 +68,7 @@ def _sign_magnitude(symbol: str, step: float) -> Unit:
 
 
 def _unlimited_at_zero(symbol: str, step: float, high: int | None = None) -> Unit:
-    """Raw 0 means "no limit", so it is infinity; the slowest limit there is, is raw 1."""
+    """Raw 0 means "no limit" and is infinity; the lowest limit is raw 1."""
     return Unit(
         symbol,
         lambda raw: raw * step if raw else math.inf,
@@ -90,7 +90,7 @@ def _x_baud() -> Unit:
 
 
 def _buzzer_time() -> Unit:
-    """0.3 to 5 s in tenths; 254 rings until told otherwise. 255 (play a melody) is no time: write it raw."""
+    """0.3 to 5 s in tenths; 254 rings until 0 is written. 255 (play a melody) is no duration: write it raw."""
     return Unit(
         "s",
         lambda raw: math.inf if raw >= 254 else min(max(raw, 3), 50) / 10,
@@ -131,7 +131,7 @@ UNITS: Final = {
 
 
 def unit_of(item: Item, wheel: bool = False) -> Unit:
-    """Return how `item` is to be read; `wheel`: the servo is in wheel mode."""
+    """Return the unit of `item`; `wheel`: the servo is in wheel mode."""
     return UNITS[item.wheel_unit if wheel and item.wheel_unit else item.unit]
 
 
@@ -154,7 +154,7 @@ def from_si(item: Item, value: float, wheel: bool = False) -> int:
 
 
 def limits_si(item: Item, wheel: bool = False) -> tuple[float, float]:
-    """Return the smallest and the largest value that `from_si` takes, for a UVar's rangemin and rangemax."""
+    """Return the smallest and the largest value that `from_si` accepts, for a UVar's rangemin and rangemax."""
     unit = unit_of(item, wheel)
     if unit is UNITS["ax_wheel"] or unit is UNITS["ax_speed"] or unit is UNITS["ax_load"]:
         full = unit.to_si(_AX_FULL)

@@ -1,7 +1,7 @@
-"""What the console asks for itself: names to complete, descriptions, to interrupt.
+"""The queries of the console itself: names to complete, descriptions, interruption.
 
-It has a connection of its own, made when it is first needed, so that it gets answers while a statement of the user is
-running, and leaves no trace in the user's lobby.  The questions are functions of ``assistant.u``.
+They use a connection of their own, opened on first use, so that they are answered while a statement of the user runs,
+and leave no trace in the user's lobby.  The queries are functions of ``assistant.u``.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from dataclasses import dataclass
 from importlib.resources import files
 from typing import Final
 
-from urbihw.cli.lines import BadLine, Lines, guarded
 from urbihw.client.credentials import Credentials, Denied
-from urbihw.client.dial import streams
+from urbihw.client.dial import open_streams
+from urbihw.client.lines import BadLine, Lines, guarded
 from urbihw.client.where import Where
 
 CHANNEL: Final = "__urbihw_assistant"
-PATIENCE: Final = 1.0
-"""Seconds that an answer may take; nobody waits longer for a completion."""
+TIMEOUT_S: Final = 1.0
+"""Maximum seconds for an answer; users do not wait longer for a completion."""
 CHUNK: Final = 256 * 1024
 
 Step = str | tuple[float | str]
@@ -33,12 +33,13 @@ _LETTERS: Final = {"n": "\n", "t": "\t", "r": "\r", "a": "\a", "b": "\b", "f": "
 
 
 class NoAnswer(Exception):
-    """The server did not answer, or with an error; the message says which."""
+    """The server did not answer, or answered with an error; the message gives the reason."""
 
 
 @dataclass(frozen=True)
 class Description:
-    """What is known of a slot; ``source`` is that of a function, ``slots`` are those that not everything has."""
+    """The description of a slot; ``source`` is the text of a function, ``slots`` are the slots that not every object
+    has."""
 
     type: str
     text: str
@@ -48,7 +49,7 @@ class Description:
 
 
 class Assistant:
-    """Asks one question at a time."""
+    """Sends one query at a time."""
 
     def __init__(self, where: Where, who: Credentials) -> None:
         self._where = where
@@ -58,26 +59,26 @@ class Assistant:
         self._turn = asyncio.Lock()
 
     async def names(self, uid: str, path: Sequence[Step]) -> list[str]:
-        """The names of all slots of what a path leads to; an empty one stands before those that everything has.
+        """The names of all slots of the object at a path; an empty name separates the slots that every object has.
 
         Raises NoAnswer.
         """
         return strings(await self._ask(f"assistant_names({quoted(uid)}, {written(path)})"))
 
     async def describe(self, uid: str, path: Sequence[Step], name: str) -> Description:
-        """What is known of a slot.  Raises NoAnswer."""
+        """The description of a slot.  Raises NoAnswer."""
         answer = await self._ask(f"assistant_help({quoted(uid)}, {written(path)}, {quoted(name)})")
         kind, text, protos, source, *slots = strings(answer)
         return Description(kind, text, protos, source, tuple(slots))
 
     async def interrupt(self, uid: str) -> None:
-        """Kill what the user runs in the foreground.  Raises NoAnswer."""
+        """Kill the user's foreground job.  Raises NoAnswer."""
         await self._ask(f"assistant_interrupt({quoted(uid)})")
 
     async def _ask(self, expression: str) -> str:
         async with self._turn:
             try:
-                return await asyncio.wait_for(self._answer(expression), PATIENCE)
+                return await asyncio.wait_for(self._answer(expression), TIMEOUT_S)
             except TimeoutError:
                 self.close()
                 raise NoAnswer("the server does not answer") from None
@@ -87,7 +88,7 @@ class Assistant:
 
     async def _answer(self, expression: str) -> str:
         if self._streams is None:
-            self._streams = await streams(self._where, self._who)
+            self._streams = await open_streams(self._where, self._who)
             self._lines = Lines()
             self._streams[1].write(files("urbihw.cli.console").joinpath("assistant.u").read_bytes())
         reader, writer = self._streams
@@ -102,7 +103,7 @@ class Assistant:
         raise NoAnswer("the server closed the connection")
 
     def close(self) -> None:
-        """Hang up; the next question makes a new connection."""
+        """Close the connection; the next query opens a new one."""
         if self._streams is not None:
             with contextlib.suppress(OSError, RuntimeError):
                 self._streams[1].close()
@@ -110,12 +111,12 @@ class Assistant:
 
 
 def quoted(text: str) -> str:
-    """A string of urbiscript."""
+    """Quote a text as an urbiscript string."""
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
 
 
 def written(path: Sequence[Step]) -> str:
-    """A path as ``assistant_find`` wants it."""
+    """Format a path as the argument of ``assistant_find``."""
     steps = []
     for step in path:
         if isinstance(step, str):
@@ -126,7 +127,7 @@ def written(path: Sequence[Step]) -> str:
 
 
 def strings(answer: str) -> list[str]:
-    """The strings in a list as the server prints it, those of lists within included."""
+    """The strings in a printed list and in the lists inside it."""
     return [_ESCAPE.sub(_unescaped, text) for text in _STRING.findall(answer)]
 
 

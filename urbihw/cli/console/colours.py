@@ -1,4 +1,4 @@
-"""How answers look: each channel its colour, values as urbiscript."""
+"""Highlighting of answers: each channel has its colour, values are coloured as urbiscript."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from prompt_toolkit.formatted_text import FormattedText, PygmentsTokens, to_form
 from prompt_toolkit.styles import Style
 
 from urbihw.cli.console.lexer import UrbiscriptLexer
-from urbihw.cli.lines import Line
+from urbihw.client.lines import Line
 
 CHANNELS: Final = {"error": "class:error", "warning": "class:warning", "output": "class:echo", "clog": "class:log"}
-"""Channel -> style of its text; others have one in common."""
+"""Channel -> style of its text; all other channels share one style."""
 
-LONGEST_LEXED: Final = 4000
-"""Bytes up to which a value is coloured; what is longer is data."""
+MAX_LEXED_BYTES: Final = 4000
+"""Maximum length of a value that is coloured, in bytes; longer ones are data."""
 
 
 STYLE: Final = Style.from_dict({
-    # Only the terminal's own colours, so that they suit its background.
+    # Only the terminal's own colours, which suit its background.
     "stamp": "ansibrightblack",
     "channel": "ansimagenta",
     "error": "ansired",
@@ -45,7 +45,7 @@ STYLE: Final = Style.from_dict({
 
 
 def painted(line: Line) -> FormattedText:
-    """A line as it is shown, with its line end; of a Binary only the size is."""
+    """The styled text of a line, with a line end; a Binary appears as its size."""
     text = _shown(line)
     if line.stamp is None:
         return FormattedText([(CHANNELS.get(line.channel, ""), f"{text}\n")])
@@ -57,7 +57,7 @@ def painted(line: Line) -> FormattedText:
 
 
 def _shown(line: Line) -> str:
-    """The text, with the sizes of the binaries in place of their data, and nothing that could steer a terminal."""
+    """The text, with the sizes of binaries instead of their data, and without control sequences of terminals."""
     raw = line.text
     for binary in line.binaries:
         size = str(len(binary.data)).encode()
@@ -73,7 +73,7 @@ def _body(line: Line, text: str) -> Iterable[tuple[str, str]]:
         return [(CHANNELS.get(line.channel, "class:other"), text)]
     if text.startswith("***"):
         return [("class:echo", text)]
-    if len(text) > LONGEST_LEXED:
+    if len(text) > MAX_LEXED_BYTES:
         return [("", text)]
     return _tokens(text)
 
@@ -84,7 +84,7 @@ def _tokens(text: str) -> list[tuple[str, str]]:
 
 
 def highlighted(text: str, margin: str) -> list[tuple[str, str]]:
-    """What was typed, with its line end; ``margin`` stands before each line but the first."""
+    """The styled input, with a line end; ``margin`` is put before each line but the first."""
     parts: list[tuple[str, str]] = []
     for style, piece in _tokens(text):
         first, *rest = piece.split("\n")

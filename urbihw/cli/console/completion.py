@@ -1,4 +1,4 @@
-"""Completion: words of the language, and the names of the slots that are there at this moment."""
+"""Completion: words of the language, and the names of slots that exist at this moment."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ _IDENTIFIER: Final = re.compile(r"[A-Za-z_]\w*")
 
 
 class LiveCompleter(Completer):
-    """Asks the server; without an answer only the words are left."""
+    """Completes with names from the server; without an answer, with the words of the language only."""
 
     def __init__(self, session: Session, assistant: Assistant) -> None:
         self._session = session
         self._assistant = assistant
 
     def get_completions(self, document: Document, complete_event: CompleteEvent) -> Iterable[Completion]:
-        """Never called: this one is asynchronous."""
+        """Never called: the completer is asynchronous."""
         return ()
 
     async def get_completions_async(
         self, document: Document, complete_event: CompleteEvent
     ) -> AsyncGenerator[Completion, None]:
-        """What may stand at the cursor."""
+        """Yield the completions at the cursor."""
         wanted = subject(document.text_before_cursor)
         if wanted is None:
             return
@@ -50,9 +50,9 @@ class LiveCompleter(Completer):
 
 
 def candidates(wanted: Subject, names: Sequence[str], *, first: bool) -> list[str]:
-    """The names to offer: those that not everything has first; hidden ones (``_x``) only to who asks for them.
+    """The names to offer, those that not every object has first; hidden ones (``_x``) only after a typed ``_``.
 
-    ``names`` as the assistant gives them; ``first``: nothing stands before the name.
+    ``names`` come from the assistant; ``first``: no path precedes the name.
     """
     border = names.index("") if "" in names else len(names)
     own = set(names[:border])

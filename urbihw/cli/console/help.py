@@ -1,4 +1,4 @@
-"""What ``help`` shows."""
+"""The text of ``help``."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ KEYS: Final = """what you type goes to the server when it ends with ; (and wait)
    Ctrl-D        leave; the server goes on
    help NAME     what the server knows of a slot, such as help String.split"""
 
-MOST_LINES: Final = 12
-"""Lines of a function's source that are shown."""
+MAX_LINES: Final = 12
+"""Maximum number of lines of a function's source that are shown."""
 _IDENTIFIER: Final = re.compile(r"[A-Za-z_]\w*")
 
 
 def described(name: str, what: Description) -> AnyFormattedText:
-    """A description for the screen."""
+    """Format a description for the screen."""
     parts: list[tuple[str, str]] = [("class:prompt", name), ("", f": {what.type}\n")]
     if what.text:
         parts.append(("", textwrap.indent(what.text.strip(), "  ") + "\n"))
@@ -33,7 +33,7 @@ def described(name: str, what: Description) -> AnyFormattedText:
         parts.append(("class:note", f"  prototypes: {what.protos}\n"))
     if what.source:
         lines = what.source.splitlines()
-        cut = [*lines[:MOST_LINES], "..."] if len(lines) > MOST_LINES else lines
+        cut = [*lines[:MAX_LINES], "..."] if len(lines) > MAX_LINES else lines
         parts.append(("", textwrap.indent("\n".join(cut), "  ") + "\n"))
     slots = [slot for slot in what.slots if _IDENTIFIER.fullmatch(slot) and not slot.startswith("_")]
     if slots:

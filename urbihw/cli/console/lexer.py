@@ -1,6 +1,6 @@
-"""How urbiscript looks: a lexer for Pygments.
+"""A lexer of urbiscript for Pygments.
 
-The words of the language come from the parser's own table, so that what is coloured as a keyword is one.
+The words of the language come from the parser's own table, so that exactly the keywords are coloured as such.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _UNIT = "|".join(sorted(UNITS, key=len, reverse=True))
 
 
 class UrbiscriptLexer(RegexLexer):  # type: ignore[misc]
-    """urbiscript 2.3."""
+    """Lexer of urbiscript 2.3."""
 
     name = "urbiscript"
     aliases: ClassVar[list[str]] = ["urbiscript", "urbi"]

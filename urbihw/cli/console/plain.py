@@ -1,7 +1,7 @@
-"""The console in a pipe: what is read goes to the server, what the server says goes to standard output as it is.
+"""The console in a pipe: the input goes to the server, the server's output goes to standard output unchanged.
 
-It ends when all that was read is run: a question that is asked last is answered then.  How the server greets is left
-out, and the last statement needs no ``;``.
+It ends when all statements of the input have run, so the last one is answered, too.  The banner is omitted, and the
+last statement needs no ``;``.
 """
 
 from __future__ import annotations
@@ -11,32 +11,33 @@ import sys
 import threading
 from typing import BinaryIO, Final
 
-from urbihw.cli.lines import Line
-from urbihw.cli.link import Link
-from urbihw.cli.options import EX_RUNTIME, EX_SYNTAX, EX_UNAVAILABLE, Refused
+from urbihw.cli.lobby_client import LobbyClient
+from urbihw.cli.options import Refused
 from urbihw.client.credentials import Credentials
+from urbihw.client.lines import Line
 from urbihw.client.where import Where
+from urbihw.exitcodes import EX_RUNTIME, EX_SYNTAX, EX_UNAVAILABLE
 from urbihw.kernel.stages import Input
 
 CHUNK: Final = 64 * 1024
-SILENCE: Final = 2.0
-"""Seconds without a word after which an input that ends within a statement counts as run."""
+SILENCE_TIMEOUT_S: Final = 2.0
+"""Seconds without output after which an input that ends within a statement counts as run."""
 
 
-def talk(where: Where, who: Credentials, source: BinaryIO) -> int:
-    """Send all of ``source``, show what comes.
+def run_session(where: Where, who: Credentials, source: BinaryIO) -> int:
+    """Send all of ``source``, and print the output of the server.
 
-    The exit code: 0, or 65 or 70 if the first error was one of syntax or one while running.  Raises Refused.
+    Returns the exit code: 0, or 65 or 70 if the first error was a syntax error or a run-time error.  Raises Refused.
     """
-    with Link(where, who) as link:
-        link.greeting()
-        return Talker(link, source).talk()
+    with LobbyClient(where, who) as link:
+        link.read_banner()
+        return PipeSession(link, source).run()
 
 
-class Talker:
-    """One conversation."""
+class PipeSession:
+    """One session of the console in a pipe."""
 
-    def __init__(self, link: Link, source: BinaryIO) -> None:
+    def __init__(self, link: LobbyClient, source: BinaryIO) -> None:
         self._link = link
         self._source = source
         self._end = f"__urbihw_end_{os.getpid()}"
@@ -44,17 +45,17 @@ class Talker:
         self._all_sent = False
         self._code = 0
 
-    def talk(self) -> int:
-        """Send and show, beside each other."""
+    def run(self) -> int:
+        """Send the input in a thread while the output is printed.  Returns the exit code."""
         threading.Thread(target=self._send_all, daemon=True).start()
         while True:
-            line = self._link.read(SILENCE)
+            line = self._link.read(SILENCE_TIMEOUT_S)
             if line is not None and line.channel == self._end:
                 return self._code
             if line is not None:
                 self._show(line)
             elif self._link.ended and self._all_sent:
-                # Somebody said quit or shutdown.
+                # The input contained quit or shutdown.
                 return self._code
             elif self._link.ended:
                 raise Refused(f"{self._link.peer} closed the connection", EX_UNAVAILABLE)
@@ -62,9 +63,9 @@ class Talker:
                 raise Refused("the input ends within a statement, which was not run", EX_SYNTAX)
 
     def _send_all(self) -> None:
-        """Send the input to its end, and then ask for a sign that it is run."""
+        """Send the input to its end, then a statement whose answer shows that the input has run."""
         watched = Input()
-        # No more than there is: who writes to us may wait for an answer.
+        # Read only what is available: the writer of the pipe may wait for an answer.
         while data := os.read(self._source.fileno(), CHUNK):
             watched.feed(data)
             self._link.send(data)

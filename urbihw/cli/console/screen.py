@@ -1,4 +1,4 @@
-"""The prompt: what is typed goes to the server, what the server says appears above it."""
+"""The prompt: the input goes to the server, the server's output appears above the prompt."""
 
 from __future__ import annotations
 
@@ -19,41 +19,41 @@ from prompt_toolkit.history import FileHistory, History, InMemoryHistory
 from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
 from prompt_toolkit.lexers import PygmentsLexer
 
-from urbihw.cli.console.above import Above
 from urbihw.cli.console.assistant import Assistant, NoAnswer
 from urbihw.cli.console.colours import STYLE, highlighted, painted
 from urbihw.cli.console.completion import LiveCompleter
 from urbihw.cli.console.help import KEYS, described
 from urbihw.cli.console.lexer import UrbiscriptLexer
+from urbihw.cli.console.prompt_printer import PromptPrinter
 from urbihw.cli.console.session import Session
 from urbihw.cli.console.subject import whole_path
-from urbihw.cli.lines import Line
-from urbihw.cli.link import NO_SERVER
 from urbihw.cli.options import Refused
 from urbihw.client.credentials import Credentials
+from urbihw.client.lines import Line
 from urbihw.client.where import Where
+from urbihw.exitcodes import NO_SERVER
 from urbihw.kernel.stages import dump, unfinished
 
-FIRST_PATIENCE: Final = 10.0
+FIRST_TIMEOUT_S: Final = 10.0
 INDENT: Final = "  "
 
 
-async def talk(where: Where, who: Credentials, environment: Mapping[str, str]) -> int:
-    """Talk until Ctrl-D.  Raises Refused when there is no server to begin with."""
+async def run_session(where: Where, who: Credentials, environment: Mapping[str, str]) -> int:
+    """Run the console until Ctrl-D.  Raises Refused if the first connection fails."""
     screen = Screen(where, who, history(environment))
     await screen.connect()
     return await screen.run()
 
 
 def history(environment: Mapping[str, str]) -> History:
-    """What was typed in former sessions: ``$XDG_STATE_HOME/urbihw/console_history``."""
+    """The input of former sessions: ``$XDG_STATE_HOME/urbihw/console_history``."""
     home = environment.get("XDG_STATE_HOME") or os.path.join(environment.get("HOME", "~"), ".local", "state")
     path = Path(home).expanduser() / "urbihw" / "console_history"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch(mode=0o600)
     except OSError:
-        # No place to keep it: then it lasts as long as the session.
+        # The folder cannot be written: the history lasts for this session only.
         return InMemoryHistory()
     return FileHistory(str(path))
 
@@ -64,7 +64,7 @@ class Screen:
     def __init__(self, where: Where, who: Credentials, remembered: History) -> None:
         self._session = Session(where, who, self._heard, self._changed)
         self._assistant = Assistant(where, who)
-        # Asked with each key, and again for Enter.
+        # Computed with each key, and again for Enter.
         self._unfinished = lru_cache(maxsize=2)(unfinished)
         self._connected = asyncio.Event()
         self._lost_once = False
@@ -83,14 +83,14 @@ class Screen:
             key_bindings=self._keys(),
             bottom_toolbar=self._hint,
         )
-        self._above = Above(self._prompt.app, STYLE)
+        self._prompt_printer = PromptPrinter(self._prompt.app, STYLE)
 
     # ---------------------------------------------------------------- the connection
 
     async def connect(self) -> None:
-        """Begin to keep the connection.  Raises Refused when there is none to begin with."""
+        """Open the connection and keep it open.  Raises Refused if the first attempt fails."""
         self._keeping = asyncio.ensure_future(self._session.run())
-        await asyncio.wait_for(self._connected.wait(), FIRST_PATIENCE)
+        await asyncio.wait_for(self._connected.wait(), FIRST_TIMEOUT_S)
         if self._session.state != "connected":
             self._keeping.cancel()
             if self._session.state == "denied":
@@ -114,10 +114,10 @@ class Screen:
 
     def _heard(self, lines: list[Line]) -> None:
         for line in lines:
-            self._above.show(painted(line))
+            self._prompt_printer.show(painted(line))
 
     def _note(self, text: str) -> None:
-        self._above.show(FormattedText([("class:note", f"-- {text}\n")]))
+        self._prompt_printer.show(FormattedText([("class:note", f"-- {text}\n")]))
 
     def _message(self) -> FormattedText:
         kind = "class:prompt" if self._session.state == "connected" else "class:prompt.lost"
@@ -177,14 +177,14 @@ class Screen:
         return keys
 
     def _submit(self, buffer: Buffer) -> None:
-        """Hand over what was typed; while there is nobody to hand it to, it stays where it is."""
+        """Send the input; without a connection it stays in the prompt."""
         text = buffer.text
         if self._session.state != "connected":
             return
         buffer.reset(append_to_history=True)
-        # The prompt itself goes on: between two of them keys would be at the mercy of the terminal's own settings.
-        self._above.show(FormattedText([*self._message(), *highlighted(text, continuation(len(self._name)))]))
-        self._above.flush()
+        # The same prompt goes on: between two prompts the terminal's own settings would process the keys.
+        self._prompt_printer.show(FormattedText([*self._message(), *highlighted(text, continuation(len(self._name)))]))
+        self._prompt_printer.flush()
         if is_command(text):
             self._prompt.app.create_background_task(self._help(text))
         else:
@@ -197,7 +197,7 @@ class Screen:
             self._note(f"cannot stop it: {error}")
 
     async def run(self) -> int:
-        """Talk until Ctrl-D, or SIGTERM, after which the terminal should be as it was."""
+        """Run the prompt until Ctrl-D, or SIGTERM, after which the terminal settings must be restored."""
         loop = asyncio.get_running_loop()
         loop.add_signal_handler(signal.SIGTERM, lambda: self._prompt.app.exit(exception=EOFError))
         try:
@@ -210,7 +210,7 @@ class Screen:
             with contextlib.suppress(asyncio.CancelledError):
                 await self._keeping
             self._assistant.close()
-            self._above.flush()
+            self._prompt_printer.flush()
         return 0
 
     async def _help(self, text: str) -> None:
@@ -224,19 +224,19 @@ class Screen:
             if not isinstance(last, str):
                 self._note("help takes a name, such as motors, not one of its members")
                 return
-            self._above.show(described(name, await self._assistant.describe(self._session.uid, way, last)))
+            self._prompt_printer.show(described(name, await self._assistant.describe(self._session.uid, way, last)))
         except NoAnswer as error:
             self._note(f"no help for {name}: {error}")
 
 
 def is_command(text: str) -> bool:
-    """Whether a text is for the console and not for the server."""
+    """Whether a text is a command of the console, not for the server."""
     words = text.strip().rstrip(";").split(maxsplit=1)
     return bool(words) and words[0] == "help" and (len(words) == 1 or whole_path(words[1]) is not None)
 
 
 def lacks_separator(text: str) -> bool:
-    """Whether a text ends with an empty line and is a whole statement but for its ``;``."""
+    """Whether a text ends with an empty line and is a complete statement except for its ``;``."""
     if text.rpartition("\n")[1:] != ("\n", "") or unfinished(text.rstrip() + ";"):
         return False
     _, problems = dump(text.rstrip() + ";", "ast")
@@ -244,10 +244,10 @@ def lacks_separator(text: str) -> bool:
 
 
 def depth(text: str) -> int:
-    """How deep the end of a text is in braces, brackets and parentheses; what stands in strings counts, too."""
+    """The nesting depth of braces, brackets and parentheses at the end of a text; those in strings count, too."""
     return max(0, sum(text.count(sign) for sign in "{[(") - sum(text.count(sign) for sign in "}])"))
 
 
 def continuation(width: int) -> str:
-    """What stands below a prompt of some width while a statement goes on."""
+    """The prompt of a continuation line, below a prompt of the given width."""
     return "... ".rjust(width)

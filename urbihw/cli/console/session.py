@@ -1,4 +1,4 @@
-"""The connection of the console: it comes back by itself when it was lost."""
+"""The connection of the console, with automatic reconnection."""
 
 from __future__ import annotations
 
@@ -7,30 +7,32 @@ import contextlib
 from collections.abc import Callable
 from typing import Final, Literal
 
-from urbihw.cli.lines import BadLine, Line, Lines
+from urbihw.backoff import BackOff
 from urbihw.cli.options import why
 from urbihw.client.credentials import Credentials, Denied
-from urbihw.client.dial import streams
-from urbihw.client.entrance import NOTICE, turned_away
+from urbihw.client.dial import open_streams
+from urbihw.client.lines import BadLine, Line, Lines
+from urbihw.client.login import NOTICE, explain_close
 from urbihw.client.where import Where
 
 CHUNK: Final = 256 * 1024
-PATIENCE: Final = 5.0
-FIRST_PAUSE: Final = 0.25
-LONGEST_PAUSE: Final = 2.0
-BUSY: Final = 0.5
-"""Seconds after which a server that says nothing counts as a busy one, and not as one that turns us away."""
+CONNECT_TIMEOUT_S: Final = 5.0
+FIRST_PAUSE_S: Final = 0.25
+MAX_PAUSE_S: Final = 2.0
+"""Seconds before the first attempt to reconnect, and the maximum of the doubled pauses."""
+FIRST_WORD_TIMEOUT_S: Final = 0.5
+"""Seconds after which a silent server counts as busy, not as one that refuses the connection."""
 CHANNEL: Final = "__urbihw_console"
-"""On which the server tells who we are; nothing of it is shown."""
+"""The channel for the uid of the lobby; its lines are not shown."""
 
 State = Literal["connecting", "connected", "lost", "denied"]
 
 
 class Session:
-    """One server, for as long as the console runs, or until it does not let us in any more ("denied").
+    """The connection to one server, while the console runs or until the server refuses the credentials ("denied").
 
-    ``heard`` gets the lines of each packet.  ``changed`` is called when ``state`` is another one; ``reason`` then says
-    why there is no connection.
+    ``heard`` is called with the lines of each packet.  ``changed`` is called when ``state`` has changed; ``reason`` is
+    then the reason why there is no connection.
     """
 
     def __init__(
@@ -45,22 +47,22 @@ class Session:
         self.state: State = "connecting"
         self.reason = ""
         self.uid = ""
-        """The ``uid`` of our lobby, by which the assistant finds it; empty while it is not known."""
+        """The ``uid`` of the console's lobby, for the assistant; empty while it is not known."""
         self._heard = heard
         self._changed = changed
         self._writer: asyncio.StreamWriter | None = None
 
     @property
     def name(self) -> str:
-        """The server, for people."""
+        """The name of the server, for display."""
         return str(self.where)
 
     async def run(self) -> None:
-        """Connect, listen, connect again; for ever, unless denied."""
-        pause = FIRST_PAUSE
+        """Connect, receive, reconnect; for ever, unless denied."""
+        pauses = BackOff(FIRST_PAUSE_S, MAX_PAUSE_S)
         while True:
             try:
-                reader, writer = await asyncio.wait_for(streams(self.where, self._who), PATIENCE)
+                reader, writer = await asyncio.wait_for(open_streams(self.where, self._who), CONNECT_TIMEOUT_S)
             except Denied as error:
                 self.reason = str(error)
                 self._enter("denied")
@@ -68,8 +70,7 @@ class Session:
             except (OSError, TimeoutError, UnicodeError) as error:
                 self.reason = why(error)
                 self._enter("lost")
-                await asyncio.sleep(pause)
-                pause = min(pause * 2, LONGEST_PAUSE)
+                await asyncio.sleep(pauses.next_pause())
                 continue
             self._writer = writer
             turned = await self._converse(reader, writer)
@@ -79,29 +80,26 @@ class Session:
                 self.reason = str(turned)
                 self._enter("denied")
                 return
-            pause = FIRST_PAUSE if turned is None else min(pause * 2, LONGEST_PAUSE)
+            if turned is None:
+                pauses.reset()
             self._enter("lost")
-            await asyncio.sleep(pause)
+            await asyncio.sleep(pauses.next_pause())
 
     async def _converse(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> Exception | None:
-        """Until the connection ends; why, if the server has turned us away.
+        """Receive until the connection ends.  Returns the reason if the server has refused the connection.
 
-        A server that says nothing for a while is busy; one that turns us away does so at once, and then there was no
-        connection.
+        A server that is silent for a while is busy; one that refuses does so at once, and then there was no connection.
         """
-        # Between push and pop it leaves no trace in the positions of later errors.
+        # Between push and pop, the text leaves no trace in the positions of later errors.
         writer.write(f'//#push 1 "console"\nChannel.new("{CHANNEL}") << lobby.uid|;\n//#pop\n'.encode())
         self.reason = "the server closed the connection"
-        lines, last, known = Lines(), b"", False
+        lines = Lines()
         try:
             data = await self._first(reader)
             if data is None or data and not data.startswith(NOTICE):
                 self._enter("connected")
             while data := await reader.read(CHUNK) if data is None else data:
-                fresh = lines.feed(data)
-                last = fresh[-1].text if fresh else last
-                known = known or any(line.stamp is not None for line in fresh)
-                self._take(fresh)
+                self._pass_on(lines.feed(data))
                 data = None
         except OSError as error:
             self.reason = why(error)
@@ -110,20 +108,21 @@ class Session:
         writer.close()
         with contextlib.suppress(OSError):
             await writer.wait_closed()
-        turned = turned_away(self.where, last, known)
+        turned = explain_close(self.where, lines.last, lines.stamped)
         if turned is not None:
             self.reason = why(turned)
         return turned
 
     @staticmethod
     async def _first(reader: asyncio.StreamReader) -> bytes | None:
-        """What the server says first, b"" at the end of the connection; None if it says nothing for a while."""
+        """The first bytes of the server, b"" at the end of the connection; None if it is silent for a while."""
         try:
-            return await asyncio.wait_for(reader.read(CHUNK), BUSY)
+            return await asyncio.wait_for(reader.read(CHUNK), FIRST_WORD_TIMEOUT_S)
         except TimeoutError:
             return None
 
-    def _take(self, lines: list[Line]) -> None:
+    def _pass_on(self, lines: list[Line]) -> None:
+        """Pass on all lines except the answer with the uid."""
         for line in lines:
             if line.channel == CHANNEL:
                 self.uid = line.shown.strip('"')
@@ -137,7 +136,7 @@ class Session:
             self._changed()
 
     def send(self, text: str) -> bool:
-        """Say something; False when there is nobody to hear it."""
+        """Send text; False without a connection."""
         if self._writer is None or self.state != "connected":
             return False
         self._writer.write(text.encode("utf-8", "surrogateescape"))

@@ -1,4 +1,4 @@
-"""What stands before the cursor: which object's slots are meant, and how far the name is typed."""
+"""Parses the expression before the cursor: the path of an object, and the beginning of the name of its slot."""
 
 from __future__ import annotations
 
@@ -14,20 +14,21 @@ _SUBJECT: Final = re.compile(rf"((?:{_NAME}(?:{_INDEX})*\s*\.\s*)*)({_NAME})?$")
 _STEP: Final = re.compile(rf'({_NAME})|\[\s*(?:(-?\d+(?:\.\d+)?)|"([^"\\]*)")\s*\]')
 _CLOSED: Final = re.compile(r'"(?:[^"\\]|\\.)*"|//[^\n]*\n|/\*.*?\*/', re.DOTALL)
 _OPEN: Final = re.compile(r'"|//|/\*')
-"""Whatever opens a string or a comment and is left when those that are closed are taken away."""
+"""The beginning of a string or comment; one that is left after the closed ones are removed is open."""
 _PATH: Final = re.compile(rf"{_NAME}(?:{_INDEX})*(?:\s*\.\s*{_NAME}(?:{_INDEX})*)*")
 
 
 @dataclass(frozen=True)
 class Subject:
-    """``path`` leads from the lobby to the object, ``prefix`` is the beginning of the name of its slot."""
+    """The slot before the cursor: ``path`` leads from the lobby to the object, ``prefix`` is the typed part of the
+    name."""
 
     path: tuple[Step, ...]
     prefix: str
 
 
 def subject(text: str) -> Subject | None:
-    """The subject at the end of a text; None where no name is expected, or that of a value that is not known."""
+    """The subject at the end of a text; None where no name is expected, or where the object is not known."""
     match = _SUBJECT.search(text)
     if match is None or _OPEN.search(_CLOSED.sub("", text)):
         return None
@@ -41,7 +42,7 @@ def subject(text: str) -> Subject | None:
 
 
 def steps(text: str) -> tuple[Step, ...]:
-    """The steps of a path such as ``motors[6].val``; the lobby, where all paths begin, is none."""
+    """The steps of a path such as ``motors[6].val``; the lobby, where all paths begin, is no step."""
     found: list[Step] = []
     for name, number, word in _STEP.findall(text):
         if name:

@@ -1,17 +1,17 @@
-"""Which names are local variables, where they live, and who captures them.
+"""Binding: which names are local variables, in which functions they are, and which inner functions capture them.
 
-A *frame* will be one Python function: the statement itself, each function literal, and each piece of code that runs
-as a job of its own or later (the parts of ``&``, what stands before ``,``, conditions and bodies of ``at``, lazy
-arguments).  A frame contains nested *scopes*; a scope maps names to ``Local``s.  The scopes of a top-level
-statement and of a ``do`` or ``class`` body make slots instead of locals.  ``this`` and ``call`` are locals too, under
-those names.
+A *frame* becomes one Python function: the statement itself, each function literal, and each piece of code that runs as
+a job of its own or later (the parts of ``&``, what stands before ``,``, conditions and bodies of ``at``, lazy
+arguments).  A frame contains nested *scopes*; a scope maps names to ``Local``s.  The scopes of a top-level statement
+and of a ``do`` or ``class`` body make slots instead of locals.  ``this`` and ``call`` are locals too, under those
+names.
 
 A local that an inner frame reads is *captured*; one that is captured and assigned again is kept in a ``Box``, so
 that all frames (and watched conditions) see the change.  A local declared inside a loop is a fresh one in each turn:
 an inner function that captures it is made by a factory taking it as a parameter.
 
-A visitor is a function of a node and of the ``Binder`` that walks; it puts what it finds out on the node
-(``syntax.binding.Bound``).  ``VISITORS`` says which class of nodes has which.
+A visitor is a function of a node and of the ``Binder``.  It stores its results on the node (``syntax.binding.Bound``).
+``VISITORS`` has the visitor of each class of nodes.
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ def bind(
 ) -> Binding:
     """Find the local variables of one top-level statement; ``late`` are names of variables of a waiting frame.
 
-    ``apart``: what is deep inside other loops, tags and ``try``s becomes a function of its own.  Raises TooDeep, and
-    TooLong for what captures too much; nothing is left on the nodes then.
+    ``apart``: code that is nested too deep in loops, tags and ``try``s becomes a separate function.  Raises TooDeep,
+    and TooLong for a statement that captures too many variables; the nodes are unchanged then.
     """
     binder = Binder(VISITORS, lazy_names, apart, pace or Pace())
     for name in late:

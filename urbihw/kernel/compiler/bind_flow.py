@@ -43,13 +43,13 @@ def bind_background(item: ast.Node, b: Binder) -> None:
 
 
 def bind_par(node: ast.Par, b: Binder) -> None:
-    """Jobs side by side."""
+    """Parallel jobs."""
     for item in node.items:
         bind_background(item, b)
 
 
 def bind_if(node: ast.If, b: Binder) -> None:
-    """What the condition declares is seen in both branches."""
+    """``if``: variables that the condition declares are visible in both branches."""
     b.enter_scope()
     b.walk(node.cond)
     b.scoped(node.then)
@@ -150,7 +150,7 @@ def bind_return(node: ast.Return, b: Binder) -> None:
 
 
 def bind_assert(node: ast.Assert, b: Binder) -> None:
-    """The arguments of a claim are functions, for the message to show their values."""
+    """``assert``: the arguments of a claim become functions, so that the message can show their values."""
     for claim in node.claims:
         if not isinstance(claim, ast.Call):
             b.walk(claim)

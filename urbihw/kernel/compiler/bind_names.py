@@ -11,7 +11,7 @@ from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.binding import Frame, Local
 
 DETACHERS: Final = ("detach", "spawn")
-"""Calls that make jobs which go on by themselves, under the tags of their maker."""
+"""Functions that start detached jobs, which keep the tags of their maker."""
 
 
 # ---------------------------------------------------------------- names and slots
@@ -31,7 +31,7 @@ def bind_call_message(node: ast.CallMessage, b: Binder) -> None:
 
 
 def bind_operation(node: ast.Call | ast.And | ast.Or, b: Binder) -> None:
-    """A message or an operation; ``spine`` says why this does not simply walk the left side."""
+    """A message or an operation; the left side may be deep and is not walked recursively (``spine``)."""
     if node.__class__ is ast.Call and node.target is None:
         bind_message(node, b)
         return
@@ -121,7 +121,9 @@ def bind_var(node: ast.Var, b: Binder) -> None:
 
 
 def note_function(name: str, value: ast.Node | None, b: Binder) -> None:
-    """From now on a name that gets a lazy function, or an operator that gets any, is sent unevaluated arguments."""
+    """Record a name that gets a lazy function, or an operator that gets any function: from now on it is sent
+    unevaluated arguments.
+    """
     if isinstance(value, ast.Function) and (value.formals is None or name in LOGICAL):
         b.result.lazy_names.add(name)
 
@@ -142,7 +144,7 @@ def bind_assign(node: ast.Assign, b: Binder) -> None:
 
 
 def bind_place(place: ast.Call, b: Binder, moved: bool = False) -> None:
-    """A variable, slot or element that is written to; ``moved``: by a trajectory, from another job."""
+    """A variable, slot or element that is written; ``moved``: by a trajectory."""
     if place.name == "[]" or place.args:
         b.walk(place)
         return
@@ -170,7 +172,7 @@ def bind_postfix(node: ast.Postfix, b: Binder) -> None:
 
 
 def bind_target(place: ast.Node, b: Binder) -> None:
-    """What is changed in place."""
+    """The target of ``+=``, ``++`` and the like."""
     if isinstance(place, ast.Call):
         bind_place(place, b)
     else:

@@ -1,7 +1,7 @@
-"""Compiled statements by their text: the same line typed again is neither bound nor compiled again.
+"""A cache of compiled statements by their text.
 
 A unit depends on which names belong to lazy functions and on whether arithmetic is generic; when either changes, the
-cache starts anew.
+cache is emptied.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from urbihw.kernel.compiler.unit import Unit
 
 
 class UnitCache:
-    """The units compiled lately; ``size`` statements of at most ``longest`` characters."""
+    """The cache: at most ``size`` statements of at most ``longest`` characters."""
 
     def __init__(self, size: int = 2048, longest: int = 1000) -> None:
         self.size = size
@@ -21,7 +21,9 @@ class UnitCache:
         self._state: tuple[int, bool] = (0, False)
 
     def get(self, text: str, lazy_names: Set[str], generic: bool, make: Callable[[], Unit]) -> Unit:
-        """The unit for a statement, that ``make`` makes if it is not known; ``text`` is its source without position."""
+        """The unit of a statement; ``make`` compiles it if it is not in the cache.  ``text`` is the source without its
+        position.
+        """
         state = (len(lazy_names), generic)
         if state != self._state:
             self._units.clear()

@@ -1,4 +1,4 @@
-"""The code generator: one top-level statement to one Python function of ``this``; which node has which visitor."""
+"""The code generator: one top-level statement to one Python function of ``this``; the tables of visitors."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ EXPRESSIONS: Final[Expressions] = {
     ast.Function: functions.make_function,
     ast.Emit: conditions.make_emit,
 }
-"""What has a value; the visitor makes a Python expression of it."""
+"""The visitors of nodes that become Python expressions."""
 
 STATEMENTS: Final[Statements] = {
     ast.Var: places.write_var,
@@ -70,7 +70,7 @@ STATEMENTS: Final[Statements] = {
     ast.Whenever: conditions.write_whenever,
     ast.WaitUntil: conditions.write_wait_until,
 }
-"""What needs Python statements; the visitor writes them, and delivers the value if one is wanted."""
+"""The visitors of nodes that become Python statements; they deliver the value if it is needed."""
 
 
 def write_unit(node: ast.Node, binding: Binding, generic: bool, pace: Pace) -> tuple[py.FunctionDef, Writer]:

@@ -18,8 +18,8 @@ from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.binding import UNBOUND
 from urbihw.kernel.syntax.pace import Pace
 
-DEEPER = 7000
-"""Python calls that the compiler may nest on top of the usual limit."""
+EXTRA_CALLS = 7000
+"""Additional Python calls that the compiler may nest."""
 
 
 def compile_node(
@@ -31,28 +31,28 @@ def compile_node(
     keep_tree: bool = False,
     pace: Pace | None = None,
 ) -> Unit:
-    """Compile one top-level statement; with a ``pace`` what takes long goes by it, and long functions are cut.
+    """Compile one top-level statement.  With a ``pace``, the work pauses and long functions are cut.
 
     ``lazy_names`` are the names known to belong to lazy functions; ``late`` are local variables reached through
-    ``FrameLocals`` (see ``late``); ``generic`` sends arithmetic as messages, because somebody redefined an operator of
-    Float.  Raises ``TooDeep``: beyond a thousand levels of expressions, or some hundreds of functions or loops;
-    ``TooLong``: what cannot be cut into pieces short enough, or captures too many variables.
+    ``FrameLocals`` (see ``late``); ``generic`` sends arithmetic as messages, because a program has redefined an
+    operator of Float.  Raises ``TooDeep``: beyond a thousand levels of expressions, or some hundreds of functions or
+    loops; ``TooLong``: code that cannot be cut into short pieces, or captures too many variables.
     """
 
     compiled = partial(_compile, lazy_names=lazy_names, late=late, generic=generic, keep_tree=keep_tree, pace=pace)
     try:
         if late or node.bound is not UNBOUND:
-            # Another job may be compiling the statement that the node is a part of, and be waiting.
+            # Another job may be in the middle of compiling the statement that contains the node.
             with _deep():
                 node = copy.deepcopy(node)
         try:
             return compiled(node, apart=False)
-        except (SyntaxError, errors.TooDeep):  # too many loops and the like inside each other
+        except (SyntaxError, errors.TooDeep):  # too many nested loops and the like
             return compiled(node, apart=True)
     except SyntaxError:
         raise errors.TooDeep from None
     except RecursionError:
-        if _depth() > sys.getrecursionlimit() // 2:  # it is the program that has gone deep, by ``eval``
+        if _depth() > sys.getrecursionlimit() // 2:  # the program itself has reached the limit, by ``eval``
             raise
         raise errors.TooDeep from None
 
@@ -69,7 +69,7 @@ def _compile(
 ) -> Unit:
     """``compile_node``; with ``apart`` loops, tags and ``try`` deep inside others are functions of their own.
 
-    Raises SyntaxError for what Python cannot nest so deep.
+    Raises SyntaxError if the nesting is too deep for Python.
     """
     steps = Pace() if pace is None else pace
     with _deep():
@@ -86,9 +86,9 @@ def _compile(
 
 @contextmanager
 def _deep() -> Iterator[None]:
-    """Let our own walks over the statement go deeper than programs may: they take no C stack."""
+    """Let the recursive functions of the compiler go deeper than programs may: they take no C stack."""
     usual = sys.getrecursionlimit()
-    sys.setrecursionlimit(usual + DEEPER)
+    sys.setrecursionlimit(usual + EXTRA_CALLS)
     try:
         yield
     finally:
@@ -96,7 +96,7 @@ def _deep() -> Iterator[None]:
 
 
 def _depth() -> int:
-    """How many calls Python is in."""
+    """The present depth of the Python stack."""
     depth, frame = 0, sys._getframe()
     while frame.f_back is not None:
         depth, frame = depth + 1, frame.f_back

@@ -73,9 +73,9 @@ def write_tagged(node: ast.Tagged, w: Writer, dest: str | None) -> None:
     p = w.mark(node)
     tag = node.tag
     if isinstance(tag, ast.Call) and tag.args is None and tag.bound.local is None:
-        write_passage(w, call("tag_named", make_named_tag(tag, w, node, p), p), node.body, dest, p)
+        write_tag_scope(w, call("tag_named", make_named_tag(tag, w, node, p), p), node.body, dest, p)
     else:
-        write_passage(w, call("tag_open", [make_value(tag, w)], p), node.body, dest, p)
+        write_tag_scope(w, call("tag_open", [make_value(tag, w)], p), node.body, dest, p)
 
 
 def make_named_tag(tag: ast.Call, w: Writer, node: ast.Node, p: Pos) -> list[py.expr]:
@@ -89,7 +89,7 @@ def make_named_tag(tag: ast.Call, w: Writer, node: ast.Node, p: Pos) -> list[py.
     return [holder, const(at is None, p), const(tuple(names), p)]
 
 
-def write_passage(w: Writer, opened: py.expr, body: ast.Node, dest: str | None, p: Pos) -> None:
+def write_tag_scope(w: Writer, opened: py.expr, body: ast.Node, dest: str | None, p: Pos) -> None:
     """Code that a tag can make its job leave."""
     text = w.fresh("_w")
     w.emit(set_(text, opened, p))
@@ -115,4 +115,4 @@ def write_guarded(node: ast.Guarded, w: Writer, dest: str | None) -> None:
         opened = call("event_guard", [const(node.kind, p), event, accept], p)
     else:
         opened = call("guard", [const(node.kind, p), make_thunk(cond, w)], p)
-    write_passage(w, opened, node.body, dest, p)
+    write_tag_scope(w, opened, node.body, dest, p)

@@ -1,4 +1,4 @@
-"""Events, and what waits for them or watches a condition."""
+"""Events, and the statements that wait for them or watch a condition."""
 
 from __future__ import annotations
 
@@ -70,8 +70,8 @@ def make_handler(node: ast.Node | None, w: Writer, p: Pos) -> py.expr:
 
 
 def write_at(node: ast.At, w: Writer, dest: str | None) -> None:
-    """``at (cond) body onleave leave``."""
-    write_watch(w, "at", node, node.leave, dest)
+    """``at (cond) body onleave leave``, ``at sync (cond) ...``."""
+    write_watch(w, "at_sync" if node.sync else "at", node, node.leave, dest)
 
 
 def write_whenever(node: ast.Whenever, w: Writer, dest: str | None) -> None:
@@ -80,7 +80,7 @@ def write_whenever(node: ast.Whenever, w: Writer, dest: str | None) -> None:
 
 
 def write_watch(w: Writer, verb: str, node: ast.At | ast.Whenever, other: ast.Node | None, dest: str | None) -> None:
-    """``at`` and ``whenever``; ``other`` is the second body."""
+    """``at`` and ``whenever``; ``other`` is the second body, ``verb`` the beginning of the operation's name."""
     p = w.mark(node)
     cond = node.cond
     if isinstance(cond, ast.EventCond):

@@ -1,4 +1,4 @@
-"""What several kinds of statements need: giving way, groups of background jobs, jumps out of them."""
+"""Helpers for several kinds of statements: yielding, groups of background jobs, jumps out of them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ def write_yield(w: Writer, p: Pos) -> None:
 
 
 def catch_leave(body: list[py.stmt], token: str, handler: list[py.stmt], p: Pos) -> list[py.stmt]:
-    """Statements that a ``Leave`` with the token of this variable ends; one for somebody else goes on its way."""
+    """Statements that end with a ``Leave`` with the token in this variable; a ``Leave`` with another token is
+    re-raised.
+    """
     foreign = is_(attr(name("_l", p), "token", p), name(token, p), p, negated=True)
     handler = [if_(foreign, [raise_(None, p)], [], p), *handler]
     return [set_(token, call("token", [], p), p), try_(body, [except_("Leave", "_l", handler, p)], [], [], p)]

@@ -14,7 +14,7 @@ LOAD, STORE = py.Load(), py.Store()
 
 
 def position(line: int) -> Pos:
-    """The position that stands for an entry of the unit's table; Python wants columns, and nobody looks at them."""
+    """The position that stands for an entry of the unit's table; Python requires columns, which are not used."""
     return {"lineno": line, "col_offset": 0}
 
 

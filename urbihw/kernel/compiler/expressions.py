@@ -93,7 +93,7 @@ def make_send(node: ast.Call, w: Writer, target: Maker) -> py.expr:
     if not node.args:
         made = target()
         p = w.mark(node, node.name)
-        return call("send0", [made, const(node.name, p)], p)
+        return call("own_send0" if node.target is None else "send0", [made, const(node.name, p)], p)
     receiver = target()
     p = w.mark(node, node.name)
     if isinstance(receiver, py.Name):
@@ -101,7 +101,8 @@ def make_send(node: ast.Call, w: Writer, target: Maker) -> py.expr:
     else:
         variable = w.fresh("_o")
         first, again = walrus(variable, receiver, p), name(variable, p)  # type: ignore[assignment]
-    return make_application(node, w, call("method", [first, const(node.name, p)], p), again, p)
+    found = call("own_method" if node.target is None else "method", [first, const(node.name, p)], p)
+    return make_application(node, w, found, again, p)
 
 
 def make_local_call(node: ast.Call, w: Writer, function: py.expr) -> py.expr:

@@ -46,8 +46,8 @@ def make_function(node: ast.Function, w: Writer) -> py.expr:
 
 
 def write_function_body(node: ast.Function, w: Writer, frame: Frame, p: Pos) -> None:
-    """Defaults, boxes, the body, and what catches a return from another job."""
-    if node.closure:  # a closure captures its target even if it does not use it: it is part of its identity
+    """Defaults, boxes, the body, and the handler of a return from another job."""
+    if node.closure:  # a closure captures its target even if it does not use it: the target is part of its identity
         w.emit(do(w.this(node, p), p))
     for formal, local in zip(node.formals or (), frame.params, strict=True):
         if formal.default is not None:

@@ -1,17 +1,14 @@
-"""Compiled programs on the disk, so that starting does not parse the library.
+"""Compiled programs on disk, so that a start parses neither the library nor the files of users.
 
-A program is found again by everything it depends on: its text, the names known to be lazy when it was compiled, the
-Python version, and the sources of the compiler itself.  A cache that cannot be read or written is done without.
+The key of a program covers all that its code depends on: its text, the names known to be lazy when it was compiled, the
+Python version, and the sources of the compiler itself.  ``syntax.cache_folder`` defines which files are trusted.
 """
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import logging
 import marshal
-import os
-import pickle
 import sys
 from collections.abc import Iterable
 from functools import lru_cache
@@ -20,28 +17,23 @@ from typing import NamedTuple
 
 from urbihw.kernel.compiler.linemap import Entry
 from urbihw.kernel.compiler.unit import FunctionInfo, Syntax, Unit
+from urbihw.kernel.syntax.cache_folder import read_cached, write_cached
 from urbihw.kernel.syntax.location import Position, Span
 
 log = logging.getLogger("urbihw.kernel")
 
 
 class Compiled(NamedTuple):
-    """One statement of a program: its unit, where it stood, the separator behind it."""
+    """One statement of a program: its unit, its position, and the separator after it."""
 
     unit: Unit
     base: Position
     separator: str
 
 
-def cache_dir() -> Path:
-    """Where compiled programs are kept (XDG base directories)."""
-    root = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-    return Path(root) / "urbihw"
-
-
 @lru_cache(maxsize=1)
 def _compiler_state() -> bytes:
-    """What changes when the compiler does: its sources and those of the syntax."""
+    """The sources of the compiler and of the syntax, of which the key depends."""
     digest = hashlib.sha256(sys.version.encode())
     here = Path(__file__).parent
     for folder in (here, here.parent / "syntax"):
@@ -53,53 +45,71 @@ def _compiler_state() -> bytes:
 
 
 def key_of(text: str, lazy_names: Iterable[str]) -> str:
-    """The name under which a program is kept."""
+    """The key of a program."""
     digest = hashlib.sha256(_compiler_state())
     digest.update(repr(sorted(lazy_names)).encode())
     digest.update(text.encode("latin-1", "replace"))
     return digest.hexdigest()[:32]
 
 
-def load(key: str) -> list[Compiled] | None:
-    """The compiled program kept under a name, or None."""
+class Part(NamedTuple):
+    """One statement of a program on the disk: ``state`` is the compiler's state for it, in addition to the key."""
+
+    state: tuple[int, bool]
+    packed: bytes
+
+
+def load_parts(key: str) -> list[Part]:
+    """The stored statements of a program; an empty list if it is not stored."""
+    content = read_cached(f"{key}.bin")
     try:
-        packed = pickle.loads((cache_dir() / f"{key}.bin").read_bytes())
-        return [_unpack(*parts) for parts in packed]
-    except FileNotFoundError:
-        return None
+        return [] if content is None else [Part(*part) for part in marshal.loads(content)]
+    except Exception as error:
+        log.debug("compiled program not used: %s", error)
+        return []
+
+
+def store_parts(key: str, parts: list[Part]) -> None:
+    """Store a program; does nothing where the folder cannot be written."""
+    write_cached(f"{key}.bin", marshal.dumps([tuple(part) for part in parts]))
+
+
+def load(key: str) -> list[Compiled] | None:
+    """The stored program, or None."""
+    try:
+        return [unpack(part.packed) for part in load_parts(key)] or None
     except Exception as error:
         log.debug("compiled library not used: %s", error)
         return None
 
 
 def store(key: str, program: list[Compiled]) -> None:
-    """Keep a compiled program; silently not, where the place cannot be written."""
-    with contextlib.suppress(OSError):
-        folder = cache_dir()
-        folder.mkdir(parents=True, exist_ok=True)
-        scratch = folder / f"{key}.{os.getpid()}.tmp"
-        scratch.write_bytes(pickle.dumps([_pack(part) for part in program], pickle.HIGHEST_PROTOCOL))
-        scratch.replace(folder / f"{key}.bin")
+    """Store a compiled program whose statements were compiled in the state of the key."""
+    store_parts(key, [Part((0, False), pack(part)) for part in program])
 
 
 _Entries = list[tuple[tuple[int, ...], str | None, int]]
-_Packed = tuple[bytes, _Entries, list[tuple[object, ...]], bytes, tuple[object, ...], str]
 
 
-def _pack(part: Compiled) -> _Packed:
+def pack(part: Compiled) -> bytes:
+    """Serialize a statement."""
     unit = part.unit
-    entries = [(tuple(entry.span), entry.name, entry.outer) for entry in unit.entries]
+    entries: _Entries = [(tuple(entry.span), entry.name, entry.outer) for entry in unit.entries]
     infos: list[tuple[object, ...]] = [
         (info.least, info.most, info.lazy, info.uses_call, info.closure, info.formals, info.index)
         for info in unit.constants
     ]
-    return marshal.dumps(unit.code), entries, infos, unit.syntax.pack(), tuple(part.base), part.separator
+    content = (unit.code, unit.pieces, entries, infos, unit.syntax.pack(), tuple(part.base), part.separator)
+    return marshal.dumps(content)
 
 
-def _unpack(code: bytes, entries: list[tuple[tuple[int, int, int, int], str | None, int]],
-            infos: list[tuple[int, int, bool, bool, bool, int, int]], syntax: bytes,
-            base: tuple[int, int, str | None], separator: str) -> Compiled:
+def unpack(packed: bytes) -> Compiled:
+    """Deserialize a statement; may raise any error for data that ``pack`` has not made."""
+    code, pieces, entries, infos, syntax, base, separator = marshal.loads(packed)
     cold = Syntax(packed=syntax)
     table = [Entry(Span(*span), name, outer) for span, name, outer in entries]
-    constants = [FunctionInfo(*info[:6], cold, info[6]) for info in infos]
-    return Compiled(Unit(marshal.loads(code), table, constants, cold, []), Position(*base), separator)
+    constants = [
+        FunctionInfo(least, most, lazy, uses_call, closure, formals, cold, index)
+        for least, most, lazy, uses_call, closure, formals, index in infos
+    ]
+    return Compiled(Unit(code, table, constants, cold, pieces), Position(*base), separator)

@@ -1,4 +1,4 @@
-"""Loops, with turns that are done in place or that are jobs, and what leaves them."""
+"""Loops, with iterations in place or as jobs, and the jumps out of them."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from urbihw.kernel.syntax.check import children
 
 
 def write_loop(w: Writer, write: Callable[[Loop], None], inside: ast.Node, p: Pos) -> None:
-    """Write a loop by ``write(loop)``, and around it what catches a break from another job.
+    """Write a loop by ``write(loop)``, and around it the handler of a break from another job.
 
-    If ``inside`` detaches jobs and has a break, the loop is under a tag of its own, for the break to stop them.
+    If ``inside`` detaches jobs and has a break, the loop gets its own tag, with which the break stops them.
     """
     loop = w.new_loop()
     if inside.bound.detaches and has_own(inside, w, ast.Break):
@@ -36,7 +36,7 @@ def write_loop(w: Writer, write: Callable[[Loop], None], inside: ast.Node, p: Po
 
 
 def write_stop_detached(w: Writer, loop: Loop, p: Pos) -> None:
-    """A loop is broken: stop what it detached."""
+    """Stop the detached jobs of a loop, for a break."""
     if loop.detached:
         w.emit(do(call(attr(name(loop.detached, p), "stop_others", p), [], p), p))
 
@@ -135,7 +135,7 @@ def write_continue(node: ast.Continue, w: Writer, dest: str | None) -> None:
 
 
 def write_leave_loop(node: ast.Node, w: Writer, how: str) -> None:
-    """break or continue: by Python's own where the loop is in this function, else by a Leave."""
+    """break or continue: Python's own where the loop is in this function, else a Leave."""
     p = w.mark(node)
     if w.body.loops:
         write_abandon(w, w.body.loops[-1].groups, p)
@@ -175,7 +175,7 @@ def has_own(node: ast.Node, w: Writer, kind: type[ast.Node]) -> bool:
 
 
 def write_apart(w: Writer, write: Callable[[Loop, str], None], p: Pos) -> None:
-    """A loop whose turns are jobs of a group; ``break`` in one ends all."""
+    """A loop whose iterations are jobs of a group; ``break`` in one of them ends all."""
     loop = w.new_loop()
     body = w.block(lambda: write_group(w, lambda group: write(loop, group), p))
     if loop.crossed_break:

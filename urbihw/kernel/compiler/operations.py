@@ -1,4 +1,4 @@
-"""Which urbiscript operators Python's own serve, and the names of the others in generated code."""
+"""The urbiscript operators that Python operators implement, and the names of the others in generated code."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ INPLACE: Final = {"+=": py.Add, "-=": py.Sub, "*=": py.Mult, "/=": py.Div}
 EQUALITY: Final = {"==": "equal", "!=": "unequal"}
 CONSTANTS: Final = {"true": "TRUE", "false": "FALSE", "nil": "NIL", "void": "VOID"}
 LOGICAL: Final = frozenset(("!", "&&", "||"))
-"""Operators of everything that is not sent a message for them, unless they are among the names of lazy functions: since
-some program has redefined them."""
+"""The operators that are not sent as messages, unless a program has redefined them: then they are lazy names."""
 BINARY: Final = frozenset((*ARITHMETIC, *COMPARISONS, *EQUALITY, "===", "!==", "<<"))
 
 
@@ -24,7 +23,7 @@ def operator_of(node: ast.And | ast.Or) -> str:
 
 
 def is_native(node: ast.Call) -> bool:
-    """Whether a call is an operation that Python's own operators serve, unless those of Float were redefined."""
+    """Whether a call is an operation that a Python operator implements, unless those of Float were redefined."""
     if node.target is None or node.bound.lazy:
         return False
     if not node.args:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast as py
 
-from urbihw.kernel.compiler.emit import attr, call, choose, const, if_, is_, is_pure, name, set_, walrus
+from urbihw.kernel.compiler.emit import LOAD, attr, call, choose, const, if_, is_, is_pure, name, set_, walrus
 from urbihw.kernel.compiler.operations import ARITHMETIC, COMPARISONS, EQUALITY, is_equality, operator_of
 from urbihw.kernel.compiler.visit import (
     Make,
@@ -38,7 +38,7 @@ def make_condition(node: ast.Node, w: Writer) -> py.expr:
 
 
 def make_operator(node: ast.Call, w: Writer) -> py.expr:
-    """A call served by a Python operator."""
+    """A call that a Python operator implements."""
     assert node.target is not None
     if not node.args:
         if node.name == "!":
@@ -72,13 +72,13 @@ def make_operator(node: ast.Call, w: Writer) -> py.expr:
 
 
 def make_comparison(node: ast.Call, w: Writer, left: ast.Node, right: ast.Node) -> py.expr:
-    """``left < right`` and so on: a Python bool, or whatever an object's operator gives."""
+    """``left < right`` and so on: a Python bool, or the result of an object's operator."""
     a, b = make_in_order(w, lambda: make_operand(left, w), lambda: make_operand(right, w))
     return py.Compare(a, [COMPARISONS[node.name]()], [b], **w.mark(node, node.name))
 
 
 def make_equality(node: ast.Call, w: Writer) -> py.expr:
-    """``left == right``: a Python bool, or whatever an object's operator gives."""
+    """``left == right``: a Python bool, or the result of an object's operator."""
     assert node.target is not None and node.args is not None
     left, right = node.target, node.args[0]
     args = make_in_order(w, lambda: make_operand(left, w), lambda: make_operand(right, w))
@@ -93,11 +93,19 @@ def make_boolean(w: Writer, made: py.expr, node: ast.Node) -> py.expr:
 
 
 def make_sent_choice(node: ast.And | ast.Or, w: Writer) -> py.expr:
-    """``&&`` or ``||`` as a message, since it was redefined."""
-    target = make_expr(node.left, w)
+    """``&&`` or ``||`` of something that may have its own: a message, unless it turns out to have the built-in one."""
     operator = operator_of(node)
-    p = w.mark(node, operator)
-    return call("lazy_send", [target, w.this(node, p), const(operator, p), *make_thunks(w, (node.right,), p)], p)
+    left = make_expr(node.left, w)
+    thunks, nodes = make_thunks(w, (node.right,), w.mark(node))
+    p, within = w.mark(node), w.mark(node, operator)
+    target, right = w.fresh("_o"), w.fresh("_r")
+    w.emit(set_(target, left, p), set_(right, thunks, p))
+    args = [name(target, within), w.this(node, within), const(operator, within), name(right, within), nodes]
+    evaluated = call(py.Subscript(name(right, p), const(0, p), LOAD, **p), [], p)
+    kind = py.And() if isinstance(node, ast.And) else py.Or()
+    built_in = py.BoolOp(kind, [name(target, p), evaluated], **p)
+    is_built_in = call("is_built_in", [name(target, p), const(operator, p)], p)
+    return choose(is_built_in, built_in, call("lazy_send", args, within), p)
 
 
 def make_and(node: ast.And, w: Writer) -> py.expr:

@@ -1,12 +1,12 @@
 """Long functions of generated code, cut into pieces that Python compiles one by one.
 
-Python's own compiler cannot be interrupted: a statement of 20 000 parts would keep everybody waiting for seconds.  So
-what is long is cut: a function inside it is compiled apart, and so is a run of statements, which becomes a function
-for that.  Such a piece shares the variables of the function it was cut from, as any nested function does, only that
-Python did not see the two together.  ``_P(7, lambda: (a, b))`` makes the function of piece 7: the lambda, which is
-never called, has the cells of ``a`` and ``b``.
+Python's compiler cannot be interrupted: a statement of 20 000 parts would delay all connections for seconds.  So long
+code is cut: nested functions are compiled separately, and so are runs of statements, which become functions.  Such a
+piece shares the variables of the function from which it was cut, as any nested function does, although Python does not
+compile the two together.  ``_P(7, lambda: (a, b))`` makes the function of piece 7: the lambda, which is never called,
+has the cells of ``a`` and ``b``.
 
-A piece that may leave the function or the loop it was cut from says so by what it returns, and its caller does it.
+A piece that leaves the function or the loop from which it was cut returns a code for that, and its caller does it.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from urbihw.kernel import errors
 from urbihw.kernel.compiler.emit import LOAD, STORE, Pos, call, const, do, if_, is_, name, position, set_, walrus
 from urbihw.kernel.syntax.pace import Pace
 
-WHOLE = 1500
-"""A function of at most so many nodes is compiled whole; that takes 2 to 3 ms."""
-PIECE = 1000
-"""How many nodes a piece should have at the most."""
-APART = 200
-"""A function inside a long one is compiled apart if it has more nodes than this, and a run of statements is a piece.
+MAX_WHOLE_WEIGHT = 1500
+"""Maximum number of nodes of a function that is not cut; compiling it takes 2 to 3 ms."""
+MAX_PIECE_WEIGHT = 1000
+"""Maximum number of nodes that a piece should have."""
+MIN_APART_WEIGHT = 200
+"""Minimum number of nodes from which a nested function is compiled separately and a run of statements becomes a piece.
 
-What belongs together, as a call and what is done if its function turns out to be lazy, has fewer.
+Inseparable code, such as a call with its fallback for a lazy function, has fewer nodes.
 """
-MOST = 10_000
-"""What has more nodes than this and cannot be cut is refused; compiling as many takes 20 ms."""
+MAX_WEIGHT = 10_000
+"""Maximum number of nodes of code that cannot be cut; compiling it takes 20 ms."""
 TEMPORARY: Final = frozenset(["_v", "_t", "_c", "_q", "_once", "_each"])
-"""Variables that mean something only inside the statement that writes them; pieces do not share them."""
+"""Temporary variables of single statements; pieces do not share them."""
 NOWHERE: Final[Pos] = position(0)
-"""The position of the calls of pieces: they are no calls of the program."""
+"""The position of the calls of pieces, which are no calls of the program."""
 BREAK, CONTINUE = 1, 2
-"""What a piece returns that wants the loop around it to be left, or its next turn; a value to be returned by the
-function is in a tuple, and None means to go on."""
+"""The return values of a piece for ``break`` and ``continue`` in the enclosing loop.  A tuple contains a value to be
+returned by the function, and None means to go on."""
 _SIGNS = (py.expr_context, py.operator, py.unaryop, py.boolop, py.cmpop)
 _JUMPS = {py.Break: BREAK, py.Continue: CONTINUE}
 _LOOPS = (py.For, py.While)
@@ -54,7 +54,7 @@ class Linker:
         self.codes = codes
 
     def __call__(self, index: int, cells: FunctionType, *defaults: Any) -> FunctionType:
-        """The function of a piece; ``cells`` is a function that captures what the piece shares."""
+        """The function of a piece; ``cells`` is a function that captures the shared variables."""
         code = self.codes[index]
         shared = dict(zip(cells.__code__.co_freevars, cells.__closure__ or (), strict=True))
         closure = tuple(shared[text] for text in code.co_freevars)
@@ -62,8 +62,10 @@ class Linker:
 
 
 class _Facts:
-    """What is known of a stretch of Python: its size, how often it names which variables, which of them it writes, and
-    whether it may leave the function or the loop around it.  Functions inside count by what they capture."""
+    """The facts about a stretch of Python code: its size, the variables with the number of their uses, the written
+    variables, and whether it may leave the enclosing function or loop.  Of nested functions, the captured variables
+    count.
+    """
 
     __slots__ = ("jumps", "names", "returns", "weight", "writes")
 
@@ -75,11 +77,11 @@ class _Facts:
         self.jumps = False
 
     def mention(self, text: str, times: int = 1) -> None:
-        """A name is used."""
+        """Count uses of a name."""
         self.names[text] = self.names.get(text, 0) + times
 
     def add(self, other: _Facts, looped: bool = False) -> None:
-        """Another stretch belongs to this one; ``looped``: in a loop, which is what its jumps are about."""
+        """Add the facts of a part; ``looped``: the part is in a loop, to which its jumps belong."""
         self.weight += other.weight
         for text, times in other.names.items():
             self.mention(text, times)
@@ -87,11 +89,19 @@ class _Facts:
         self.returns = self.returns or other.returns
         self.jumps = self.jumps or other.jumps and not looped
 
+    def add_function(self, name: str, inside: _Facts) -> None:
+        """Add the definition of a nested function; ``inside`` are the facts of the function."""
+        self.weight += inside.weight
+        self.writes.add(name)
+        self.mention(name)
+        for text in inside.names:
+            self.mention(text)
+
 
 def code_of(function: py.FunctionDef, shared: list[str] | None = None) -> CodeType:
     """The code of a function that captures ``shared`` variables of a function around it.
 
-    Raises SyntaxError for what Python cannot nest so deep, and RecursionError.
+    Raises SyntaxError or RecursionError if the nesting is too deep for Python.
     """
     outer = _function("_around", shared, [function]) if shared else function
     code = compile(py.Module([outer], []), "<urbiscript>", "exec", dont_inherit=True)
@@ -103,7 +113,7 @@ def code_of(function: py.FunctionDef, shared: list[str] | None = None) -> CodeTy
 def cut(function: py.FunctionDef, pace: Pace) -> list[CodeType]:
     """Cut pieces off a top-level function until it is short, and compile them.
 
-    Raises TooLong if that does not make it short, and what ``code_of`` does.
+    Raises TooLong if the function is still too long, and the errors of ``code_of``.
     """
     cutter = _Cutter(pace)
     cutter.cut(function)
@@ -120,8 +130,8 @@ class _Cutter:
         self._scopes: list[set[str]] = []
 
     def weigh(self, function: py.FunctionDef) -> None:
-        """Refuse what would take too long to compile."""
-        if self._of_function(function).weight > MOST:
+        """Raise TooLong for a function that would take too long to compile."""
+        if self._facts_of_function(function).weight > MAX_WEIGHT:
             raise errors.TooLong
 
     def _compile(self, function: py.FunctionDef, shared: list[str]) -> CodeType:
@@ -132,11 +142,11 @@ class _Cutter:
 
     # ---------------------------------------------------------------- looking
 
-    def _of_function(self, function: py.FunctionDef) -> _Facts:
-        """What is known of a function: its whole size, and the names that it does not declare."""
+    def _facts_of_function(self, function: py.FunctionDef) -> _Facts:
+        """The facts about a function: its size, and the names that it does not declare."""
         known: _Facts | None = vars(function).get("inside")
         if known is None:
-            inside = self._of_list(function.body)
+            inside = self._facts_of_list(function.body)
             own = inside.writes | _params(function)
             known = _Facts()
             known.weight = inside.weight + len(function.args.args)
@@ -144,16 +154,16 @@ class _Cutter:
             vars(function)["inside"] = known
         return known
 
-    def _of_list(self, body: list[py.stmt]) -> _Facts:
+    def _facts_of_list(self, body: list[py.stmt]) -> _Facts:
         facts = _Facts()
         for statement in body:
-            inside = self._of(statement)
+            inside = self._facts_of(statement)
             facts.add(inside)
             self._pace.step(1 + len(inside.names) // 32)
         return facts
 
-    def _of(self, statement: py.stmt) -> _Facts:
-        """What is known of a statement."""
+    def _facts_of(self, statement: py.stmt) -> _Facts:
+        """The facts about a statement, stored on its node."""
         known: _Facts | None = vars(statement).get("facts")
         if known is not None:
             return known
@@ -171,12 +181,7 @@ class _Cutter:
                     facts.writes.add(node.id)
                 continue
             if kind is py.FunctionDef:
-                inside = self._of_function(node)
-                facts.weight += inside.weight
-                facts.writes.add(node.name)
-                facts.mention(node.name)
-                for text in inside.names:
-                    facts.mention(text)
+                facts.add_function(node.name, self._facts_of_function(node))
                 continue
             if kind is py.Return:
                 facts.returns = True
@@ -191,7 +196,7 @@ class _Cutter:
                 if value.__class__ is list:
                     for each in value:
                         if isinstance(each, py.stmt):
-                            inside = self._of(each)
+                            inside = self._facts_of(each)
                             facts.add(inside, loop if field == "body" else looped)
                             self._pace.step(len(inside.names) // 32)
                         elif isinstance(each, py.AST):
@@ -204,19 +209,19 @@ class _Cutter:
 
     def cut(self, function: py.FunctionDef) -> None:
         """Make a function short by taking pieces out of it."""
-        if self._of_function(function).weight <= WHOLE:
+        if self._facts_of_function(function).weight <= MAX_WHOLE_WEIGHT:
             return
-        written, params = self._of_list(function.body).writes, _params(function)
+        written, params = self._facts_of_list(function.body).writes, _params(function)
         self._scopes.append(written | params)
         self._cut_functions(function)
-        facts, before = self._of_list(function.body), math.inf
-        while WHOLE < facts.weight < before:
+        facts, before = self._facts_of_list(function.body), math.inf
+        while MAX_WHOLE_WEIGHT < facts.weight < before:
             before = facts.weight
             private = {text: times for text, times in facts.names.items() if text in written and text not in params}
             function.body = self._shorten(function.body, private)
-            facts = self._of_list(function.body)
+            facts = self._facts_of_list(function.body)
         lost = sorted(written.intersection(facts.names) - facts.writes - params)
-        if lost:  # only pieces write them now, but they must be variables of this function
+        if lost:  # only pieces write them, but they must remain variables of this function
             targets: list[py.expr] = [py.Name(text, STORE, **NOWHERE) for text in lost]
             never = if_(const(False, NOWHERE), [py.Assign(targets, const(None, NOWHERE), **NOWHERE)], [], NOWHERE)
             function.body.insert(0, never)
@@ -224,13 +229,13 @@ class _Cutter:
         self._scopes.pop()
 
     def _cut_functions(self, function: py.FunctionDef) -> None:
-        """Cut the functions inside a function, and compile the longer ones apart."""
+        """Cut the nested functions, and compile the longer ones separately."""
         found = False
         for body in self._lists(function.body):
             for place, statement in enumerate(body):
                 if isinstance(statement, py.FunctionDef):
                     self.cut(statement)
-                    if self._of_function(statement).weight > APART:
+                    if self._facts_of_function(statement).weight > MIN_APART_WEIGHT:
                         body[place] = self._apart(statement)
                     found = True
         if found:
@@ -252,7 +257,7 @@ class _Cutter:
                         todo.extend(inner for field in _LISTS if (inner := getattr(part, field, None)))
 
     def _shared(self, names: dict[str, int]) -> list[str]:
-        """Which names are variables of the functions around."""
+        """The names that are variables of the enclosing functions."""
         return sorted(text for text in names if text not in TEMPORARY and any(text in own for own in self._scopes))
 
     def _link(self, code: CodeType, shared: list[str], defaults: list[py.expr]) -> py.expr:
@@ -264,31 +269,32 @@ class _Cutter:
         return call("_P", [const(len(self.codes) - 1, NOWHERE), cells, *defaults], NOWHERE)
 
     def _apart(self, function: py.FunctionDef) -> py.stmt:
-        """A function of its own is compiled apart."""
-        facts = self._of_function(function)
+        """Compile a nested function separately; return the statement that replaces it."""
+        facts = self._facts_of_function(function)
         shared = self._shared(facts.names)
         defaults, function.args.defaults = function.args.defaults, []
         code = self._compile(function, shared)
         return set_(function.name, self._link(code, shared, defaults), NOWHERE)
 
     def _shorten(self, body: list[py.stmt], names: dict[str, int]) -> list[py.stmt]:
-        """A list of statements with pieces in place of what is long in it; ``names`` says how often all of the
-        function names its variables.  The old list is emptied: to let go of all of it at once would take long."""
+        """Replace the long parts of a list of statements by pieces; ``names`` has the number of uses of the variables
+        in the whole function.  The old list is emptied step by step, since freeing it at once would take long.
+        """
         done: list[py.stmt] = []
         run: list[py.stmt] = []
         facts = _Facts()
         body.reverse()
         while body:
             statement = body.pop()
-            each = self._of(statement)
-            if each.weight > PIECE:
+            each = self._facts_of(statement)
+            if each.weight > MAX_PIECE_WEIGHT:
                 for part in (statement, *getattr(statement, "handlers", ())):
                     for field in _LISTS:
                         if getattr(part, field, None):
                             setattr(part, field, self._shorten(getattr(part, field), names))
                 vars(statement).pop("facts")
-                each = self._of(statement)
-            if run and facts.weight + each.weight > PIECE:
+                each = self._facts_of(statement)
+            if run and facts.weight + each.weight > MAX_PIECE_WEIGHT:
                 done += self._piece(run, facts, names)
                 run, facts = [], _Facts()
             run.append(statement)
@@ -296,21 +302,21 @@ class _Cutter:
         return done + self._piece(run, facts, names)
 
     def _piece(self, run: list[py.stmt], facts: _Facts, names: dict[str, int]) -> list[py.stmt]:
-        """A run of statements as a piece that is made and called, if it is worth it."""
-        if facts.weight <= APART:
+        """Replace a run of statements by a piece and its call, if it is long enough."""
+        if facts.weight <= MIN_APART_WEIGHT:
             return run
         private = {text for text in facts.writes if facts.names[text] == names.get(text)}
         shared = [text for text in self._shared(facts.names) if text not in private]
         outside = [text for text in shared if text in facts.writes]
         leaves = facts.returns or facts.jumps
-        body = [self._leaving(statement, False) for statement in run] if leaves else run
+        body = [self._as_result(statement, False) for statement in run] if leaves else run
         head: list[py.stmt] = [py.Nonlocal(outside, **NOWHERE)] if outside else []
         code = self._compile(_function("_piece", [], head + body), shared)
         made = call(self._link(code, shared, []), [], NOWHERE)
-        return [_obeying(made, facts) if leaves else do(made, NOWHERE)]
+        return [_call_of_leaving_piece(made, facts) if leaves else do(made, NOWHERE)]
 
-    def _leaving(self, statement: Any, looped: bool) -> Any:
-        """A statement of a piece, with what leaves the function or the loop changed into what tells the caller."""
+    def _as_result(self, statement: Any, looped: bool) -> Any:
+        """Replace return, break and continue in a statement of a piece by return values for the caller."""
         kind = statement.__class__
         if kind is py.Return:
             statement.value = py.Tuple([statement.value], LOAD, **NOWHERE)
@@ -321,7 +327,7 @@ class _Cutter:
                 for field in _LISTS:
                     if getattr(part, field, None):
                         loop = looped or kind in _LOOPS and field == "body"
-                        setattr(part, field, [self._leaving(each, loop) for each in getattr(part, field)])
+                        setattr(part, field, [self._as_result(each, loop) for each in getattr(part, field)])
         return statement
 
 
@@ -337,8 +343,8 @@ def _params(function: py.FunctionDef) -> set[str]:
     return {arg.arg for arg in function.args.args}
 
 
-def _obeying(made: py.expr, facts: _Facts) -> py.stmt:
-    """The call of a piece that may want to leave, and what is done about it."""
+def _call_of_leaving_piece(made: py.expr, facts: _Facts) -> py.stmt:
+    """The call of a piece that may leave, followed by the jump or return that it requests."""
     wish = name("_q", NOWHERE)
     obeyed: list[py.stmt] = []
     if facts.jumps:

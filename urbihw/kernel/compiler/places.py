@@ -1,4 +1,4 @@
-"""Declarations and assignments: what puts values into variables, slots, elements and properties."""
+"""Declarations and assignments of variables, slots, elements and properties."""
 
 from __future__ import annotations
 
@@ -166,7 +166,7 @@ def write_change(
     if isinstance(place, ast.Property):
         w.emit(set_(held, slot_holder(place.slot, w, place)(), p))
         key: list[py.expr] = [const(place.slot.name, p), const(place.name, p)]
-        verbs = ("get_property", "set_property")
+        verbs, read = ("get_property", "set_property"), "getProperty"
     elif isinstance(place, ast.Call) and place.name == "[]" and place.args is not None:
         assert place.target is not None
         parts = [place.target, *place.args]
@@ -175,13 +175,13 @@ def write_change(
         index = w.fresh("_i")
         w.emit(set_(index, list_(made[1:], p), p))
         key = [name(index, p)]
-        verbs = ("get_item", "set_item")
+        verbs, read = ("get_item", "set_item"), "[]"
     else:
         assert isinstance(place, ast.Call)
         w.emit(set_(held, slot_holder(place, w, place)(), p))
         key = [const(place.name, p)]
-        verbs = ("send0", "update")
-    old = call(verbs[0], [name(held, p), *key], w.mark(node))
+        verbs, read = ("send0", "update"), place.name
+    old = call(verbs[0], [name(held, p), *key], w.mark(node, read))
     w.finish(dest, call(verbs[1], [name(held, p), *key, change(old, p)], p), p)
 
 

@@ -1,4 +1,4 @@
-"""Scopes, and what ``bind`` finds out about a statement as a whole (see there for the theory)."""
+"""Scopes, and the results of ``bind`` for a statement as a whole."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Scope:
 
 
 class Binding:
-    """What ``bind`` has found: most of it is on the nodes."""
+    """The results of ``bind``; most of them are stored on the nodes."""
 
     __slots__ = ("lazy_names", "nodes", "top")
 
@@ -31,12 +31,12 @@ class Binding:
         self.lazy_names = set(lazy_names)
         """The names known to belong to lazy functions."""
         self.nodes: list[ast.Node] = []
-        """The nodes with something on them."""
+        """The nodes with results."""
         self.top = Frame(None)
         """The statement itself."""
 
     def bound(self, node: ast.Node) -> Bound:
-        """Where to put what is found out about a node."""
+        """The results for a node."""
         bound = node.bound
         if bound is UNBOUND:
             bound = Bound()
@@ -45,9 +45,9 @@ class Binding:
         return bound
 
     def release(self, pace: Pace | None = None) -> None:
-        """Take off the nodes what is on them; the binding is of no use any more.
+        """Remove the results from the nodes; the binding cannot be used any more.
 
-        With a ``pace`` it goes by that; if a pause raises, some nodes are left for another call.
+        The work pauses by the ``pace``; if a pause raises, another call does the rest.
         """
         nodes = self.nodes
         while nodes:
@@ -60,9 +60,10 @@ OPERATIONS = (ast.Call, ast.And, ast.Or)
 
 
 def spine(node: ast.Node, pace: Pace, kinds: tuple[type[ast.Node], ...] = OPERATIONS) -> list[ast.Node]:
-    """A node, what stands at its left, what stands at the left of that, and so on, while it is one of some operations.
+    """A node, its left operand, the left operand of that, and so on, as long as they are of the given kinds.
 
-    ``a + b - c`` is the subtraction and the addition.  Long sums are deep at the left: who walks them must not recurse.
+    ``a + b - c`` is the subtraction and the addition.  Long sums are deep at the left, so recursion over them would be
+    too deep.
     """
     found = []
     at: ast.Node | None = node
@@ -74,7 +75,7 @@ def spine(node: ast.Node, pace: Pace, kinds: tuple[type[ast.Node], ...] = OPERAT
 
 
 def left_of(node: ast.Node) -> ast.Node | None:
-    """What stands at the left of an operation."""
+    """The left operand of an operation."""
     if isinstance(node, ast.Call):
         return node.target
     return node.left if isinstance(node, ast.And | ast.Or) else None

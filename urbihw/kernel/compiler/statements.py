@@ -1,4 +1,4 @@
-"""The statements of one job but for loops: blocks, choices, ``return`` and exceptions."""
+"""The statements of one job except loops: blocks, choices, ``return`` and exceptions."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from urbihw.kernel.compiler.writer import Writer
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.check import children
 
-MOST_COPIED = 20_000
-"""The most nodes that all copies of a ``finally`` clause may have; compiling that many takes a fifth of a second."""
+MAX_COPIED_NODES = 20_000
+"""Maximum number of nodes in all copies of a ``finally`` clause; compiling them takes a fifth of a second."""
 
 
 def write_empty(node: ast.Empty, w: Writer, dest: str | None) -> None:
@@ -131,8 +131,8 @@ def write_try(node: ast.Try, w: Writer, dest: str | None) -> None:
 def write_final(w: Writer, body: list[py.stmt], final: list[py.stmt], p: Pos) -> None:
     """Statements with a ``finally`` clause.
 
-    What ends the job, or leaves a tag, goes on behind the clause, whatever leaves that: an error or a jump in it would
-    replace it in Python.  A job that is aborted does not run it.
+    A signal that ends the job or leaves a tag goes on after the clause, even if the clause ends with an error or a
+    jump, which would replace it in Python.  An aborted job does not run the clause.
     """
     ending, thrown, later = w.fresh("_s"), w.fresh("_e"), w.fresh("_e")
     none = const(None, p)
@@ -154,15 +154,15 @@ def write_final(w: Writer, body: list[py.stmt], final: list[py.stmt], p: Pos) ->
 def make_final(node: ast.Try, w: Writer, clause: ast.Node) -> list[py.stmt]:
     """The ``finally`` clause.
 
-    CPython compiles one copy of it for each way out of the ``try``, and copies of these for clauses nested in it:
-    a short text could grow without end.  Where that was the case, the clause is a function of its own.
+    CPython compiles one copy of it for each way out of the ``try``, and copies of these for clauses nested in it: a
+    short text could grow without end.  In that case the clause becomes a separate function.
     """
     if clause.bound.apart:
         p = w.mark(clause)
         return [do(call(make_thunk(clause, w), [], p), p)]
     outer = w.copies
     w.copies = outer * (2 + count_nodes(node, w, (ast.Return, ast.Break, ast.Continue)))
-    if w.copies * count_nodes(clause, w, (ast.Node,)) > MOST_COPIED:
+    if w.copies * count_nodes(clause, w, (ast.Node,)) > MAX_COPIED_NODES:
         raise errors.TooDeep
     made = w.block(lambda: write_stmt(clause, w, None))
     w.copies = outer

@@ -17,8 +17,8 @@ from urbihw.kernel.syntax.location import Position
 
 
 class Syntax:
-    """What is needed of a unit's source only when somebody looks: the syntax of its functions and lazy arguments, and
-    its calls that may turn out to be lazy.  A unit from the disk unpacks it then.
+    """The parts of a unit's source that are seldom needed: the syntax of its functions and lazy arguments, and the
+    calls whose functions may be lazy.  A unit from disk unpacks them when they are needed.
     """
 
     __slots__ = ("_content", "_packed")
@@ -56,10 +56,10 @@ class Syntax:
 
 @dataclass(frozen=True, slots=True)
 class FunctionInfo:
-    """What is known of a function literal without running it.
+    """The description of a function literal.
 
     ``least``/``most`` are the numbers of arguments (most -1: any), ``lazy`` has no formals, ``uses_call`` needs the
-    call message, ``syntax`` and ``index`` say where its source is.
+    call message, ``syntax`` and ``index`` locate its source.
     """
 
     least: int

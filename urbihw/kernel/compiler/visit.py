@@ -1,8 +1,8 @@
 """From a node to its visitor, and what all visitors need: values, operands in order, parts that are functions.
 
-An urbiscript expression may contain statements (``1 + { ...; 2 }``), a Python one may not: what needs statements writes
-them before the statement under construction and leaves a variable behind.  ``make_in_order`` keeps the order of
-evaluation: when a later operand writes statements, the earlier ones are put into variables first.
+An urbiscript expression may contain statements (``1 + { ...; 2 }``), a Python one may not: such a node writes its
+statements before the statement under construction, and its value goes to a variable.  ``make_in_order`` keeps the order
+of evaluation: when a later operand writes statements, the earlier ones are put into variables first.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.binding import Frame, Local
 from urbihw.kernel.syntax.location import Span
 
-PIECE = 100
-"""How many operations of a sum, or parts of a list, make one Python expression."""
-HEAVY = 300
-"""How many parts may be written for one Python expression; Python compiles them in one go, in 2 ms."""
+MAX_OPERATIONS = 100
+"""Maximum number of operations of a sum, or of parts of a list, in one Python expression."""
+MAX_PARTS = 300
+"""Maximum number of nodes of one Python expression; Python compiles them without a pause, in 2 ms."""
 NEVER_VOID = frozenset(
     (ast.Float, ast.String, ast.ListLit, ast.TupleLit, ast.DictLit, ast.This, ast.CallMessage, ast.Function)
 )
@@ -65,7 +65,7 @@ def make_expr(node: ast.Node, w: Writer) -> py.expr:
         w.keep(begun)
         return name(variable, w.mark(node))
     made = make(node, w)
-    if w.unkept() - begun > HEAVY:
+    if w.unkept() - begun > MAX_PARTS:
         variable = w.fresh()
         w.emit(set_(variable, made, position_of(made)))
         w.keep(begun)
@@ -125,7 +125,7 @@ def is_never_void(node: ast.Node, w: Writer) -> bool:
 
 
 def make_operand(node: ast.Node, w: Writer) -> py.expr:
-    """A value that is used at once and kept by nobody: a literal need not be a fresh object."""
+    """A value that is used at once and not stored: a literal need not be a new object."""
     if isinstance(node, ast.Float):
         return const(node.value, w.mark(node))
     return make_expr(node, w)
@@ -146,8 +146,8 @@ def split_sum(node: ast.Node, w: Writer, kinds: tuple[type[ast.Node], ...], make
     for part in parts:
         w.pace.step()
         w.binding.bound(part).piece = ""
-    if len(parts) > PIECE:
-        for part in parts[-PIECE:0:-PIECE]:
+    if len(parts) > MAX_OPERATIONS:
+        for part in parts[-MAX_OPERATIONS:0:-MAX_OPERATIONS]:
             variable = w.fresh()
             w.emit(set_(variable, make(part, w), w.mark(part)))
             part.bound.piece = variable
@@ -199,7 +199,7 @@ def make_list(w: Writer, nodes: Sequence[ast.Node], make: Make, p: Pos) -> py.Li
         if made and len(out) > mark and not all(is_pure(statement) for statement in out[mark:]):
             out.insert(mark, more())
         made.append(expression)
-        if len(made) == PIECE or w.unkept() - begun > HEAVY:
+        if len(made) == MAX_OPERATIONS or w.unkept() - begun > MAX_PARTS:
             w.emit(more())
             w.keep(begun)
     if not variable:

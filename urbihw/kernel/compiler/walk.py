@@ -1,4 +1,4 @@
-"""The walk over a statement on which ``bind`` is built: names, scopes, frames, loops and blocks."""
+"""The ``Binder``: walks over a statement and keeps track of names, scopes, frames, loops and blocks."""
 
 from __future__ import annotations
 
@@ -18,21 +18,22 @@ BLOCKS: Final[dict[type[ast.Node], int]] = {
     **dict.fromkeys((ast.Tagged, ast.Guarded, ast.Scope), 2),
     ast.Par: 1,
 }
-"""How many of Python's blocks (loops, ``try``, ``with``) each of ours is at the most."""
+"""Maximum number of Python blocks (loops, ``try``, ``with``) for each kind of node."""
 SCOPED: Final = (
     ast.Scope, ast.Function, ast.While, ast.For, ast.ForEach, ast.Every, ast.If, ast.Switch, ast.Catch, ast.At,
     ast.Whenever, ast.Do,
 )  # fmt: skip
-"""What keeps the variables declared in it to itself."""
-MOST_BLOCKS = 18
+"""The nodes that limit the scope of variables declared in them."""
+MAX_BLOCKS = 18
 """Python nests 20 of them in a function; the function itself may need two."""
-MOST_CAPTURES = 200_000
-"""How many variables the functions of a statement may capture, each counted in each function that it goes through."""
+MAX_CAPTURES = 200_000
+"""Maximum number of variables that the functions of a statement may capture, counted in each function that passes them
+on."""
 SCOPE_TAG: Final = " scope tag"
 """The name under which a scope has its tag; no program can write it."""
 
 Visitors = Mapping[type[ast.Node], Callable[[Any, "Binder"], None]]
-"""What to do with each class of nodes that has scoping rules of its own; all others are walked through."""
+"""The visitors of the classes of nodes with special scoping rules; all other nodes are only walked over."""
 
 
 class Binder:
@@ -70,7 +71,7 @@ class Binder:
             bound.names = [None] * len(names)
 
     def lookup(self, name: str) -> Local | None:
-        """The local that a name means here, or None for a slot; notes who captures it."""
+        """The local variable that a name means here, or None for a slot; records capturing functions."""
         scope: Scope | None = self.scope
         while scope is not None:
             local = scope.names.get(name)
@@ -89,7 +90,7 @@ class Binder:
             local.captured = True
             if local not in frame.free:
                 self.captures += 1
-                if self.captures > MOST_CAPTURES:
+                if self.captures > MAX_CAPTURES:
                     raise errors.TooLong
                 frame.free[local] = None
             frame = frame.parent
@@ -142,8 +143,8 @@ class Binder:
                 self.walk(value)
 
     def block(self, node: ast.Node, weight: int) -> None:
-        """Visit what Python can nest only so deep in one function."""
-        if self.blocks + weight > MOST_BLOCKS and not _declares(node, self.pace):
+        """Visit a node that uses some of the blocks that Python can nest in one function."""
+        if self.blocks + weight > MAX_BLOCKS and not _declares(node, self.pace):
             self.bound(node).apart = True
             self.framed(node)
             return
@@ -154,7 +155,7 @@ class Binder:
     # ---------------------------------------------------------------- scopes, functions, loops
 
     def enter_scope(self) -> None:
-        """A scope begins; it is left when ``leave_scope`` is called, or the walk is given up."""
+        """Begin a scope, which ends with ``leave_scope``."""
         self.scope = Scope(self.scope, self.frame, slots=False)
 
     def leave_scope(self) -> None:
@@ -182,7 +183,7 @@ class Binder:
         return frame
 
     def enter_turn(self, body: ast.Node) -> None:
-        """What follows is done in each turn of the loop with this body."""
+        """Begin the part of a loop that runs in each iteration."""
         self.frame.loops += 1
         self.bodies.append(body)
 

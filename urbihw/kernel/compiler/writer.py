@@ -24,7 +24,7 @@ from urbihw.kernel.syntax.pace import Pace
 
 _new: Final = tuple.__new__
 RETURN: Final = "return"
-"""The destination that means: this is the value of the function."""
+"""The destination of a value that the function returns."""
 
 Expressions = Mapping[type[ast.Node], Callable[[Any, "Writer"], py.expr]]
 """The visitors that make expressions."""
@@ -33,15 +33,15 @@ Statements = Mapping[type[ast.Node], Callable[[Any, "Writer", "str | None"], Non
 
 
 class Loop:
-    """A loop that break and continue may leave, perhaps from another job."""
+    """A loop under construction."""
 
     __slots__ = ("break_token", "continue_token", "crossed_break", "crossed_continue", "detached", "groups")
 
     def __init__(self, groups: int, number: int) -> None:
         self.groups = groups
-        """How many groups of background jobs are around it in its function."""
+        """The number of groups of background jobs around the loop in its function."""
         self.detached = ""
-        """The variable that knows the jobs which the body detaches, if a break has to stop them."""
+        """The variable with the tag of the detached jobs, if a break has to stop them."""
         self.break_token = f"_b{number}"
         self.continue_token = f"_n{number}"
         self.crossed_break = False
@@ -84,12 +84,12 @@ class Writer:
         self.syntax = Syntax([], self.late)
         self.body = Body(binding.top, None)
         self.kept = 0
-        """How many of the entries are no longer part of the expression under construction."""
+        """The number of entries that are not part of the expression under construction any more."""
         self.outer_entry = 0
-        """The entry of the invisible call that all others are in."""
+        """The entry of the invisible call that encloses all others."""
         self.counter = 0
         self.copies = 1
-        """How many copies Python makes of what is being written: that of ``finally`` clauses."""
+        """The number of copies that Python makes of the code under construction, in ``finally`` clauses."""
 
     # ---------------------------------------------------------------- positions and names
 
@@ -108,11 +108,11 @@ class Writer:
         return position(len(self.entries) - 1)
 
     def unkept(self) -> int:
-        """How many parts of expressions have been written that are not yet part of a statement."""
+        """The number of nodes of expressions that are not part of a statement yet."""
         return len(self.entries) - self.kept
 
     def keep(self, begun: int) -> None:
-        """What has been written since ``unkept()`` was ``begun`` is in statements now."""
+        """Record that the nodes written since ``unkept()`` was ``begun`` are in statements now."""
         self.kept = len(self.entries) - begun
 
     def fresh(self, prefix: str = "_x") -> str:

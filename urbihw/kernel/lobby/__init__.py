@@ -1,6 +1,7 @@
 """One connection's world: bytes in, jobs, lines out.
 
 Reading order: ``output`` (time-stamped lines, bounded), ``lobby`` (the object and its life), ``shell`` (statements to
-jobs), ``templates`` (statements that differ in their literals only).  May import ``compiler``, ``syntax``
-(through it), ``runtime`` and ``sched``; knows no socket.
+jobs), ``templates`` (statements that differ in their literals only), ``program_files`` (cached code of loaded files),
+``printing`` (values and errors as text).  May import ``compiler``, ``syntax`` (through it), ``runtime`` and ``sched``;
+does not depend on sockets.
 """

@@ -1,12 +1,12 @@
-"""The tag of all that a connection runs.
+"""The tag of all code of a connection.
 
-Its statements go through it at top level, so what others do with it must not keep them from going on: it can be
-stopped, as the manual has it, but neither blocked nor frozen.
+The top-level statements of the connection enter it, so programs must not be able to hold them up: the tag can be
+stopped, as the manual specifies, but neither blocked nor frozen.
 """
 
 from __future__ import annotations
 
-from urbihw.kernel.runtime.passage import TagObject
+from urbihw.kernel.runtime.tagscope import TagObject
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.tag import Tag
 
@@ -15,7 +15,7 @@ class ConnectionTag(TagObject):
     """The urbiscript Tag ``connectionTag`` of a lobby."""
 
     __slots__ = ()
-    for_all = "the tag of a connection can only be stopped"
+    freeze_refusal = "the tag of a connection can only be stopped"
 
     def __init__(self, world: World, name: str) -> None:
         super().__init__(world, [world.tag_proto], Tag(world.scheduler, name))

@@ -1,7 +1,7 @@
 """One connection's world: an urbiscript object whose slots are the variables of the connection, and its jobs.
 
-Everything a connection runs is under its ``connectionTag``; when it closes, the tag is stopped, and with it its jobs,
-its ``at``s and what they detached.
+All code of a connection runs under its ``connectionTag``.  When the connection closes, the tag is stopped, and with it
+the jobs, the ``at``s and the detached jobs.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
 
-FINALLY_S: Final = 1.0
-"""Seconds that the ``finally`` clauses of a closed connection have, if they wait for something."""
+FINALLY_TIMEOUT_S: Final = 1.0
+"""Seconds after which waiting ``finally`` clauses of a closed connection are ended."""
 
 
 class Lobby(Obj):
     """An urbiscript Lobby."""
 
-    of_connection = True
+    is_per_connection = True
     __slots__ = (
-        "connected", "holdings", "in_command", "intake", "maker", "on_quit", "output", "peer", "programs", "received",
-        "shell", "tag", "user",
+        "connected", "holdings", "in_command", "input_handler", "maker", "on_quit", "output", "peer", "programs",
+        "received", "shell", "tag", "user",
     )  # fmt: skip
 
     def __init__(
@@ -51,44 +51,48 @@ class Lobby(Obj):
         self.output = Output(scheduler, lambda: wanted(self), limit)
         self.connected = True
         self.in_command = True
-        """Whether the client can still say something, a stop for instance; without that it moves nothing."""
+        """Whether the client can still send statements, such as a stop.  Without command, its programs may not move
+        devices."""
         self.received = 0
         self.on_quit: Callable[[], None] = lambda: None
         self.peer = remote
-        """The address of the client, None for none; ``remoteIP`` says the same, but a program may change a slot."""
+        """The address of the client, None for none; ``remoteIP`` has the same value, but a program can change that
+        slot."""
         self.holdings = Holdings()
-        """What its jobs hold of the operating system."""
+        """The sockets, child processes and the like of its jobs."""
         self.maker: Lobby | None = None
-        """The lobby that this one belongs to."""
+        """The lobby whose program opened this connection, if any."""
         self.user = ""
-        """The name of who showed a token, "" if nobody was asked."""
+        """The name of the user who presented a token, "" without access control."""
         name = programs.lobby_name()
         self.tag = ConnectionTag(world, name)
         self.slots["connectionTag"] = self.tag
         if remote is not None:
             self.slots["remoteIP"] = world.string(remote)
         self.shell = Shell(self, name)
-        self.intake: Callable[[bytes], None] = self.shell.feed
-        """What takes the bytes of the client; a remote in binary mode sends no urbiscript."""
+        self.input_handler: Callable[[bytes], None] = self.shell.feed
+        """The function that handles the input; a remote in binary mode sends no urbiscript."""
         programs.lobbies[self] = None
 
     def greet(self) -> None:
-        """Say the banner: the one of the library, whatever a program made of it since."""
+        """Print the banner of the library, even if a program has redefined the slot."""
         try:
             self.world.invoke(self.world.record.original(self.world.lobby_proto, "banner"), self)
         except Exception as error:
             self.report(error)
 
-    def belong_to(self, maker: Lobby) -> None:
-        """A job of another lobby made this one: it ends with that one, and both count together in what they hold."""
+    def set_maker(self, maker: Lobby) -> None:
+        """Make this lobby belong to another one, whose program opened it: it ends with that lobby and shares the limits
+        of its resources.
+        """
         self.maker = maker
         self.holdings = Holdings(maker.holdings)
 
-    def came_from(self, address: Address) -> None:
-        """The address from which the client connects: if a program of another lobby does, this one belongs to it."""
+    def find_maker(self, address: Address) -> None:
+        """If a program of another lobby connects from the client's address, make this lobby belong to that lobby."""
         for other in self.programs.lobbies:
             if other is not self and other.holdings.connects_from(address):
-                self.belong_to(other)
+                self.set_maker(other)
                 return
 
     def _made(self) -> list[Lobby]:
@@ -99,42 +103,45 @@ class Lobby(Obj):
         """Bytes from the client."""
         self.received += len(data)
         if self.connected:
-            self.intake(data)
+            self.input_handler(data)
 
     def end_of_input(self, done: Callable[[], None]) -> None:
-        """The client has ended its sending side: ``done`` is called once what it sent was run in the foreground.
+        """The client has closed its sending side: call ``done`` when its input was run in the foreground.
 
-        A client that was killed looks the same from the other end of a tunnel.  So what this one moves is stopped.
+        Through a tunnel, a killed client looks the same, so the devices that it moves are stopped.
         """
-        self.lose_command()
-        if self.intake == self.shell.feed:
+        self.revoke_command()
+        if self.input_handler == self.shell.feed:
             self.shell.when_idle(done)
         else:
             done()  # a remote in binary mode, whose foreground never ends
 
-    def lose_command(self) -> None:
-        """The client will say nothing new: what it moves is stopped, and it moves nothing any more, nor do those who
-        belong to it."""
+    def revoke_command(self) -> None:
+        """Stop the devices that the client moves, and let neither it nor the lobbies that belong to it move any device
+        again, because the client cannot send statements any more.
+        """
         if self.in_command:
             self.in_command = False
             for other in self._made():
-                other.lose_command()
+                other.revoke_command()
             for hear in list(self.world.client_gone):
                 hear(self)
 
     def execute(self, text: str) -> None:
-        """Run one statement in the running job, as if the client had typed it; raises what it raises."""
+        """Run one statement in the running job, as if the client had typed it; raises the errors of the statement."""
         execute(self, text)
 
     def report(self, error: BaseException) -> None:
-        """Tell the client of an uncaught error; never fails, though describing one may run the client's functions."""
+        """Report an uncaught error to the client; never fails, although describing an error may run the client's
+        functions.
+        """
         for line in described(self, error):
             self.output.line(f"!!! {line}", "error")
 
     def close(self) -> None:
-        """The connection is gone: what it runs ends, its ``finally`` clauses run, ``Lobby.onDisconnect`` is emitted.
+        """Close the connection: its jobs end, their ``finally`` clauses run, and ``Lobby.onDisconnect`` is emitted.
 
-        Then what it holds is closed.  ``finally`` clauses that are not over ``FINALLY_S`` seconds later are left, too.
+        Then its resources are closed.  ``finally`` clauses that are not over ``FINALLY_TIMEOUT_S`` later are ended.
         """
         if not self.connected:
             return
@@ -143,17 +150,17 @@ class Lobby(Obj):
         self.output.close()
         self.holdings.seal()
         if self.maker is not None:
-            self.maker.holdings.disown(self)
+            self.maker.holdings.unregister(self)
         try:
-            self.lose_command()
+            self.revoke_command()
         finally:
-            # In this order, but in two jobs: the guards of those who hear of it may wait as long as they like.
-            self.world.spawn_own(self._say_gone, "disconnect")
+            # In this order, but in two jobs, because the guards of ``onDisconnect`` may wait for any time.
+            self.world.spawn_own(self._emit_disconnect, "disconnect")
             self.world.spawn_own(self._end, "disconnect")
             for other in self._made():
                 other.quit()
 
-    def _say_gone(self) -> None:
+    def _emit_disconnect(self) -> None:
         event = self.world.lobby_proto.slots.get("onDisconnect")
         if isinstance(event, Event):
             event.emit([self])
@@ -164,28 +171,28 @@ class Lobby(Obj):
             self.shell.close()
         finally:
             try:
-                self.tag.tag.stop(self.world.void)  # what is left by it may run code of the program
+                self.tag.tag.stop(self.world.void)  # the stopped jobs may run code of the program
             finally:
-                self.output.let_go()
-                scheduler.yield_()  # finally clauses may say a last word to what the program is connected to
+                self.output.release_writers()
+                scheduler.yield_()  # finally clauses may still send to the sockets of the program
                 self.holdings.close()
                 if scheduler.jobs_of(self):
-                    scheduler.call_at(scheduler.clock.now() + FINALLY_S, self._abort_jobs)
+                    scheduler.call_at(scheduler.clock.now() + FINALLY_TIMEOUT_S, self._abort_jobs)
 
     def _abort_jobs(self) -> None:
         """End the jobs whose ``finally`` clauses are not over."""
         scheduler = self.world.scheduler
         for job in list(scheduler.jobs):
-            if job.payer is self:
+            if job.charged_context is self:
                 scheduler.throw(job, JobAborted())
 
     def quit(self) -> None:
-        """``lobby.quit``: what was said is delivered, then the connection is closed."""
+        """``lobby.quit``: deliver the pending output, then close the connection."""
         if self.connected:
             self.on_quit()
             self.close()
 
 
 def lobby_of(job: Any) -> Lobby | None:
-    """The lobby a job speaks to."""
+    """The lobby of a job, None if it has none."""
     return job.context if isinstance(job.context, Lobby) else None

@@ -1,7 +1,7 @@
-"""Reading and compiling what is long, without keeping others waiting.
+"""Reading and compiling long programs without delaying other connections.
 
-Both are done by the job that needs them, and give way after each ``AIR`` seconds: to other jobs, and to the sockets.
-What is short is done at once, as a statement within ``|`` must be.
+The job that needs the program does the work, and yields to other jobs and to the sockets after each ``MAX_HOLD_S``.
+Short texts are handled at once, as a statement within ``|`` must be.
 """
 
 from __future__ import annotations
@@ -18,34 +18,34 @@ from urbihw.kernel.syntax.reader import Item, Reader, Statement
 
 T = TypeVar("T")
 
-AIR = 0.002
-"""Seconds after which long work gives way.  Who comes meanwhile is answered after three such turns at the most."""
-SLICE = 4096
-"""How many bytes are read at once."""
-MOST_OF_A_PROGRAM = 500_000
-"""How many words and signs a program for ``load`` or ``eval`` may have; all of it is read before any of it runs, which
-takes 150 MB for as many."""
-SHORT = 500
-"""Texts of so many characters are read, or compiled, in one go: 5 ms at the most."""
+MAX_HOLD_S = 0.002
+"""Seconds after which long work yields.  A client is answered after at most three such periods."""
+READ_SIZE = 4096
+"""Number of bytes that are read at once."""
+MAX_PROGRAM_TOKENS = 500_000
+"""Maximum number of tokens of a program for ``load`` or ``eval``.  The program is read before it runs, which takes 150
+MB for so many tokens."""
+MAX_SHORT_TEXT = 500
+"""Maximum length of a text that is read and compiled without a pause, in characters; takes 5 ms at most."""
 
 
 class LongWork:
-    """The long work of one kernel, for its jobs; Python's collector leaves alone what exists meanwhile."""
+    """Long work of the jobs of one kernel; the existing objects are frozen for Python's collector meanwhile."""
 
     def __init__(self, scheduler: Scheduler) -> None:
         self._scheduler = scheduler
 
     def pause(self) -> None:
-        """Between two steps of long work: give way if it is time.  Raises what is thrown at the job."""
-        COLLECTOR.leave_alone()
+        """Yield if it is time, between two steps of long work.  Raises the errors that are thrown into the job."""
+        COLLECTOR.freeze_existing()
         self.give_way()
 
     def give_way(self) -> None:
         """Let the sockets and other jobs have their turn if this round has lasted long enough."""
-        self._scheduler.give_way(AIR)
+        self._scheduler.give_way(MAX_HOLD_S)
 
     def run(self, work: Callable[[Pace], T]) -> T:
-        """Do some work that pauses by a pace."""
+        """Do work that pauses by a pace."""
         steps = Steps(lambda pause: work(Pace(pause)))
         with COLLECTOR:
             try:
@@ -56,25 +56,25 @@ class LongWork:
         return steps.result
 
     def read(self, text: str, file: str | None) -> list[Item]:
-        """All of a program, as ``parse_program`` does it.  Raises Exception.Syntax for one that is too long."""
+        """Parse a whole program, as ``parse_program`` does.  Raises Exception.Syntax if it is too long."""
         reader, pace = Reader(file), Pace(self.pause)
         items: list[Item] = []
         with COLLECTOR:
-            for at in range(0, len(text), SLICE):
-                items += reader.feed(text[at : at + SLICE].encode("latin-1"), pace)
+            for at in range(0, len(text), READ_SIZE):
+                items += reader.feed(text[at : at + READ_SIZE].encode("latin-1"), pace)
                 self.pause()
-                if reader.total > MOST_OF_A_PROGRAM:
+                if reader.total > MAX_PROGRAM_TOKENS:
                     place = items[-1].base if isinstance(items[-1], Statement) else items[-1].location
-                    message = f"program too long (more than {MOST_OF_A_PROGRAM} words and signs): make several of it"
+                    message = f"program too long (more than {MAX_PROGRAM_TOKENS} words and signs): make several of it"
                     raise errors.Raised("Syntax", message, None, loc=str(place), input=text)
             return items + reader.finish(pace)
 
 
 def end_of_slice(data: bytearray) -> int:
-    """How much to read at once of what waits: whole lines, or whole statements, as far as can be told.
+    """The number of pending bytes to read at once: whole lines or, as far as this can be told, whole statements.
 
-    A statement is found among the known ones only if all of it has come.
+    The cache of statements finds a statement only when all of its text is there.
     """
-    if len(data) <= SLICE:
+    if len(data) <= READ_SIZE:
         return len(data)
-    return (data.rfind(b"\n", 0, SLICE) + 1) or (data.rfind(b";", 0, SLICE) + 1) or SLICE
+    return (data.rfind(b"\n", 0, READ_SIZE) + 1) or (data.rfind(b";", 0, READ_SIZE) + 1) or READ_SIZE

@@ -1,10 +1,10 @@
-"""What a lobby says: ``[00001234:channel] text`` lines, gathered per scheduler round, bounded.
+"""The output of a lobby: lines ``[00001234:channel] text``, collected for each scheduler round, of bounded size.
 
-The server takes the bytes of a round by ``take()`` when told by ``wanted``, and says with ``handed_on`` how many of
-those it could not deliver yet.  Both together are what waits for the other side to read (server protocol, section 7:
-the original buffered without limit).  When half the limit waits, a job of the lobby that wants to say more is suspended
-until there is room again, wherever it stands, so that a client that reads slowly gets everything.  Nobody else waits
-for this client: when others, or no job at all, say so much to it that the limit is passed, it is given up.
+The server takes the bytes of a round with ``take_bytes`` after ``wanted`` was called, and calls ``update_unread`` when
+some of them were sent.  Both the bytes not taken and the bytes not sent count as unread (server protocol, section 7:
+the original buffered without limit).  When the unread bytes exceed half of the limit, a job of this lobby that writes
+is suspended until there is room again, so that a client that reads slowly gets all output.  Other jobs do not wait for
+this client: when the output of others exceeds the limit, the connection is given up.
 """
 
 from __future__ import annotations
@@ -24,23 +24,19 @@ def stamp(now: float) -> str:
 class Output:
     """The outgoing side of a lobby.
 
-    Attributes:
-        limit: bytes that may wait to be read by the other side.
-        sent: bytes that were written in all.
-        open: whether anything can still be said.
-        root: the output in which all that is said here ends up.
-        unread: tells how many of the bytes taken still wait on this machine.
-        give_up: called when the limit is passed; None while nobody takes what is written round by round, as in a
-            kernel without a server, where nothing is bounded.
+    Attributes: limit: maximum number of unread bytes. sent: total number of written bytes. open: whether the output
+    accepts data. root: the output to which the data of this one finally goes. unread: returns the number of taken bytes
+    that are still waiting on this machine. give_up: called when the limit is exceeded; None in a kernel without a
+    server, where the output is not bounded.
     """
 
     def __init__(self, scheduler: Scheduler, wanted: Callable[[], None], limit: int = 8 * 1024 * 1024) -> None:
-        """``wanted`` is called once when there is something to take."""
+        """``wanted`` is called when there are bytes to take, once until they are taken."""
         self._scheduler = scheduler
         self._wanted = wanted
         self._parts: list[bytes] = []
         self._waiting = 0
-        """As many bytes as wait, or more: what the other side has read meanwhile is looked up when it counts."""
+        """The number of unread bytes, or a larger one: it is updated when the limit matters."""
         self._gathered = 0
         self._writers = WaitQueue(scheduler)
         self._high = limit // 2
@@ -52,10 +48,10 @@ class Output:
         self.give_up: Callable[[int], None] | None = None
 
     def write(self, data: bytes) -> None:
-        """Send bytes as they are; silently nothing when closed.  May suspend a job of this lobby."""
+        """Write bytes as they are; does nothing when closed.  May suspend a job of this lobby."""
         if not self.open or not data:
             return
-        if self._waiting > self._high and not self._room(len(data)):
+        if self._waiting > self._high and not self._wait_for_room(len(data)):
             return
         if not self._parts:
             self._wanted()
@@ -67,45 +63,45 @@ class Output:
 
     def line(self, text: str, channel: str = "") -> None:
         """Send one line with the time stamp; ``text`` has one character per byte and may contain line ends."""
-        if self._waiting > self._high and not self._room(len(text)):
+        if self._waiting > self._high and not self._wait_for_room(len(text)):
             return
         tag = f":{channel}" if channel else ""
         self.write(f"[{stamp(self._scheduler.now)}{tag}] {text}\n".encode("latin-1", "replace"))
 
-    def take(self) -> bytes:
-        """All that was written since the last call."""
+    def take_bytes(self) -> bytes:
+        """The bytes that were written since the last call."""
         data = b"".join(self._parts)
         self._parts.clear()
         self._waiting -= self._gathered
         self._gathered = 0
         return data
 
-    def handed_on(self) -> None:
-        """What was taken was sent as far as that goes, or more of it was read: who waits may go on if there is room."""
+    def update_unread(self) -> None:
+        """Update the number of unread bytes after sending; waiting writers go on if there is room."""
         self._waiting = self._gathered + self.unread()
-        if self._writers and self._waiting <= self.low:
+        if self._writers and self._waiting <= self.low_mark:
             self._writers.wake_all()
 
     @property
-    def low(self) -> int:
-        """With at most so many bytes waiting, writers go on."""
+    def low_mark(self) -> int:
+        """The number of unread bytes at which waiting writers go on."""
         return self.limit // 4
 
     def close(self) -> None:
-        """Nothing more can be said.  Who waits for room goes on waiting until ``let_go``."""
+        """Refuse further data.  Waiting writers go on waiting until ``release_writers``."""
         self.open = False
         self._parts.clear()
         self._waiting = self._gathered = 0
 
-    def let_go(self) -> None:
-        """Let those who wait for room go on, once it is closed and the jobs of the connection are ended.
+    def release_writers(self) -> None:
+        """Let waiting writers go on, after the output was closed and the jobs of the connection were ended.
 
-        An endless loop that was woken before could not be ended any more: nothing makes it wait again.
+        An endless loop that went on earlier could not be ended any more, since no write would make it wait.
         """
         self._writers.wake_all()
 
-    def _room(self, size: int) -> bool:
-        """Wait for room, or give the other side up; whether something can be said now."""
+    def _wait_for_room(self, size: int) -> bool:
+        """Wait for room or give up the connection; return whether the output accepts data."""
         if self.give_up is None:
             return self.open
         self._waiting = self._gathered + self.unread()
@@ -122,5 +118,5 @@ class Output:
 
 
 def _root(lobby: Any) -> Any:
-    """Where ends up what a lobby says; None for none."""
+    """The output to which the output of a lobby finally goes; None without a lobby."""
     return None if lobby is None else lobby.output.root

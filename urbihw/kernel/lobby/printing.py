@@ -1,9 +1,9 @@
-"""What a client is shown of values and errors, though other programs may have changed how the library prints.
+"""Printing of values and errors for a client, even if other programs have changed the printing slots.
 
-All connections share the slots that print (``record.PRINTING``).  As long as they are the library's own, nothing is
-done here.  Else a printing may fail or take for ever, in the connection of somebody who knows nothing of it: what
-cannot print any more is put back, a value whose printing fails is shown plainly too, and a printing that takes longer
-than ``LIMIT`` seconds is given up, and the library's own slots are put back.
+All connections share the printing slots (``record.PRINTING``).  While they are unchanged, this module does nothing
+special.  Changed slots may fail or never return in the connection of another client.  So slots that cannot print any
+more are restored, a value whose printing fails is printed as plain text, and printing that takes longer than
+``PRINTING_TIMEOUT_S`` is cancelled and the slots are restored.
 """
 
 from __future__ import annotations
@@ -26,59 +26,59 @@ if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
 T = TypeVar("T")
-LIMIT: Final = 1.0
-"""Seconds that a changed way of printing may take."""
-MOST_SHOWN: Final = 1_000_000
-"""How many characters are shown of a value; of a Binary all, since its head says how many follow."""
+PRINTING_TIMEOUT_S: Final = 1.0
+"""Maximum duration of printing with changed slots."""
+MAX_SHOWN_LENGTH: Final = 1_000_000
+"""Maximum number of printed characters of a value; a Binary is printed in full, since its header has the length."""
 
 
 def show(lobby: Lobby, value: Any) -> None:
-    """Print a value of the top level, in the running job.  Raises what printing it raises."""
+    """Print a top-level value, in the running job.  Raises the errors of printing."""
     world = lobby.world
     if _is_changed(world):
         try:
-            text = _in_time(lobby, lambda: world.shown(value), lambda: world.shown(value))
+            text = _run_with_timeout(lobby, lambda: world.shown(value), lambda: world.shown(value))
         except errors.UrbiError as error:
             lobby.report(error)
             text = plain_text(world, value)
     else:
         text = world.shown(value)
-    if len(text) <= MOST_SHOWN or isinstance(value, BinaryObject):
+    if len(text) <= MAX_SHOWN_LENGTH or isinstance(value, BinaryObject):
         lobby.output.line(text)
         return
-    lobby.output.line(text[:MOST_SHOWN])
-    lobby.output.line(f"!!! of a value of {len(text)} characters only {MOST_SHOWN} are shown", "error")
+    lobby.output.line(text[:MAX_SHOWN_LENGTH])
+    lobby.output.line(f"!!! of a value of {len(text)} characters only {MAX_SHOWN_LENGTH} are shown", "error")
 
 
 def described(lobby: Lobby, error: BaseException) -> list[str]:
-    """The lines that tell of an uncaught error, without the leading marks.  Never fails."""
+    """The lines that report an uncaught error, without the leading ``!!!``.  Never fails."""
     world = lobby.world
     if not _is_changed(world):
         return world.describe(error)
     if isinstance(error, HeldTooLong):
-        _put_back(lobby, _runs_none_of(error))
+        _put_back(lobby, _is_not_involved_in(error))
     urbi = world.normalized(error)
     plain = plain_error(world, urbi, stack_of(urbi, world.hide_system))
     if isinstance(urbi, errors.Raised) or world.scheduler.current is None:
         return plain
-    return _in_time(lobby, lambda: world.describe(urbi), lambda: plain)
+    return _run_with_timeout(lobby, lambda: world.describe(urbi), lambda: plain)
 
 
 def _is_changed(world: World) -> bool:
-    """Whether printing still is another one, after what was removed is put back."""
+    """Whether printing is still changed after removed slots were restored."""
     record = world.record
-    if record.reprinted:
-        record.mend_printing(lambda now: isinstance(now, Executable))
-    return record.reprinted
+    if record.printing_changed:
+        record.restore_printing(lambda now: isinstance(now, Executable))
+    return record.printing_changed
 
 
-def _in_time(lobby: Lobby, action: Callable[[], T], instead: Callable[[], T]) -> T:
-    """What ``action`` gives, or ``instead`` if it takes too long: then the library prints as it did again."""
+def _run_with_timeout(lobby: Lobby, action: Callable[[], T], instead: Callable[[], T]) -> T:
+    """The result of ``action``, or ``instead`` if it takes too long; the printing slots are restored then."""
     scheduler = lobby.world.scheduler
     began = scheduler.clock.now()
     tag = Tag(scheduler, "printing")
     entry = tag.enter()
-    timer = scheduler.call_at(began + LIMIT, lambda: tag.stop(lobby.world.void))
+    timer = scheduler.call_at(began + PRINTING_TIMEOUT_S, lambda: tag.stop(lobby.world.void))
     late = False
     try:
         return action()
@@ -91,19 +91,19 @@ def _in_time(lobby: Lobby, action: Callable[[], T], instead: Callable[[], T]) ->
     finally:
         timer.cancel()
         tag.leave(entry)
-        if late or scheduler.clock.now() - began > LIMIT:
+        if late or scheduler.clock.now() - began > PRINTING_TIMEOUT_S:
             _put_back(lobby, lambda now: False)
     return instead()
 
 
 def _put_back(lobby: Lobby, may_stay: Callable[[Any], bool]) -> None:
-    names = lobby.world.record.mend_printing(may_stay)
+    names = lobby.world.record.restore_printing(may_stay)
     if names:
         lobby.output.line(f"*** urbihw: put back in the library, since printing took too long: {listed(names)}")
 
 
-def _runs_none_of(error: BaseException) -> Callable[[Any], bool]:
-    """Whether a function is none of those that an error went through."""
+def _is_not_involved_in(error: BaseException) -> Callable[[Any], bool]:
+    """A predicate: whether a function is not among those that the error left."""
     codes, tb = set(), error.__traceback__
     while tb is not None:
         codes.add(tb.tb_frame.f_code)

@@ -1,4 +1,4 @@
-"""From statements to jobs: a lobby's main job runs its statements in order, ``,`` makes background jobs."""
+"""From statements to jobs: a lobby's main job runs its statements in order; ``,`` starts background jobs."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any
 from urbihw.kernel import errors
 from urbihw.kernel.compiler import Unit, compile_node, library
 from urbihw.kernel.compiler.cache import UnitCache
-from urbihw.kernel.lobby.long_work import SHORT, LongWork, end_of_slice
+from urbihw.kernel.lobby.long_work import MAX_SHORT_TEXT, LongWork, end_of_slice
 from urbihw.kernel.lobby.printing import show
-from urbihw.kernel.lobby.templates import SIZE, TemplateCache, TemplateUse
+from urbihw.kernel.lobby.program_files import compiled_file, is_kept
+from urbihw.kernel.lobby.templates import MAX_TEMPLATES, TemplateCache, TemplateUse
 from urbihw.kernel.runtime.backtrace import current_stack
 from urbihw.kernel.sched.collector import COLLECTOR
 from urbihw.kernel.sched.group import Group
@@ -34,16 +35,17 @@ log = logging.getLogger("urbihw.kernel")
 
 
 class Programs:
-    """What all lobbies of a kernel share: caches of read and compiled statements, the verbs of generated code, and what
-    the host says of itself (``name``, ``arguments``, ``listen_port``, ``quiet``; ``shutdown()`` ends the process,
-    ``reboot()`` does so and starts it anew, None if it cannot; ``exit_status`` is the exit code that a program wants,
-    None for the host's own)."""
+    """Shared by all lobbies of a kernel: caches of parsed and compiled statements, the verbs of generated code, and the
+    host (``name``, ``arguments``, ``listen_port``, ``quiet``; ``shutdown()`` ends the process, ``reboot()`` ends and
+    restarts it, None if it cannot; ``exit_status`` is the exit code that a program requests, None for the host's
+    own).
+    """
 
     def __init__(self, world: World, ops: dict[str, Any]) -> None:
         self.world = world
         self.ops = ops
         self.read = TemplateCache()
-        self.units = UnitCache(SIZE)
+        self.units = UnitCache(MAX_TEMPLATES)
         self.long_work = LongWork(world.scheduler)
         self._lobbies = 0
         self.lobbies: dict[Lobby, None] = {}
@@ -56,7 +58,7 @@ class Programs:
         self.exit_status: int | None = None
 
     def exit(self, status: int) -> None:
-        """End the process as ``shutdown`` does, in order; the host gives the status, 0 to 255, as its exit code."""
+        """Shut down the process with an exit code from 0 to 255."""
         self.exit_status = status & 0xFF
         self.shutdown()
 
@@ -74,30 +76,42 @@ class Programs:
         return unit.function(self.ops, statement.base)
 
     def unit(self, statement: Statement) -> Unit:
-        """A statement, compiled; a long one by and by.  Must be called in a job then."""
+        """The compiled statement.  A long one is compiled in steps, and must be compiled in a job."""
         world, use = self.world, self.read.use(statement.text)
         if use is not None:
             return use.template.unit(world, statement.text, use.values)
+        return self.compile_statement(statement)
+
+    @property
+    def compiler_state(self) -> tuple[int, bool]:
+        """The state on which compiled code depends: the number of lazy names, and whether arithmetic is generic."""
+        return len(self.world.lazy_names), self.world.generic_floats
+
+    def compile_statement(self, statement: Statement) -> Unit:
+        """Compile a statement without templates and caches.  A long one must be compiled in a job."""
+        world = self.world
         make = partial(compile_node, statement.node, world.lazy_names, generic=world.generic_floats)
         try:
-            return make() if len(statement.text) <= SHORT else self.long_work.run(lambda pace: make(pace=pace))
+            return make() if len(statement.text) <= MAX_SHORT_TEXT else self.long_work.run(lambda pace: make(pace=pace))
         except (errors.TooDeep, errors.TooLong) as error:
             place = Location.of(statement.node.span, statement.base)
             raise errors.Raised("Syntax", error.message, None, loc=str(place), input=statement.text) from None
 
     def evaluate(self, text: str, this: Any, file: str | None = None) -> Any:
-        """Run a program (``eval``, ``load``): the value of its last statement.
+        """Run a program (``eval``, ``load``) and return the value of its last statement.
 
         A syntax error anywhere means that nothing runs; it is raised as Exception.Syntax.  Must be called in a job.
         """
-        return self._run(self._compiled(self.parse(text, file), text, self.unit), this, system=False)
+        if file is not None and is_kept(text):
+            return self._run(compiled_file(self, text, file), this, system=False)
+        return self._run(self.compiled(self.parse(text, file), text, self.unit), this, system=False)
 
     def parse(self, text: str, file: str | None = None) -> list[Item]:
-        """All of a program; of a long one by and by.  Must be called in a job then."""
-        return parse_program(text, file) if len(text) <= SHORT else self.long_work.read(text, file)
+        """Parse a whole program.  A long one is parsed in steps, and must be parsed in a job."""
+        return parse_program(text, file) if len(text) <= MAX_SHORT_TEXT else self.long_work.read(text, file)
 
     def load_library(self, text: str, file: str) -> None:
-        """Run a part of the library with Global as ``this``; compiled code is kept on the disk.
+        """Run a part of the library with Global as ``this``; its compiled code is cached on disk.
 
         Its frames are not shown in call stacks.
         """
@@ -109,7 +123,7 @@ class Programs:
         made: list[library.Compiled] = []
 
         def remember() -> Iterator[library.Compiled]:
-            for part in self._compiled(parse_program(text, file), text, self._library_unit):
+            for part in self.compiled(parse_program(text, file), text, self._library_unit):
                 made.append(part)
                 yield part
 
@@ -117,25 +131,31 @@ class Programs:
         library.store(key, made)
 
     def _library_unit(self, statement: Statement) -> Unit:
-        """A statement of the library; nobody waits yet, and its functions stay whole."""
+        """Compile a statement of the library, without pauses, as there are no clients yet; its functions are not
+        cut.
+        """
         return compile_node(statement.node, self.world.lazy_names, generic=self.world.generic_floats)
 
-    def _compiled(
+    def compiled(
         self, items: list[Item], text: str, make: Callable[[Statement], Unit]
     ) -> Iterator[library.Compiled]:
+        """The statements of a program, each compiled by ``make`` when the one before it has been run.
+
+        Raises Exception.Syntax, before the first statement, for an error in any statement.
+        """
         for item in items:
             if isinstance(item, SyntaxProblem):
                 if not item.warning:
                     raise errors.Raised("Syntax", item.message, None, loc=str(item.location), input=text)
                 self._warn(item)
         items.reverse()
-        while items:  # what has been run is not kept
+        while items:  # free the statements that have run
             item = items.pop()
             if isinstance(item, Statement):
                 yield library.Compiled(make(item), item.base, item.separator)
 
     def _warn(self, problem: SyntaxProblem) -> None:
-        """Tell the lobby of the running job of a warning about a text, and who had the text evaluated."""
+        """Report a warning about a text to the lobby of the running job, with the call that evaluated the text."""
         context = self.world.scheduler.running().context
         if context is None:
             return
@@ -178,8 +198,8 @@ class Shell:
         self._job = self._scheduler.spawn(self._run, name, context=lobby)
 
     def feed(self, data: bytes) -> None:
-        """Bytes from the client.  What is short is read at once, unless other bytes or statements wait already."""
-        if self._input or self._items or self._reader.pending + len(data) > SHORT:
+        """Handle bytes from the client.  Short input is read at once, unless other input is pending."""
+        if self._input or self._items or self._reader.pending + len(data) > MAX_SHORT_TEXT:
             self._input += data
             self._more.wake_one()
             return
@@ -190,37 +210,37 @@ class Shell:
 
     @property
     def waiting(self) -> int:
-        """How many bytes have not been read yet, since what came before them is still running."""
+        """The number of bytes that are not read yet, because earlier statements are running."""
         return len(self._input)
 
     def close(self) -> None:
-        """End the main job; what was not yet run is dropped."""
+        """End the main job and discard the pending input."""
         self._open = False
-        self._drop()
+        self._discard_pending()
         self._scheduler.kill(self._job)
 
     def serves(self, job: Job) -> bool:
-        """Whether a job is the main job: it runs what the client types, and ends with the connection only."""
+        """Whether a job is the main job, which runs the client's statements and ends with the connection."""
         return job is self._job
 
     def is_running(self) -> bool:
-        """Whether the statement in the foreground holds the interpreter."""
+        """Whether the statement in the foreground is running now."""
         return self._scheduler.current is self._job
 
     def interrupt(self) -> None:
-        """Kill the statement in the foreground and drop what waits behind it, the half of a statement too.
+        """Kill the statement in the foreground, and discard the pending input, including an incomplete statement.
 
-        Nothing happens when there is none.  The statement itself may call it, or what runs outside any job.
+        Does nothing without one.  May be called by the statement itself and from outside any job.
         """
         if self._job.started and not self._more:
             self._scheduler.throw(self._job, Interrupted())
 
     def next_name(self) -> str:
-        """A name for the next job: statements and what they detach are numbered in one row."""
+        """A name for the next job: statements and detached jobs are numbered together."""
         return f"shell_{next(self._numbers)}"
 
     def when_idle(self, action: Callable[[], None]) -> None:
-        """Call ``action`` once all statements received so far were run."""
+        """Call ``action`` when all statements received so far have run."""
         self._when_idle = action
         self._more.wake_one()
 
@@ -233,7 +253,7 @@ class Shell:
             except (Interrupted, JobKilled) as signal:
                 if not self._open:
                     raise
-                self._drop()
+                self._discard_pending()
                 if isinstance(signal, Interrupted) and signal.told:
                     continue
                 self._lobby.output.line("!!! received interruption, killing foreground job.", "error")
@@ -247,9 +267,9 @@ class Shell:
                 if self._when_idle is not None:
                     self._when_idle()
                 self._more.wait()
-            self._do(self._items.popleft())
+            self._run_item(self._items.popleft())
 
-    def _do(self, item: Item) -> None:
+    def _run_item(self, item: Item) -> None:
         if isinstance(item, SyntaxProblem):
             self._complain(item)
         elif item.separator == ",":
@@ -263,7 +283,7 @@ class Shell:
             self._lobby.programs.long_work.give_way()
 
     def _read(self) -> None:
-        """Read on until there is something to do."""
+        """Read the pending input up to the next statement."""
         with COLLECTOR:
             while self._input and not self._items:
                 size = end_of_slice(self._input)
@@ -272,12 +292,12 @@ class Shell:
                 self._pause()
 
     def _pause(self) -> None:
-        """Let others have a turn while something long is being read."""
+        """Let other jobs have a turn while a long text is being read."""
         with contextlib.suppress(StopTag):  # of a statement that was over already
             self._lobby.programs.long_work.pause()
 
-    def _drop(self) -> None:
-        """Forget what has not been run, the half of a statement too."""
+    def _discard_pending(self) -> None:
+        """Discard the pending input, including an incomplete statement."""
         self._items.clear()
         self._input.clear()
         self._reader = Reader(cache=self._lobby.programs.read)
@@ -292,17 +312,17 @@ class Shell:
         lobby = self._lobby
         self._job.name = self.next_name()
         self._job.renew()
-        passage = lobby.tag.open()
+        scope = lobby.tag.open()
         try:
-            passage.enter()
+            scope.enter()
             self.show(lobby.programs.function(statement)(lobby))
         except StopTag as signal:
-            if not passage.owns(signal):
+            if not scope.owns(signal):
                 raise
         except Exception as error:
             lobby.report(error)
         finally:
-            passage.exit()
+            scope.exit()
 
     def show(self, value: Any) -> None:
         """Print the value of a top-level statement; void and nil are silent.
@@ -321,22 +341,22 @@ class Shell:
         lobby = self._lobby
 
         def run() -> None:
-            passage = lobby.tag.open()
+            scope = lobby.tag.open()
             try:
-                passage.enter()
+                scope.enter()
                 lobby.programs.function(statement)(lobby)
             except StopTag as signal:
-                if not passage.owns(signal):
+                if not scope.owns(signal):
                     raise
             finally:
-                passage.exit()
+                scope.exit()
 
         job = self._scheduler.spawn(run, self.next_name(), context=lobby)
         self._scheduler.start_now(job)
 
 
 def report_failure(job: Job, error: Exception) -> None:
-    """What the scheduler does with an error that ends a job: tell the lobby the job speaks to."""
+    """Report an error that ended a job to the job's lobby."""
     if job.context is not None:
         job.context.report(error)
     else:

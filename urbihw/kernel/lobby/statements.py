@@ -1,4 +1,4 @@
-"""One statement handed to a lobby by something else than its client's typing: a frame of a remote in binary mode."""
+"""Statements that a lobby does not get from its client's text: frames of a remote in binary mode."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 
 def execute(lobby: Lobby, text: str) -> None:
-    """Run the first top-level statement of a text in the running job, as if typed: its value is printed, with ``,`` it
-    runs in the background.  Whatever follows it is left out.  Errors are raised, those of syntax are told.
+    """Run the first top-level statement of a text in the running job, as if typed: its value is printed, and with ``,``
+    it runs in the background.  Further text is ignored.  Raises the errors of the statement; reports syntax errors.
     """
     for item in lobby.programs.parse(text):
         if isinstance(item, SyntaxProblem):
@@ -45,6 +45,6 @@ def _background(lobby: Lobby, function: Callable[[], Any], caller: str) -> None:
 
 
 def _caller() -> str:
-    """The line of an error message that tells who handed the statement over."""
+    """The line of an error message that names the origin of the statement."""
     stack = current_stack()
     return f"!!!    called from: {stack.location}: {stack.routine}"

@@ -1,14 +1,15 @@
-"""Statements that differ only in their literals are read and compiled once: clients send data as text.
+"""Templates: statements that differ only in their literals are parsed and compiled once, since clients send data as
+text.
 
-``motor.getSlot("val").update_timed(5, 1000000)|;`` comes with other numbers a thousand times a second.  Its *skeleton*
-is the text without the numbers and strings.  When a skeleton is seen for the second time, a statement with stand-ins in
-the place of the literals is compiled, and it is remembered which constants of the generated code they became; from then
-on such a statement is the same code with other constants.
+``motor.getSlot("val").update_timed(5, 1000000)|;`` may arrive with other numbers a thousand times a second.  Its
+*skeleton* is the text without the numbers and strings.  When a skeleton is seen for the second time, a statement with
+placeholders for the literals is compiled, and the indexes of the placeholders among the constants of the generated code
+are stored.  From then on, a statement of this skeleton is the same code with other constants.
 
-The stand-ins must be found once each among the constants of the statement itself, so nothing is remembered of
-statements with functions, lazy arguments or whatever else keeps literals in another way; and the code made for the
-statement at hand must be the code that the compiler makes of it.  Positions in errors, and the syntax of a call that
-turns out to be lazy, are those of the statement as it was sent: it is compiled anew when somebody looks.
+Each placeholder must occur exactly once among the constants of the statement itself.  This excludes statements with
+functions, lazy arguments and other uses of literals.  The code made from the template for the present statement must
+equal the compiler's code.  Positions in errors and the syntax of lazy calls are those of the statement as it was sent,
+which is compiled again when they are needed.
 """
 
 from __future__ import annotations
@@ -32,41 +33,45 @@ if TYPE_CHECKING:
 
 Literal = float | str
 Compile = Callable[[Node], Unit]
-"""Compiles a statement as the kernel's present state wants it."""
+"""Compiles a statement for the present state of the kernel."""
 
-SIZE: Final = 512
-"""How many statements are remembered, and how many skeletons: as many long ones hold 40 MB."""
-LONGEST: Final = 300
-"""Characters of the longest statement with a template: to make one takes two compilations in one go, 5 ms at most."""
+MAX_TEMPLATES: Final = 512
+"""Maximum number of cached statements, and of cached skeletons; so many long ones take 40 MB."""
+MAX_SKELETON_LENGTH: Final = 300
+"""Maximum length of a skeleton, in characters.  Making a template takes two compilations without a pause, 5 ms at most.
+A list of nearly a hundred numbers has this length."""
+MAX_TEMPLATE_TEXT: Final = 10_000
+"""Maximum length of a statement that is split into skeleton and literals, in characters."""
 
 _LITERAL = re.compile(r'"[^"\\\n]*"|(?<![\w.])\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.])')
-_OTHER = re.compile(r"[{}\\\n\"'`]|//|/\*")
-"""What makes a text too intricate: functions, escapes, comments."""
+_OTHER = re.compile(r"[{}\\\n\"'`]|//|/\*|\bBIN\b")
+"""The parts of a text that exclude templates: functions, escapes, comments, and binary data, whose numbers say where
+the statement ends."""
 
 
 def skeleton(text: str) -> tuple[str, list[str]] | None:
-    """A text without its literals, and these as they stand there; None if it has none, or is too long or intricate."""
-    literals = _LITERAL.findall(text) if len(text) <= LONGEST else None
+    """A text without its literals, and the literals; None if it has none, or if the text is too long or too complex."""
+    literals = _LITERAL.findall(text) if len(text) <= MAX_TEMPLATE_TEXT else None
     if not literals:
         return None
     parts = _LITERAL.split(text)
     bones = "\0".join(parts)
-    if _OTHER.search(bones) or len(parts) != len(literals) + 1:
+    if len(bones) > MAX_SKELETON_LENGTH or _OTHER.search(bones) or len(parts) != len(literals) + 1:
         return None
     return bones + "\1" + "".join(["s" if literal[0] == '"' else "n" for literal in literals]), literals
 
 
 def values_of(literals: list[str]) -> list[Literal] | None:
-    """What the literals mean; None if one of the numbers is too large to be one."""
+    """The values of the literals; None if a number is too large for a Float."""
     values: list[Literal] = [each[1:-1] if each[0] == '"' else float(each) for each in literals]
     return None if math.inf in values else values
 
 
 class Template:
-    """All statements of one skeleton.  ``usable`` is whether the code of one can be made from that of another."""
+    """The template of one skeleton; ``usable``: its statements can share code."""
 
     def __init__(self, bones: str, known: Any, size: int) -> None:
-        """``known`` is what the reader remembers of one of them, ``size`` its length."""
+        """``known`` is the reader's cache entry for one of its statements, ``size`` the length of that statement."""
         self.usable = True
         self._bones, _, self._kinds = bones.partition("\1")
         self._known = known._replace(node=None)
@@ -76,7 +81,7 @@ class Template:
         self._places: list[int] = []
 
     def known(self, use: TemplateUse, text: str) -> Any:
-        """What the reader is to know of another statement of the skeleton."""
+        """The reader's cache entry for another statement of the skeleton."""
         return self._known._replace(node=use, end_column=self._known.end_column + len(text) - self._size)
 
     def unit(self, world: World, text: str, values: list[Literal]) -> Unit:
@@ -99,7 +104,7 @@ class Template:
         return Unit(unit.code.replace(co_consts=tuple(constants)), _Entries(real), [], _Syntax(real), [])
 
     def _template(self, text: str, values: list[Literal]) -> Unit | None:
-        """The statement with stand-ins, compiled; None if its code cannot be made that of the statement at hand."""
+        """The compiled statement with placeholders; None if it does not give the code of the present statement."""
         stand_ins: list[Literal] = [
             f"stand-in {index}" if kind == "s" else 8.1e12 + index + 0.5 for index, kind in enumerate(self._kinds)
         ]
@@ -116,19 +121,21 @@ class Template:
 
 
 def _node(text: str) -> Node:
-    """The syntax of a statement that was read before."""
+    """The syntax of a statement that was parsed before."""
     (statement,) = parse_program(text)
     assert isinstance(statement, Statement)
     return statement.node
 
 
 def _instructions(code: CodeType) -> list[tuple[str, Any, int | None]]:
-    """What code does, whatever the order of its constants; the last is the line, an index of entries."""
+    """The instructions of a code object, independent of the order of its constants; the last item is the line, an index
+    into the entries.
+    """
     return [(each.opname, each.argval, each.positions and each.positions.lineno) for each in dis.get_instructions(code)]
 
 
 class _Real:
-    """The statement as it was sent, compiled when somebody looks."""
+    """The statement as it was sent, compiled when it is needed."""
 
     __slots__ = ("_compile", "_text", "_unit")
 
@@ -138,14 +145,14 @@ class _Real:
         self._unit: Unit | None = None
 
     def get(self) -> Unit:
-        """Its unit."""
+        """The compiled statement."""
         if self._unit is None:
             self._unit = self._compile(_node(self._text))
         return self._unit
 
 
 class _Entries(list[Entry]):
-    """The places in the source."""
+    """The places in the source, compiled when they are needed."""
 
     __slots__ = ("_real",)
 
@@ -170,7 +177,7 @@ class _Entries(list[Entry]):
 
 
 class _Syntax(Syntax):
-    """The syntax of calls that turn out to be lazy."""
+    """The syntax of calls whose function is lazy, compiled when it is needed."""
 
     __slots__ = ("_real",)
 
@@ -188,7 +195,7 @@ class _Syntax(Syntax):
 
 
 class TemplateUse(Node):
-    """Stands for the syntax of a statement that was not read because its template is known."""
+    """Replaces the syntax of a statement that was not parsed because its template is known."""
 
     __slots__ = ("template", "values")
 
@@ -199,14 +206,14 @@ class TemplateUse(Node):
 
 
 class TemplateCache(StatementCache):
-    """The statements read lately, and the templates of those that come with other literals each time."""
+    """The cache of parsed statements, with templates for statements that arrive with other literals each time."""
 
-    def __init__(self, size: int = SIZE) -> None:
+    def __init__(self, size: int = MAX_TEMPLATES) -> None:
         super().__init__(size)
         self._templates: dict[str, Template | None] = {}
 
     def get(self, text: str) -> Any:
-        """What is known of a text."""
+        """The cache entry for a text, or None."""
         known = super().get(text)
         if known is None:
             use = self.use(text)
@@ -214,7 +221,7 @@ class TemplateCache(StatementCache):
         return known
 
     def put(self, text: str, known: Any) -> None:
-        """Remember a statement; at the second of its skeleton, the template instead."""
+        """Store a statement, or a template at the second statement of a skeleton."""
         found = skeleton(text) if known.lines == 0 else None
         if found is not None:
             bones = found[0]
@@ -231,7 +238,7 @@ class TemplateCache(StatementCache):
         super().put(text, known)
 
     def use(self, text: str) -> TemplateUse | None:
-        """The template of a text with its values, None if there is none."""
+        """The template of a text, with the values of its literals; None if there is none."""
         found = skeleton(text)
         if found is None:
             return None

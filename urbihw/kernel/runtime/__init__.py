@@ -1,7 +1,9 @@
-"""What compiled urbiscript runs on: objects, slots, functions, events, tags, trajectories.
+"""The runtime of compiled urbiscript: objects, slots, functions, events, tags, trajectories.
 
-Reading order: ``object`` and ``slots`` (look-up), ``code`` (what can be called), ``values`` (strings, lists ...),
-``world`` (one kernel's objects and the verbs of native code), ``ops`` (the verbs of generated code), ``watch`` and
-``event`` with ``conditions`` (at, whenever, waituntil), ``passage`` (tagged code), ``backtrace`` (where an error
-happened), ``primitive`` (tables of built-ins).  May import ``sched`` and ``kernel.errors`` only.
+Reading order: ``object`` and ``slots`` (look-up), ``code`` (functions), ``values`` (strings, lists ...), ``world`` (one
+kernel's objects and the verbs of native code) with ``failures`` (conversion of errors), ``ops`` with ``ops_slots``,
+``ops_jobs`` and ``ops_assert`` (the verbs of generated code), ``watch`` and ``event`` with ``conditions`` (at,
+whenever, waituntil), ``tagscope`` (tagged code), ``backtrace`` and ``location`` (the place of an error), ``primitive``
+(tables of built-ins) with ``arguments`` (their checks).  May import ``sched``, ``kernel.errors`` and ``kernel.value``
+only.
 """

@@ -1,9 +1,9 @@
-"""From a Python traceback to what an urbiscript user understands.
+"""From a Python traceback to an urbiscript call stack.
 
 Generated code runs in frames whose globals hold ``__urbi__``, the line map of their unit; the "line number" of an
-instruction is an index into that map.  So the call stack of an error costs nothing until somebody looks at it: it is
-read off the traceback, leaving out the frames of native code.  The innermost frame says where the error happened and
-which call raised it; each frame further out says from where the next was called, and by what name.
+instruction is an index into that map.  So the call stack of an error costs nothing until it is needed: it is read off
+the traceback without the frames of native code.  The innermost frame has the place of the error and the call that
+raised it; each outer frame has the place and the name of the next call.
 """
 
 from __future__ import annotations
@@ -15,13 +15,17 @@ from typing import Any, NamedTuple, Protocol
 
 LINE_MAP = "__urbi__"
 BREAKABLE = "__breakable__"
-MOST_CALLS = 500
-"""How many calls a call stack tells at either end; what lies between is left out, with their number.  An error that
-comes through thousands of jobs has tens of thousands of calls behind it, which takes seconds to tell."""
+CALLS = "__calls__"
+"""The name of a table in a module of built-ins: Python function -> the names of the calls that it makes of a function
+that it was given, innermost first.  They stand for the calls that a built-in written in urbiscript would show in a call
+stack."""
+MAX_CALLS = 500
+"""Maximum number of calls shown at either end of a call stack; the number of the others is shown instead of them.  An
+error that passes through thousands of jobs has tens of thousands of calls, which take seconds to print."""
 
 
 class LineMap(Protocol):
-    """What this module needs of the compiler's line map."""
+    """The part of the compiler's line map that this module uses."""
 
     system: bool
 
@@ -37,8 +41,21 @@ class Frame(NamedTuple):
     name: str | None
 
 
+class BuiltInCalls:
+    """Represents, in a call stack, a built-in that calls a function passed to it."""
+
+    system = True
+
+    def __init__(self, names: tuple[str, ...]) -> None:
+        self._names = names
+
+    def frames(self, index: int) -> list[Frame]:
+        """The calls that the built-in makes; they have no location of their own."""
+        return [Frame(None, name) for name in self._names]
+
+
 class Stack(NamedTuple):
-    """A call stack: where it happened, the routine that was called there, and the calls that led to it."""
+    """A call stack: the location, the routine that was called there, and the calls that led to it."""
 
     location: Any
     routine: str | None
@@ -49,26 +66,24 @@ NO_STACK = Stack(None, None, ())
 
 
 def stack_of(error: BaseException, hide_system: bool = True) -> Stack:
-    """The urbiscript call stack of an exception, innermost first: what it went through, and who called that."""
+    """The urbiscript call stack of an exception, innermost first: the functions that it left, and their callers."""
     places: list[tuple[LineMap, int]] = []
     tb: TracebackType | None = error.__traceback__
     outer = None if tb is None else tb.tb_frame.f_back
     while tb is not None:
-        line_map = tb.tb_frame.f_globals.get(LINE_MAP)
-        if line_map is not None:
-            places.append((line_map, _entry(tb.tb_frame, tb.tb_lasti)))
+        places += _place(tb.tb_frame, tb.tb_lasti)
         tb = tb.tb_next
     places.reverse()
     return _stack(places + _callers(outer), hide_system)
 
 
 def failed_in_program(error: BaseException) -> bool:
-    """Whether an exception went through a function of a program, and not only through the library."""
+    """Whether an exception left a function of a program, and not only functions of the library."""
     return any(not line_map.system for line_map in _line_maps(error))
 
 
 def failed_in_code(error: BaseException) -> bool:
-    """Whether an exception went through urbiscript, of a program or the library, on its way up to here."""
+    """Whether an exception left an urbiscript function, of a program or of the library, before it was caught here."""
     return any(True for _ in _line_maps(error))
 
 
@@ -95,13 +110,14 @@ def calling_frame() -> FrameType | None:
 
 
 def entry_of(frame: FrameType) -> int:
-    """Where a frame of generated code stands, as an index into its line map."""
+    """The position of a frame of generated code, as an index into its line map."""
     return _entry(frame, frame.f_lasti)
 
 
 def _entry(frame: FrameType, at: int) -> int:
-    """The index for the instruction at an offset.  CPython writes some of its own, such as a jump back to the head of a
-    loop, that have none: they belong to what comes before them."""
+    """The index for the instruction at an offset.  Instructions that CPython adds, such as the jump back to the head of
+    a loop, have no index of their own and get that of the instruction before them.
+    """
     entry = 0
     for begin, _, line in frame.f_code.co_lines():
         if begin > at:
@@ -120,18 +136,25 @@ def running_call() -> str | None:
 def _callers(frame: FrameType | None) -> list[tuple[LineMap, int]]:
     places: list[tuple[LineMap, int]] = []
     while frame is not None:
-        line_map = frame.f_globals.get(LINE_MAP)
-        if line_map is not None:
-            places.append((line_map, entry_of(frame)))
+        places += _place(frame, frame.f_lasti)
         frame = frame.f_back
     return places
 
 
+def _place(frame: FrameType, at: int) -> list[tuple[LineMap, int]]:
+    """The entry of a Python frame, at an offset in its code, in a call stack: one place, or none."""
+    line_map = frame.f_globals.get(LINE_MAP)
+    if line_map is not None:
+        return [(line_map, _entry(frame, at))]
+    names = frame.f_globals.get(CALLS, {}).get(frame.f_code.co_name)
+    return [] if names is None else [(BuiltInCalls(names), 0)]
+
+
 def _stack(places: list[tuple[LineMap, int]], hide_system: bool) -> Stack:
     shown = [place for place in places if not (hide_system and place[0].system)]
-    left_out = len(shown) - 2 * MOST_CALLS
+    left_out = len(shown) - 2 * MAX_CALLS
     if left_out > 0:
-        inner, outer = _flat(shown[:MOST_CALLS]), _flat(shown[-MOST_CALLS:])
+        inner, outer = _flat(shown[:MAX_CALLS]), _flat(shown[-MAX_CALLS:])
         flat = [*inner, Frame(outer[0].location if outer else None, f"... {left_out} calls left out"), *outer]
     else:
         flat = _flat(shown)
@@ -142,12 +165,20 @@ def _stack(places: list[tuple[LineMap, int]], hide_system: bool) -> Stack:
 
 
 def _flat(places: list[tuple[LineMap, int]]) -> list[Frame]:
-    return [frame for line_map, index in places for frame in line_map.frames(index)]
+    """The frames of some places.  A call made by a built-in gets the location where the built-in was called."""
+    frames = [frame for line_map, index in places for frame in line_map.frames(index)]
+    location = None
+    for at in range(len(frames) - 1, -1, -1):
+        if frames[at].location is None:
+            frames[at] = frames[at]._replace(location=location)
+        location = frames[at].location
+    return frames
 
 
 def is_program(frame: FrameType) -> bool:
-    """Whether a Python frame may be left by an error wherever it calls or loops: it is generated code, or that of a
-    module that says so of itself by ``BREAKABLE``, because what it has done by half nobody sees."""
+    """Whether an error may be raised at any call or loop of a Python frame: it runs generated code, or code of a module
+    that allows this with ``BREAKABLE``, because its unfinished work is not visible to others.
+    """
     return LINE_MAP in frame.f_globals or BREAKABLE in frame.f_globals
 
 

@@ -1,6 +1,6 @@
-"""Bytes with a header, as urbiscript holds them.
+"""Binary: bytes with a header.
 
-The content is a Python buffer that nobody changes: images and sounds go from device to socket without being copied.
+The content is a Python buffer that is never changed, so images and sounds go from device to socket without a copy.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ Buffer = bytes | bytearray | memoryview
 
 
 class BinaryObject(Obj):
-    """An urbiscript Binary: ``keywords`` tell what is in ``content``."""
+    """An urbiscript Binary: ``keywords`` describe the ``content``."""
 
     __slots__ = ("content", "keywords")
 

@@ -1,16 +1,16 @@
-"""What happens when several movements, or a movement and an assignment, want the same place at the same time.
+"""Blending: several movements, or a movement and an assignment, of the same variable at the same time.
 
 The property ``blend`` of a slot decides, a String:
 
-- ``normal`` (and anything else): each writes; what was written last is read;
-- ``mix``: the mean of what all of them want; ``add``: the sum;
-- ``queue``: each waits until those before it are over;
-- ``discard``: a new one is dropped while there is another;
-- ``cancel``: a new one ends the others.
+- ``normal`` (and anything else): each movement writes; the last written value counts;
+- ``mix``: the mean of the values of all movements; ``add``: their sum;
+- ``queue``: a movement waits until the earlier ones are over;
+- ``discard``: a new movement is dropped while there is another one;
+- ``cancel``: a new movement ends the others.
 
-An assignment is a movement of no length.  In the modes ``mix`` and ``add``, assignments to a device's variable are
-gathered until the end of the scheduler's round and then applied as one, so a fast program does not drown a slow device
-(manual, section 4.1.1).  Of a slot without a device behind it, only movements are blended.
+An assignment is a movement of zero length.  In the modes ``mix`` and ``add``, assignments to a device's variable are
+collected until the end of the scheduler's round and written as one value, so that a fast program does not flood a slow
+device (manual, section 4.1.1).  For a slot without a device, only movements are blended.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 from urbihw.kernel.runtime.slot import SlotMeta, peek_meta
 from urbihw.kernel.runtime.values import String
 from urbihw.kernel.sched.waiting import WaitQueue
+from urbihw.kernel.value import Value
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -33,11 +34,11 @@ MODES = ("normal", "mix", "add", "queue", "discard", "cancel")
 
 
 class Cancelled(Exception):
-    """A later movement took the place of this one."""
+    """A later movement has ended this one."""
 
 
 class Movement:
-    """One movement that goes on; ``value`` is what it wants at present."""
+    """A movement in progress; ``value`` is its present value."""
 
     __slots__ = ("_blender", "cancelled", "job", "value")
 
@@ -48,7 +49,7 @@ class Movement:
         self.cancelled = False
 
     def write(self, value: float) -> None:
-        """What the movement wants from now on; raises Cancelled, and what the guard of the place raises."""
+        """Set the value of the movement.  Raises Cancelled, and the errors of the blender's guard."""
         if self.cancelled:
             raise Cancelled
         self._blender.admit(value)
@@ -57,7 +58,7 @@ class Movement:
 
 
 class Blender:
-    """The movements of one place; ``put`` writes to it."""
+    """The movements of one variable; ``put`` writes the blended value to it."""
 
     def __init__(self, world: World, meta: SlotMeta, put: Callable[[Any], Any]) -> None:
         self._world = world
@@ -69,21 +70,23 @@ class Blender:
         self._gathered: list[float] = []
         self._ended: list[tuple[float, float]] = []
         self.admit: Callable[[float], None] = lambda value: None
-        """Lets a movement write, or raises an error."""
+        """Called before a movement writes; raises an error if it may not."""
         self._since: Callable[[], int] = lambda: 0
 
     def guard(self, admit: Callable[[float], None], since: Callable[[], int]) -> None:
-        """What lets movements write this place, and ``Job.epoch`` of the oldest that may."""
+        """Set the guard: ``admit`` raises an error for a write that is not allowed, ``since`` gives the ``Job.epoch``
+        of the oldest statements that may write.
+        """
         self.admit, self._since = admit, since
 
     @property
     def mode(self) -> str:
-        """How to blend; see above."""
+        """The blend mode, one of ``MODES``."""
         return mode_of(self._meta)
 
     @contextmanager
     def movement(self) -> Iterator[Movement | None]:
-        """A new movement, None if there is to be none; waits for its turn if it has to."""
+        """Begin a movement, in mode ``queue`` after the earlier ones; None if it is discarded."""
         mode = self.mode
         if not self._admit(mode):
             yield None
@@ -119,7 +122,7 @@ class Blender:
         return True
 
     def apply(self, value: float) -> None:
-        """Some movement wants another value: write what all of them want together."""
+        """Write the blended value, after a movement has changed its value."""
         self._put(self._blended([]) if self.mode in ("mix", "add") else value)
 
     def _blended(self, more: list[float]) -> float:
@@ -130,17 +133,19 @@ class Blender:
         return sum(wanted) if self.mode == "add" else sum(wanted) / len(wanted)
 
     def _just_ended(self) -> list[tuple[float, float]]:
-        """What ended in this very step still counts: movements of the same length end at the blend of their targets."""
+        """The movements that ended in this step; they still count, so that movements of the same length end at the
+        blend of their targets.
+        """
         since = self._world.scheduler.clock.now() - self._world.period / 2
         return [(time, value) for time, value in self._ended if time > since]
 
-    def assign(self, value: Any) -> None:
-        """An assignment of the place."""
+    def assign(self, value: Value) -> None:
+        """Assign the variable."""
         mode = self.mode
         if mode in ("mix", "add") and value.__class__ is float:
             if not self._gathered:
                 scheduler = self._world.scheduler
-                scheduler.call_at(scheduler.clock.now(), lambda: self._world.soon(self._flush))
+                scheduler.call_at(scheduler.clock.now(), lambda: self._world.call_soon(self._flush))
             self._gathered.append(value)
         elif self._admit(mode):
             self._put(value)
@@ -166,8 +171,8 @@ def blender_of(world: World, meta: SlotMeta, put: Callable[[Any], Any]) -> Blend
     return meta.blender
 
 
-def place(world: World, target: Any, name: str) -> tuple[dict[str, Any], Blender | None]:
-    """The properties of the slot that a movement is about to write, and its blender."""
+def find_blending(world: World, target: Value, name: str) -> tuple[dict[str, Any], Blender | None]:
+    """The properties of the slot that a movement will write, and its blender."""
     holder = world.peek_obj(target).find(name)
     meta = None if holder is None else peek_meta(holder, name)
     if meta is None or not meta.properties:

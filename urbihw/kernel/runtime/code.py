@@ -1,9 +1,9 @@
-"""What can be called: urbiscript functions (``Code``) and built-in ones (``Primitive``).
+"""Executables: urbiscript functions (``Code``) and built-in ones (``Primitive``).
 
-Generated code calls an executable by the number of arguments, ``f.c2(this, a, b)``, when ``f.strict``; a lazy one
-(no formal arguments, or one that uses ``call``) wants a call message instead.  A function of exactly two arguments
-is a ``Code2`` whose ``c2`` *is* the compiled Python function, so the usual call costs one attribute look-up; every
-other number goes through ``call``, which checks it, fills in defaults and gathers the rest.
+Generated code calls an executable by the number of arguments, ``f.c2(this, a, b)``, when ``f.strict``; a lazy
+executable (without formal arguments, or using ``call``) takes a call message instead.  A function of exactly two
+arguments is a ``Code2`` whose ``c2`` *is* the compiled Python function, so the usual call costs one attribute look-up.
+Any other number of arguments goes through ``call``, which checks the number, fills in defaults and collects the rest.
 """
 
 from __future__ import annotations
@@ -13,26 +13,27 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.value import Value
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
 
 class _Missing:
-    """Stands for an argument that was not given, until the default is computed."""
+    """Represents an argument that was not given, until its default is computed."""
 
 
 MISSING: Any = _Missing()
 
 Direct = tuple[Callable[..., Any] | None, Callable[..., Any] | None, Callable[..., Any] | None]
-"""The functions that run a built-in for no, one and two arguments, where there are such."""
+"""The functions that run a built-in with zero, one and two arguments; None where there is none."""
 
 
 class Executable(Obj):
-    """Anything that runs when called; ``strict`` says whether it takes values (and no call message).
+    """An object that runs when called; ``strict``: it takes values and not a call message.
 
-    ``strict`` is a field although a class has but one: generated code reads it at each call, and CPython is quick with
-    fields only.
+    ``strict`` is an instance attribute although it is the same for all objects of a class: generated code reads it at
+    each call, and CPython reads instance attributes faster.
     """
 
     __slots__ = ("strict",)
@@ -43,56 +44,56 @@ class Executable(Obj):
         super().__init__(world, protos)
         self.strict = self.takes_values
 
-    def call(self, this: Any, args: tuple[Any, ...]) -> Any:
-        """Run with these arguments, all evaluated; raises the arity error when their number is wrong."""
+    def call(self, this: Value, args: tuple[Value, ...]) -> Value:
+        """Run with evaluated arguments; raises the arity error when their number is wrong."""
         raise NotImplementedError
 
-    def call_lazy(self, message: Any) -> Any:
+    def call_lazy(self, message: Value) -> Value:
         """Run a lazy executable with a call message."""
         raise NotImplementedError
 
-    def c0(self, this: Any) -> Any:
+    def c0(self, this: Value) -> Value:
         """Call without arguments."""
         return self.call(this, ())
 
-    def c1(self, this: Any, a: Any) -> Any:
+    def c1(self, this: Value, a: Value) -> Value:
         """Call with one argument."""
         return self.call(this, (a,))
 
-    def c2(self, this: Any, a: Any, b: Any) -> Any:
+    def c2(self, this: Value, a: Value, b: Value) -> Value:
         """Call with two arguments."""
         return self.call(this, (a, b))
 
-    def c3(self, this: Any, a: Any, b: Any, c: Any) -> Any:
+    def c3(self, this: Value, a: Value, b: Value, c: Value) -> Value:
         """Call with three arguments."""
         return self.call(this, (a, b, c))
 
-    def cn(self, this: Any, *args: Any) -> Any:
+    def cn(self, this: Value, *args: Value) -> Value:
         """Call with any number of arguments."""
         return self.call(this, args)
 
 
 class Getter(Executable):
-    """A plain value in the place of something called: gives itself to a call without arguments."""
+    """Makes a plain value callable: a call without arguments gives the value."""
 
     __slots__ = ("value",)
 
-    def __init__(self, world: World, value: Any) -> None:
+    def __init__(self, world: World, value: Value) -> None:
         super().__init__(world, [])
         self.value = value
 
-    def call(self, this: Any, args: tuple[Any, ...]) -> Any:
-        """The value; any argument is too many."""
+    def call(self, this: Value, args: tuple[Value, ...]) -> Value:
+        """The value; raises the arity error if there are arguments."""
         if args:
             raise errors.arity(len(args), 0)
         return self.value
 
 
 class FunctionInfo(Protocol):
-    """What the compiler knows of a function literal.
+    """The compiler's description of a function literal.
 
-    ``least``/``most`` are the numbers of arguments (most -1: any), ``lazy`` has no formals, ``uses_call`` needs the
-    call message, ``node`` is its syntax for printing and comparing.
+    ``least`` and ``most`` are the minimum and maximum number of arguments (most -1: any), ``lazy``: it has no formals,
+    ``uses_call``: it needs the call message, ``node`` is its syntax for printing and comparing.
     """
 
     least: int
@@ -105,7 +106,7 @@ class FunctionInfo(Protocol):
 
 
 class Code(Executable):
-    """An urbiscript function or closure: a compiled Python function and what is known of its literal.
+    """An urbiscript function or closure: a compiled Python function and the description of its literal.
 
     The Python function takes ``this``, then the call message if it uses one, then one value per formal (``MISSING``
     where a default is to be computed; a List for a variadic last one).
@@ -118,14 +119,14 @@ class Code(Executable):
         self.fn = fn
         self.info = info
 
-    def call(self, this: Any, args: tuple[Any, ...]) -> Any:
+    def call(self, this: Value, args: tuple[Value, ...]) -> Value:
         """Run with evaluated arguments."""
         info = self.info
         if info.lazy or info.uses_call:
             return self.call_lazy(self.world.call_message(self, this, args))
         return self.fn(this, *self._fill(args))
 
-    def call_lazy(self, message: Any) -> Any:
+    def call_lazy(self, message: Value) -> Value:
         """Run with a call message; strict formals are evaluated from it."""
         if self.info.lazy:
             return self.fn(message.target, message)
@@ -135,7 +136,7 @@ class Code(Executable):
                 raise errors.unexpected_void()
         return self.fn(message.target, message, *self._fill(tuple(values)))
 
-    def _fill(self, args: tuple[Any, ...]) -> tuple[Any, ...]:
+    def _fill(self, args: tuple[Value, ...]) -> tuple[Any, ...]:
         info = self.info
         given = len(args)
         if given < info.least or (info.most >= 0 and given > info.most):
@@ -203,9 +204,9 @@ def make_code(world: World, fn: Callable[..., Any], info: FunctionInfo) -> Code:
 
 
 class Primitive(Executable):
-    """A built-in function: ``fn(this, *args)`` in Python, with the least and the greatest number of arguments.
+    """A built-in function: ``fn(this, *args)`` in Python, with the minimum and the maximum number of arguments.
 
-    ``source`` is the Python function as it was written: its docstring is what users are told of the built-in.
+    ``source`` is the original Python function; its docstring is the help text of the built-in.
     """
 
     __slots__ = ("fn", "least", "most", "name", "source")
@@ -217,7 +218,7 @@ class Primitive(Executable):
         self.least = least
         self.most = most
 
-    def call(self, this: Any, args: tuple[Any, ...]) -> Any:
+    def call(self, this: Value, args: tuple[Value, ...]) -> Value:
         """Run with evaluated arguments."""
         given = len(args)
         if given < self.least or (self.most >= 0 and given > self.most):
@@ -231,11 +232,11 @@ class LazyPrimitive(Primitive):
     __slots__ = ()
     takes_values = False
 
-    def call(self, this: Any, args: tuple[Any, ...]) -> Any:
-        """Run with values in the place of unevaluated arguments."""
+    def call(self, this: Value, args: tuple[Value, ...]) -> Value:
+        """Run with evaluated arguments, wrapped in a call message."""
         return self.call_lazy(self.world.call_message(self, this, args))
 
-    def call_lazy(self, message: Any) -> Any:
+    def call_lazy(self, message: Value) -> Value:
         """Run with a call message."""
         given = len(message.args)
         if given < self.least or (self.most >= 0 and given > self.most):
@@ -244,7 +245,7 @@ class LazyPrimitive(Primitive):
 
 
 class DirectPrimitive(Primitive):
-    """A built-in with shorter ways for some numbers of arguments: Python functions in the place of ``c0`` to ``c2``."""
+    """A built-in with faster calls for some numbers of arguments: Python functions replace ``c0`` to ``c2``."""
 
     __slots__ = ("c0", "c1", "c2")
 
@@ -260,7 +261,7 @@ class DirectPrimitive(Primitive):
 def make_primitive(
     world: World, name: str, fn: Callable[..., Any], least: int, most: int, direct: Direct | None = None
 ) -> Primitive:
-    """The Primitive for a Python function; one that takes a certain small number of arguments is its own short way."""
+    """The Primitive for a Python function.  A function with a fixed small number of arguments is called directly."""
     if direct is None and least == most < 3:
         direct = (fn if most == 0 else None, fn if most == 1 else None, fn if most == 2 else None)
     if direct is None or not any(direct):

@@ -1,6 +1,9 @@
 """at, whenever and waituntil on Boolean expressions, and on events: the verbs that generated code calls.
 
 Each takes Python functions compiled from the urbiscript clauses.  Bodies run as jobs of their own.
+
+No condition is polled: a ``Watch`` is notified by the places that the condition read (module ``watch``), an event
+notifies its subscriptions, and ``~ duration`` sets a timer when the condition becomes true.
 """
 
 from __future__ import annotations
@@ -9,9 +12,20 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from urbihw.kernel.runtime.event import Accept, Emission, Event, Handlers, Subscription, Waiter
+from urbihw.kernel.runtime.event import (
+    Accept,
+    Emission,
+    Event,
+    Handlers,
+    Subscription,
+    Synchronous,
+    SyncSubscription,
+    Waiter,
+)
 from urbihw.kernel.runtime.watch import Watch
 from urbihw.kernel.sched.timequeue import Timer
+from urbihw.kernel.sched.waiting import Completion
+from urbihw.kernel.value import Value
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
@@ -20,7 +34,7 @@ Thunk = Callable[[], Any]
 
 
 def bound(body: Callable[..., Any], match: Sequence[Any]) -> Thunk:
-    """A handler with the values of its pattern."""
+    """A handler with the bound values of its pattern as arguments."""
     return partial(body, *match) if match else body
 
 
@@ -65,7 +79,7 @@ class AtExpression(Handlers):
                 self.spawn(self._leave)
 
     def close(self) -> None:
-        """The tag was stopped: if the condition was on, it is left."""
+        """End the ``at`` when its tag is stopped; if the condition is true, its ``onleave`` runs."""
         self._watch.stop()
         if self._timer is not None:
             self._timer.cancel()
@@ -73,20 +87,26 @@ class AtExpression(Handlers):
             self.world.scheduler.spawn(self._leave, self.name, context=self._context)
 
 
-class Edge:
-    """The present truth of a watched expression, with a job that may wait for it to change.
+class SyncAtExpression(Synchronous, AtExpression):
+    """``at sync (expression ~ duration) body onleave leave``."""
 
-    With a duration the expression counts as true only after it held that long.
+    __slots__ = ()
+
+
+class Edge:
+    """The present truth of a watched expression; one job may wait until it changes.
+
+    With a duration, the expression counts as true only after it was true for that long.
     """
 
-    __slots__ = ("_duration", "_job", "_timer", "_waiting", "_watch", "_world", "value")
+    __slots__ = ("_changed", "_duration", "_job", "_timer", "_watch", "_world", "value")
 
     def __init__(self, world: World, condition: Thunk, duration: float | None) -> None:
         self._world = world
         self._duration = duration
         self._job = world.scheduler.running()
         self._timer: Timer | None = None
-        self._waiting = False
+        self._changed: Completion[None] = Completion(world.scheduler)
         self.value = False
         self._watch = Watch(world.recorder, condition, self._edge, self._fail)
         self._watch.begin()
@@ -102,26 +122,22 @@ class Edge:
             self._set(value)
 
     def _fail(self, error: Exception) -> None:
-        """The condition failed: so does the job that waits for it."""
+        """Pass an error of the condition to the job that waits."""
         self._world.scheduler.throw(self._job, error)
 
     def _set(self, value: bool) -> None:
         self.value = value
-        if self._waiting:
-            self._world.scheduler.wake(self._job)
+        self._changed.complete(None)
 
     def wait_change(self) -> None:
         """Park the job until the truth changes."""
         before = self.value
-        self._waiting = True
-        try:
-            while self.value == before:
-                self._world.scheduler.suspend(None)
-        finally:
-            self._waiting = False
+        while self.value == before:
+            self._changed = Completion(self._world.scheduler)
+            self._changed.wait()
 
     def stop(self) -> None:
-        """Look no more."""
+        """Stop watching."""
         self._watch.stop()
         if self._timer is not None:
             self._timer.cancel()
@@ -133,23 +149,43 @@ class Conditions:
     def __init__(self, world: World) -> None:
         self.world = world
 
-    def at_expr(self, condition: Thunk, duration: Any, body: Thunk, leave: Thunk | None) -> None:
+    def at_expr(self, condition: Thunk, duration: Value, body: Thunk, leave: Thunk | None) -> None:
         """``at (condition ~ duration) body onleave leave``."""
         AtExpression(self.world, condition, duration, body, leave)
 
     def at_event(
-        self, event: Any, accept: Accept, duration: Any, body: Callable[..., Any], leave: Callable[..., Any] | None
+        self, event: Value, accept: Accept, duration: Value, body: Callable[..., Any], leave: Callable[..., Any] | None
     ) -> None:
         """``at (event?(...) ~ duration) body onleave leave``; bodies take the bound values."""
+        self._subscribe(Subscription, event, accept, duration, body, leave)
 
+    def at_sync_expr(self, condition: Thunk, duration: Value, body: Thunk, leave: Thunk | None) -> None:
+        """``at sync (condition ~ duration) body onleave leave``."""
+        SyncAtExpression(self.world, condition, duration, body, leave)
+
+    def at_sync_event(
+        self, event: Value, accept: Accept, duration: Value, body: Callable[..., Any], leave: Callable[..., Any] | None
+    ) -> None:
+        """``at sync (event?(...) ~ duration) body onleave leave``."""
+        self._subscribe(SyncSubscription, event, accept, duration, body, leave)
+
+    def _subscribe(
+        self,
+        kind: type[Subscription],
+        event: Value,
+        accept: Accept,
+        duration: Value,
+        body: Callable[..., Any],
+        leave: Callable[..., Any] | None,
+    ) -> None:
         def entered(match: Any, _: Emission) -> Thunk:
             return partial(body, *match) if match else body
 
         left = None if leave is None else partial(bound, leave)
-        Subscription(self.world, self._event(event), accept, entered, left, duration)
+        kind(self.world, self._event(event), accept, entered, left, duration)
 
-    def whenever_expr(self, condition: Thunk, duration: Any, body: Thunk, otherwise: Thunk | None) -> None:
-        """``whenever (condition) body else otherwise``: runs the one or the other again and again."""
+    def whenever_expr(self, condition: Thunk, duration: Value, body: Thunk, otherwise: Thunk | None) -> None:
+        """``whenever (condition) body else otherwise``: runs one of the two bodies again and again."""
         scheduler = self.world.scheduler
 
         def loop() -> None:
@@ -169,9 +205,9 @@ class Conditions:
 
     def whenever_event(
         self,
-        event: Any,
+        event: Value,
         accept: Accept,
-        duration: Any,
+        duration: Value,
         body: Callable[..., Any],
         otherwise: Callable[..., Any] | None,
     ) -> None:
@@ -195,15 +231,13 @@ class Conditions:
 
             def off() -> None:
                 while True:
-                    if source.emissions:
-                        scheduler.sleep(self.world.period)
-                    else:
-                        rest()
-                        scheduler.yield_()
+                    source.wait_until_over()
+                    rest()
+                    scheduler.yield_()
 
             scheduler.spawn(off, "whenever", parent=scheduler.running())
 
-    def wait_expr(self, condition: Thunk, duration: Any) -> None:
+    def wait_expr(self, condition: Thunk, duration: Value) -> None:
         """``waituntil (condition ~ duration)``."""
         edge = Edge(self.world, condition, duration)
         try:
@@ -212,11 +246,11 @@ class Conditions:
         finally:
             edge.stop()
 
-    def wait_event(self, event: Any, accept: Accept) -> Any:
+    def wait_event(self, event: Value, accept: Accept) -> Any:
         """``waituntil (event?(...))``; the bound values."""
         return Waiter(self.world, accept).wait(self._event(event))
 
-    def emit(self, event: Any, payload: list[Any], duration: Any = None) -> Any:
+    def emit(self, event: Value, payload: list[Value], duration: Value = None) -> Any:
         """``event!(payload) ~ duration``; void."""
         if event.__class__ is Event and "emit" not in event.slots:
             if duration is None:
@@ -229,7 +263,7 @@ class Conditions:
             self._event(event).emit(payload, duration)
         return self.world.void
 
-    def _event(self, event: Any) -> Event:
+    def _event(self, event: Value) -> Event:
         if not isinstance(event, Event):
             raise self.world.type_error(None, event, "Event", None)
         return event

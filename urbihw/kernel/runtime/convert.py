@@ -1,4 +1,4 @@
-"""Python values to urbiscript values and back: the one table for both directions.
+"""Conversion between Python values and urbiscript values.
 
 ==============  =========================
 Python          urbiscript
@@ -12,21 +12,22 @@ tuple           Tuple
 dict            Dictionary (keys become strings)
 ==============  =========================
 
-An urbiscript object that is none of these stays what it is.
+Other urbiscript objects are not converted.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from urbihw.kernel.runtime.object import Nil, Obj, Truth, Void
 from urbihw.kernel.runtime.values import Dictionary, List, String, Tuple
+from urbihw.kernel.value import Value
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
 
-def from_python(world: World, value: Any) -> Any:
+def from_python(world: World, value: Value) -> Value:
     """The urbiscript value for a Python one; raises TypeError if there is none."""
     if value.__class__ is float or isinstance(value, Obj):
         return value
@@ -49,8 +50,8 @@ def from_python(world: World, value: Any) -> Any:
     raise TypeError(f"no urbiscript value for a Python {type(value).__name__}")
 
 
-def to_python(value: Any) -> Any:
-    """The Python value for an urbiscript one; objects without a Python equivalent are given as they are."""
+def to_python(value: Value) -> Value:
+    """The Python value for an urbiscript one; objects without a Python equivalent stay as they are."""
     if isinstance(value, String):
         return value.s
     if isinstance(value, Truth):

@@ -1,9 +1,10 @@
 """Events: emissions, subscriptions, and the jobs that handlers run in.
 
 An *emission* begins, lasts (an instant, a duration, or until it is stopped) and ends.  A *subscription* is what ``at``,
-``whenever`` and ``waituntil`` set up: it accepts or refuses a payload, and is told the beginning and the end of each
-emission it accepted.  A subscription belongs to the tags under which it was made: it is gone when one of them is
-stopped, and what happens while one is frozen is lost on it.  Handlers run as jobs of their own, under those tags.
+``whenever`` and ``waituntil`` set up: it accepts or refuses a payload, and is notified of the beginning and the end of
+each emission that it accepted.  A subscription belongs to the tags under which it was made: it ends when one of them is
+stopped, and it misses the emissions that happen while one of them is frozen.  Handlers run as jobs of their own under
+those tags.
 """
 
 from __future__ import annotations
@@ -16,30 +17,33 @@ from urbihw.kernel.sched.errors import TooManyJobs
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.tag import TagEntry
 from urbihw.kernel.sched.timequeue import Timer
+from urbihw.kernel.sched.waiting import Completion
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
 Payload = list[Any]
 Accept = Callable[[Payload], Any]
-"""Given a payload, the values bound by the pattern (any object but None), or None to refuse."""
+"""Takes a payload, and returns the values bound by the pattern (any object but None), or None to refuse the payload."""
 
 
 class Listener(Protocol):
-    """What hears of emissions: a handler, a waiting job, an event that follows another."""
+    """The receiver of emissions: a handler, a waiting job, or an event that follows another one."""
 
     def offer(self, emission: Emission) -> None:
-        """An emission begins: put oneself among its ``matches`` to hear of its end."""
+        """An emission begins.  A listener that adds itself to the ``matches`` is notified of the end."""
         ...
 
     def ended(self, emission: Emission, match: Any) -> None:
-        """An emission that was accepted is over."""
+        """An accepted emission is over."""
         ...
 
 
 class Emission:
     """One occurrence of an event; ``on`` while it lasts."""
 
+    sustained = False
+    """Whether the emission lasts until a program ends it, which does not wait for the handlers of ``at sync``."""
     __slots__ = ("event", "jobs", "matches", "on", "payload")
 
     def __init__(self, event: Event, payload: Payload) -> None:
@@ -50,13 +54,20 @@ class Emission:
         self.jobs: list[Job] = []
 
     def stop(self) -> None:
-        """The event is over; twice is harmless."""
+        """End the emission; a second call does nothing."""
         if not self.on:
             return
         self.on = False
         self.event.emissions.pop(self, None)
         for subscription, match in self.matches:
             subscription.ended(self, match)
+
+
+class SustainedEmission(Emission):
+    """An emission that ``trigger`` begins."""
+
+    __slots__ = ()
+    sustained = True
 
 
 class Event(Obj):
@@ -70,23 +81,26 @@ class Event(Obj):
         self.emissions: dict[Emission, None] = {}
 
     def clone(self) -> Event:
-        """A fresh event without subscriptions."""
+        """A new event without subscriptions."""
         return Event(self.world, [self])
 
-    def begin(self, payload: Payload) -> Emission:
-        """Begin to emit; end it with ``stop``.  Runs in a job: guards of subscriptions are evaluated here."""
-        emission = Emission(self, payload)
+    def begin(self, payload: Payload, kind: type[Emission] = Emission) -> Emission:
+        """Begin an emission, which ends with ``stop``.  Must be called in a job, since the guards of subscriptions run
+        here.
+        """
+        emission = kind(self, payload)
         self.emissions[emission] = None
         try:
             for subscription in tuple(self.subscriptions):
-                subscription.offer(emission)
+                if subscription in self.subscriptions:  # not ended while a handler of ``at sync`` was waited for
+                    subscription.offer(emission)
         except BaseException:
-            emission.stop()  # the error of a guard ends what it was asked about
+            emission.stop()  # an error in a guard ends the emission
             raise
         return emission
 
     def follow(self, other: Event) -> None:
-        """Emit whatever another event emits, from now on and as long as it lasts."""
+        """Emit all further emissions of another event, each for as long as it lasts."""
         follower = Follower(self)
         other.subscriptions[follower] = None
         for emission in list(other.emissions):
@@ -105,13 +119,22 @@ class Event(Obj):
         return emission
 
     def sync_emit(self, payload: Payload) -> None:
-        """Emit for an instant and wait until the handlers are over."""
+        """Emit for an instant, and wait until the handlers are over."""
         for job in self.emit(payload).jobs:
             wait_for(self.world, job)
 
+    def wait_until_over(self) -> None:
+        """Park the running job until no emission is in progress."""
+        while self.emissions:
+            emission = next(iter(self.emissions))
+            ending = Ending(self.world)
+            emission.matches.append((ending, None))
+            ending.over.wait()
+
     def subscribe(self, subscription: Listener) -> None:
-        """Add a subscription; it is told at once of the emissions that last.  The event in the slot ``onSubscribe``, if
-        there is one, is emitted."""
+        """Add a subscription, and offer it the emissions that are in progress.  The event in the slot ``onSubscribe``,
+        if there is one, is emitted.
+        """
         self.subscriptions[subscription] = None
         watcher = self.slots.get("onSubscribe")
         if isinstance(watcher, Event):
@@ -120,8 +143,24 @@ class Event(Obj):
             subscription.offer(emission)
 
 
+class Ending:
+    """The end of one emission, for which a job waits."""
+
+    __slots__ = ("over",)
+
+    def __init__(self, world: World) -> None:
+        self.over: Completion[None] = Completion(world.scheduler)
+
+    def offer(self, emission: Emission) -> None:
+        """Further emissions are ignored."""
+
+    def ended(self, emission: Emission, match: Any) -> None:
+        """The emission is over."""
+        self.over.complete(None)
+
+
 class Follower:
-    """Emits an event whenever another one is emitted, for as long."""
+    """Emits an event whenever another one is emitted, and for the same time."""
 
     __slots__ = ("_event",)
 
@@ -145,23 +184,13 @@ def wait_for(world: World, job: Job) -> None:
     """Park the running job until another is over."""
     if job.done:
         return
-    me = world.scheduler.running()
-    waiting = True
-
-    def ended(_: Job) -> None:
-        if waiting:
-            world.scheduler.wake(me)
-
-    job.when_ended(ended)
-    try:
-        while not job.done:
-            world.scheduler.suspend(None)
-    finally:
-        waiting = False
+    over: Completion[Job] = Completion(world.scheduler)
+    job.when_ended(over.complete)
+    over.wait()
 
 
 class Handlers:
-    """What runs handler jobs for something set up by urbiscript code: remembers context and tags of its maker."""
+    """Runs handler jobs for an ``at`` or the like, in the context and under the tags of the job that set it up."""
 
     __slots__ = ("__weakref__", "_context", "_entries", "live", "name", "world")
 
@@ -176,20 +205,21 @@ class Handlers:
             entry.tag.hooks[self] = None
 
     def frozen(self) -> bool:
-        """Whether a tag holds what was set up."""
+        """Whether one of the tags is frozen."""
         return self.world.scheduler.frozen_tags > 0 and any(entry.tag.is_frozen() for entry in self._entries)
 
     def spawn(self, body: Callable[[], Any], jobs: list[Job] | None = None) -> None:
-        """A job under the tags of the maker, added to ``jobs``.
+        """Make a handler job under the tags, and add it to ``jobs``.
 
-        Raises TooManyJobs to somebody of the same connection, who makes them.  Anybody else goes on, and the maker is
-        told.
+        Raises TooManyJobs in a job of the same connection, which causes them.  A job of another connection goes on, and
+        the error is reported to the connection of the handler.
         """
         scheduler = self.world.scheduler
         try:
             made = scheduler.spawn(body, self.name, context=self._context, entries=self._entries)
         except TooManyJobs as error:
-            if self._context is None or (scheduler.current is not None and scheduler.current.payer is self._context):
+            current = scheduler.current
+            if self._context is None or (current is not None and current.charged_context is self._context):
                 raise
             self.fail(error)
         else:
@@ -197,7 +227,7 @@ class Handlers:
                 jobs.append(made)
 
     def fail(self, error: Exception) -> None:
-        """A condition or a guard failed: tell the maker; the job that happened to evaluate it goes on."""
+        """Report an error of a condition or a guard to its connection; the job that evaluated it goes on."""
         if self._context is not None:
             self._context.report(error)
             return
@@ -208,7 +238,7 @@ class Handlers:
         self.spawn(tell)
 
     def stopped(self) -> None:
-        """A tag of the maker was stopped."""
+        """One of the tags was stopped."""
         if self.live:
             self.live = False
             for entry in self._entries:
@@ -216,14 +246,14 @@ class Handlers:
             self.close()
 
     def close(self) -> None:
-        """Undo what was set up."""
+        """End the ``at`` or the like."""
 
 
 class Subscription(Handlers):
     """An ``at`` or ``whenever`` on an event.
 
-    ``accept`` gives the bound values or None; ``enter(match, emission)`` and ``leave(match)`` make the bodies to run,
-    or None for nothing.  With a ``duration`` the emission has to last that long before it counts.
+    ``accept`` returns the bound values or None; ``enter(match, emission)`` and ``leave(match)`` return the bodies to
+    run, or None.  With a ``duration``, in seconds, an emission counts only when it has lasted that long.
     """
 
     __slots__ = ("_accept", "_duration", "_enter", "_event", "_leave", "_on", "_simple", "_timers")
@@ -238,7 +268,7 @@ class Subscription(Handlers):
         duration: float | None,
     ) -> None:
         super().__init__(world, "at")
-        # Then the end of an emission does not matter, which saves keeping account of it.
+        # Then the end of an emission does not matter, and is not recorded.
         self._simple = duration is None and leave is None
         self._event = event
         self._accept = accept
@@ -282,7 +312,7 @@ class Subscription(Handlers):
             self.spawn(body, emission.jobs)
 
     def ended(self, emission: Emission, match: Any) -> None:
-        """An emission that was accepted is over."""
+        """An accepted emission is over."""
         timer = self._timers.pop(emission, None) if self._timers else None
         if timer is not None:
             timer.cancel()
@@ -290,10 +320,14 @@ class Subscription(Handlers):
             return
         body = self._leave(match)
         if body is not None:
-            self.spawn(body, emission.jobs)
+            self.spawn_leave(body, emission)
+
+    def spawn_leave(self, body: Callable[[], Any], emission: Emission) -> None:
+        """A job for the ``onleave``."""
+        self.spawn(body, emission.jobs)
 
     def close(self) -> None:
-        """The tag was stopped: hear no more, leave what is on."""
+        """Unsubscribe, and run the ``onleave`` for the emissions in progress."""
         self._event.subscriptions.pop(self, None)
         for timer in self._timers.values():
             timer.cancel()
@@ -304,37 +338,73 @@ class Subscription(Handlers):
         self._on.clear()
 
 
+class Synchronous(Handlers):
+    """For ``at sync``: the job that starts a handler waits until the handler is over.
+
+    Only jobs of the same connection wait: a handler must not delay the programs of others.  Code outside any job (a
+    device that writes) does not wait, nor does the evaluation of a condition.
+    """
+
+    __slots__ = ()
+
+    def spawn(self, body: Callable[[], Any], jobs: list[Job] | None = None) -> None:
+        """Make a handler job, which runs at once; the running job waits until it is over."""
+        made: list[Job] = []
+        super().spawn(body, made)
+        if jobs is not None:
+            jobs += made
+        current = self.world.scheduler.current
+        if not made or current is None or self.world.recorder.active is not None:
+            return
+        if current.charged_context is self._context:
+            # It is a part of the waiting statement: a stop of the robot during the wait counts for it, too.
+            made[0].epoch = current.epoch
+            self.world.scheduler.run_first(made[0])
+            wait_for(self.world, made[0])
+
+
+class SyncSubscription(Synchronous, Subscription):
+    """An ``at sync`` on an event."""
+
+    __slots__ = ()
+
+    def spawn_leave(self, body: Callable[[], Any], emission: Emission) -> None:
+        """Make a job for the ``onleave``.  The job that ends an emission of ``trigger`` does not wait for it."""
+        if emission.sustained:
+            Handlers.spawn(self, body, emission.jobs)
+        else:
+            self.spawn(body, emission.jobs)
+
+
 class Waiter:
     """A ``waituntil`` on an event: parks the running job until an emission is accepted."""
 
-    __slots__ = ("_accept", "_job", "_timers", "match", "world")
+    __slots__ = ("_accept", "_accepted", "_job", "world")
 
     def __init__(self, world: World, accept: Accept) -> None:
         self.world = world
         self._accept = accept
         self._job = world.scheduler.running()
-        self.match: Any = None
+        self._accepted: Completion[Any] = Completion(world.scheduler)
 
     def offer(self, emission: Emission) -> None:
-        """An emission begins; one that comes while the waiting job is frozen is lost."""
-        if self.match is None and not self._job.frozen:
+        """An emission begins; it is ignored while the waiting job is frozen."""
+        if not self._accepted.done and not self._job.frozen:
             try:
-                self.match = self._accept(emission.payload)
+                match = self._accept(emission.payload)
             except Exception as error:
                 self.world.scheduler.throw(self._job, error)
             else:
-                if self.match is not None:
-                    self.world.scheduler.wake(self._job)
+                if match is not None:
+                    self._accepted.complete(match)
 
     def ended(self, emission: Emission, match: Any) -> None:
-        """Ends do not matter to one who waits for a beginning."""
+        """The end of an emission is ignored."""
 
     def wait(self, event: Event) -> Any:
-        """Park until an emission is accepted; the bound values."""
+        """Park the running job until an emission is accepted; return the bound values."""
         event.subscribe(self)
         try:
-            while self.match is None:
-                self.world.scheduler.suspend(None)
+            return self._accepted.wait()
         finally:
             event.subscriptions.pop(self, None)
-        return self.match

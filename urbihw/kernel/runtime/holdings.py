@@ -1,7 +1,7 @@
-"""What the jobs of a connection hold of the operating system (sockets, child processes): closed when it ends.
+"""The resources of the operating system that a connection holds (sockets, child processes); closed when it ends.
 
-A job holds on the account of the lobby that it speaks to.  What is held by jobs that speak to none (files that are
-loaded at the start) lasts as long as the kernel.  Lobbies that belong to another one count together with it.
+A resource belongs to the lobby of the job that opens it.  Resources of jobs without a lobby (files that are loaded at
+the start) last as long as the kernel.  A lobby that belongs to another one shares the limits of that one.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ Address = tuple[str, int]
 
 
 class Holding(Protocol):
-    """Something to be closed when the connection ends."""
+    """A resource that is closed when the connection ends."""
 
     def close(self) -> None:
-        """Close it: at once, without waiting, in the kernel's thread; twice is harmless."""
+        """Close the resource without waiting, in the kernel's thread; a second call does nothing."""
         ...
 
 
 @dataclass(frozen=True)
 class _Entry:
-    """Something held."""
+    """A registered resource."""
 
     one: Holding
     kind: str
@@ -40,29 +40,31 @@ class _Entry:
 
 
 class Holdings:
-    """What one lobby holds."""
+    """The resources of one lobby."""
 
     def __init__(self, maker: Holdings | None = None) -> None:
-        """``maker``: of the lobby that this one belongs to; the bounds are for both together."""
+        """``maker`` has the resources of the lobby that this lobby belongs to; the limits are for both together."""
         self._numbers: Counter[str] = Counter() if maker is None else maker._numbers
         self._held: dict[int, _Entry] = {}
-        """By identity: objects of the language may be equal to others."""
+        """The resources by identity, since objects of the language may be equal to others."""
         self._sealed = False
 
     def check(self, kind: str, most: int) -> None:
-        """Raise Exception.Primitive if no further one of a kind may be held: see ``own``."""
+        """Raise Exception.Primitive if no further resource of a kind may be registered."""
         if self._sealed:
             raise errors.primitive("the connection is closed: nothing can be opened for it any more")
         if self._numbers[kind] >= most:
             raise errors.primitive(f"too many {kind}: this connection has {most}; close one")
 
-    def own(self, one: Holding, kind: str, most: int, address: Callable[[], Address | None] = lambda: None) -> None:
-        """Hold something until ``disown``, and close it when the connection ends.
+    def register(
+        self, one: Holding, kind: str, most: int, address: Callable[[], Address | None] = lambda: None
+    ) -> None:
+        """Hold a resource until ``unregister``, and close it when the connection ends.
 
-        ``kind`` is what they are called in the plural ("sockets"), ``most`` how many of them there may be;
-        ``address()`` says from which address it connects, if it does.  Raises Exception.Primitive when there are so
-        many, or when the connection is closed; then it is not held, and the caller closes it.  Something that is held
-        already stays held.
+        ``kind`` is a plural name ("sockets"), ``most`` the maximum number of that kind; ``address()`` is the local
+        address from which the resource connects, None if it does not.  Raises Exception.Primitive when that number is
+        reached or the connection is closed; the caller then closes the resource.  Registering a resource again does
+        nothing.
         """
         if id(one) in self._held:
             return
@@ -70,29 +72,29 @@ class Holdings:
         self._numbers[kind] += 1
         self._held[id(one)] = _Entry(one, kind, address)
 
-    def disown(self, one: Holding) -> None:
-        """Hold something no more: it is closed, or over.  Harmless if it is not held."""
+    def unregister(self, one: Holding) -> None:
+        """Remove a resource that is closed or over; does nothing if it is not registered."""
         found = self._held.pop(id(one), None)
         if found is not None:
             self._numbers[found.kind] -= 1
 
     def held(self) -> list[Holding]:
-        """All that is held."""
+        """All registered resources."""
         return [entry.one for entry in self._held.values()]
 
     def connects_from(self, address: Address) -> bool:
-        """Whether something that is held connects from this address."""
+        """Whether a registered resource connects from this address."""
         return any(entry.address() == address for entry in self._held.values())
 
     def seal(self) -> None:
-        """The connection is gone: nothing new is held from now on."""
+        """Refuse further resources, because the connection is closed."""
         self._sealed = True
 
     def close(self) -> None:
-        """Close all that is held, and hold nothing from now on."""
+        """Close all resources, and refuse further ones."""
         self.seal()
         for one in self.held():
-            self.disown(one)
+            self.unregister(one)
             try:
                 one.close()
             except Exception as error:
@@ -100,7 +102,7 @@ class Holdings:
 
 
 def holdings_of(world: World) -> Holdings:
-    """Where the running job holds what it opens: with its lobby, or with the kernel if it speaks to none."""
+    """The resources to which the running job adds: those of its lobby, or those of the kernel if it has no lobby."""
     context = world.scheduler.running().context
     found: Holdings = world.holdings if context is None else context.holdings
     return found

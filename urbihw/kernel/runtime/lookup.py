@@ -1,19 +1,19 @@
-"""Where inherited slots are found, remembered so that a look-up costs the same at any depth.
+"""Look-up of inherited slots, with caches that make its cost independent of the depth.
 
-Every object that was looked through as a prototype has a *cache*: slot name to the object that holds the slot, or
-``NOWHERE``.  The look-up order is depth first, each object once.  Three facts keep the caches small and right:
+Each object that was searched as a prototype has a *cache* from slot names to the objects that hold the slots, or
+``NOWHERE``.  The order of look-up is depth first, each object once.  Three facts keep the caches small and correct:
 
-- Of two objects one of which is the only prototype of the other, both find the same holder, unless the lower one has
-  the slot itself.  So a search walks up the chain of first prototypes until an object knows the answer, and notes it at
-  every ``STRIDE``-th object of the way; only objects with several prototypes need a depth-first search, and only when
-  their first prototype has no answer.
-- A slot that is added or removed can only change answers for its name, in objects that were looked through: those are
-  dropped (``forget``).  New prototypes can change everything: all caches are dropped (``flush``), unless the object was
-  never looked through, which is so while it is being built.
-- A change of a value changes no answer.
+- An object with a single prototype finds the same holder as the prototype, unless it has the slot itself.  So a search
+  follows the chain of first prototypes until a cache has the answer, and stores the answer in each ``STRIDE``-th object
+  of the chain.  Only objects with several prototypes need a depth-first search, and only when the first one has no
+  answer.
+- Adding or removing a slot can change only the answers for its name, in objects that have a cache: these answers are
+  dropped (``forget_slot``).  New prototypes can change all answers: all caches are dropped (``flush``), unless the
+  object was never searched, as while it is being built.
+- Changing a value changes no answer.
 
-Where prototypes inherit from each other in a circle, and several of them have the slot, the first prototype's own
-answer goes before that of the others.  The objects are held weakly: a cache keeps nobody alive but ancestors.
+Where prototypes inherit from each other in a circle and several of them have the slot, the answer of the first
+prototype counts.  References to the objects are weak: a cache keeps only ancestors alive.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
 STRIDE: Final = 32
-"""An answer is noted at one of so many objects of a chain: that many steps a later search takes at most."""
-MOST_NAMES: Final = 20_000
-"""For how many names answers are remembered: a program may ask for names that it makes up."""
+"""Answers are stored at every so many objects of a chain, which is the maximum number of steps of a later search."""
+MAX_NAMES: Final = 20_000
+"""Maximum number of names with stored answers, since a program may look up generated names."""
 
 
 class Nowhere:
-    """What caches say of a slot that no ancestor has; it has no slots, so that looking into them fails."""
+    """The answer for a slot that no ancestor has.  It has no slots, so that reading from it fails."""
 
     slots: ClassVar[dict[str, Any]] = {}
 
 
 NOWHERE: Final[Any] = Nowhere()
 NO_ANSWERS: Final[dict[str, Any]] = {}
-"""The cache of an object that was looked through but has no answer noted; never written to."""
+"""The cache of an object that was searched but has no stored answer; never written to."""
 
 
 class Bag:
-    """Objects held weakly; those that are gone are thrown out as it grows."""
+    """Weak references to objects; dead references are removed as the bag grows."""
 
     __slots__ = ("_refs", "_room")
 
@@ -53,7 +53,7 @@ class Bag:
         self._room = 64
 
     def add(self, obj: Obj) -> None:
-        """Put an object in; it is not looked for."""
+        """Add an object, without a check whether it is there already."""
         refs = self._refs
         refs.append(ref(obj))
         if len(refs) > self._room:
@@ -73,14 +73,15 @@ class Lookups:
     def __init__(self, world: World) -> None:
         self._world = world
         self._seen = Bag()
-        """Whoever has a cache."""
+        """The objects that have a cache."""
         self._named: dict[str, Bag] = {}
-        """Whose caches have an answer for a name."""
+        """The objects whose caches have an answer, by name."""
 
     def search(self, start: Obj, name: str) -> Obj:
-        """The first holder of a slot among ``start`` and its ancestors, or ``NOWHERE``; noted in the cache of
-        ``start``, where it was not."""
-        if len(self._named) > MOST_NAMES:
+        """The first holder of a slot among ``start`` and its ancestors, or ``NOWHERE``.  The answer is stored in the
+        cache of ``start``, in which the caller has not found it.
+        """
+        if len(self._named) > MAX_NAMES:
             self.flush()
         path: list[Obj] = []
         several = -1
@@ -102,7 +103,7 @@ class Lookups:
                 break
             if several < 0 and len(protos) > 1:
                 several = len(path) - 1
-            if len(path) == room:  # prototypes may go round in a circle (Brent's algorithm)
+            if len(path) == room:  # prototypes may form a circle (Brent's algorithm)
                 landmark, room = node, 2 * room
             node = protos[0] if protos[0].__class__ is not float else self._world.peek_obj(protos[0])
         if found is NOWHERE and several >= 0:
@@ -146,14 +147,16 @@ class Lookups:
             bag.add(node)
         node.cache[name] = found
 
-    def forget(self, name: str) -> None:
-        """A slot of this name came or went in an object with a cache."""
+    def forget_slot(self, name: str) -> None:
+        """Drop the answers for a name, after a slot of this name was added to or removed from an object with a
+        cache.
+        """
         for obj in self._named.pop(name, ()):
             if obj.cache:
                 obj.cache.pop(name, None)
 
     def flush(self) -> None:
-        """Prototypes changed: forget everything."""
+        """Drop all caches, because prototypes have changed."""
         for obj in self._seen:
             obj.cache = None
         self._seen = Bag()

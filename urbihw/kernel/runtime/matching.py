@@ -1,8 +1,8 @@
 """Structural pattern matching: a pattern is a small tuple built by generated code.
 
-``("bind",)`` takes any value; ``("value", v)`` wants one equal to v; ``("list", patterns)``, ``("tuple", patterns)``
-want that container with as many members; ``("dict", [(key, pattern), ...])`` wants at least these keys.
-Matching gives the bound values in the order in which the bindings stand in the source, or None.
+``("bind",)`` matches any value; ``("value", v)`` a value equal to v; ``("list", patterns)`` and ``("tuple", patterns)``
+that container with as many members; ``("dict", [(key, pattern), ...])`` a dictionary with at least these keys.  A match
+gives the bound values in the order of their bindings in the source.
 """
 
 from __future__ import annotations
@@ -10,36 +10,37 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel.runtime.values import Dictionary, List, String, Tuple
+from urbihw.kernel.value import Value
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
 
-def match(world: World, pattern: tuple[Any, ...], value: Any) -> list[Any] | None:
+def match(world: World, pattern: tuple[Any, ...], value: Value) -> list[Any] | None:
     """The values bound by matching ``value`` against ``pattern``, or None when it does not match."""
     bound: list[Any] = []
     return bound if _match(world, pattern, value, bound) else None
 
 
-def match_payload(world: World, patterns: list[tuple[Any, ...]], payload: list[Any]) -> list[Any] | None:
+def match_payload(world: World, patterns: list[tuple[Any, ...]], payload: list[Value]) -> list[Any] | None:
     """Match an event's payload: as many values as patterns."""
     return _match_all(world, patterns, payload, [])
 
 
 def _match_all(
-    world: World, patterns: list[tuple[Any, ...]], values: list[Any], bound: list[Any]
+    world: World, patterns: list[tuple[Any, ...]], values: list[Value], bound: list[Value]
 ) -> list[Any] | None:
     if len(patterns) != len(values):
         return None
     for pattern, value in zip(patterns, values, strict=True):
-        if pattern[0] == "bind":  # by far the most frequent
+        if pattern[0] == "bind":  # the most frequent case
             bound.append(value)
         elif not _match(world, pattern, value, bound):
             return None
     return bound
 
 
-def _match(world: World, pattern: tuple[Any, ...], value: Any, bound: list[Any]) -> bool:
+def _match(world: World, pattern: tuple[Any, ...], value: Value, bound: list[Value]) -> bool:
     kind = pattern[0]
     if kind == "bind":
         bound.append(value)

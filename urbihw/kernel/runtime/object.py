@@ -2,14 +2,14 @@
 
 An object owns a dict of its local slots, name to value.  What is inherited is found through a *cache* kept by each
 object that serves as a prototype: name to the ancestor that holds it (see ``lookup``).  A slot that is more than a
-value (constant, watched, with properties, with an owner) has a ``SlotMeta`` beside it in ``meta``; objects without any
-such slot have ``meta`` None, which is all that a plain write tests.
+value (constant, watched, with properties or an accessor) has a ``SlotMeta`` in ``meta``; objects without such a slot
+have ``meta`` None, so that a plain write needs only that one test.
 
-Floats are Python floats and are no ``Obj``: their prototype is ``World.float_proto``, and the rare slots hung on one
-particular number live in ``World.float_slots``, keyed by identity.
+Floats are Python floats and are no ``Obj``: their prototype is ``World.float_proto``.  The rare slots of a single
+number are in ``World.float_slots``, by identity.
 
-Python operators are defined on ``Obj`` by sending the urbiscript operator, so that generated code can say ``a + b``
-and CPython's own dispatch finds the right thing for numbers and for objects alike.
+Python operators are defined on ``Obj`` by sending the urbiscript operator, so that generated code can use ``a + b`` for
+numbers and objects, and CPython dispatches it.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.backtrace import running_call
 from urbihw.kernel.runtime.lookup import NOWHERE
+from urbihw.kernel.value import Value
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.slot import SlotMeta
@@ -27,17 +28,17 @@ if TYPE_CHECKING:
 
 
 class Obj:
-    """Any urbiscript object but a float."""
+    """Any urbiscript object except a Float."""
 
     __slots__ = ("__weakref__", "cache", "meta", "number", "protos", "slots", "world")
     runs = False
-    """Whether a message that finds such a value in a slot calls it."""
-    bounces = False
-    """Whether an assignment to a slot it does not have goes to its members (a Group)."""
-    heirs_alike = False
-    """Whether only what is a Finalizable too may have it as a prototype."""
-    of_connection = False
-    """Whether it belongs to one connection, and not to the library that all share."""
+    """Whether a message that finds this object in a slot calls it."""
+    assigns_to_members = False
+    """Whether an assignment to a slot that the object does not have goes to its members (a Group)."""
+    requires_finalizable_heirs = False
+    """Whether only Finalizable objects may have this object as a prototype."""
+    is_per_connection = False
+    """Whether the object belongs to one connection, and not to the shared library."""
 
     def __init__(self, world: World, protos: list[Obj]) -> None:
         self.world = world
@@ -50,7 +51,7 @@ class Obj:
     # ---------------------------------------------------------------- lookup
 
     def find(self, name: str) -> Obj | None:
-        """The object that holds the slot ``name``, looking depth first from here, or None."""
+        """The object that holds the slot ``name`` (this object or an ancestor, depth first), or None."""
         if name in self.slots:
             return self
         protos = self.protos
@@ -68,21 +69,23 @@ class Obj:
         return None if found is NOWHERE else found
 
     def fallback_slot(self, name: str) -> Any:
-        """What answers for a slot that was not found: raises ``lookup failed``."""
+        """The value of a slot that was not found: raises ``lookup failed``."""
         raise errors.lookup_failed(name, self)
 
-    def distribute(self, value: Any, action: Callable[[Any, Any], Any]) -> Any:
-        """Call ``action(member, share)`` for all members; only for what ``bounces``.
+    def distribute(self, value: Value, action: Callable[[Any, Any], Any]) -> Value:
+        """Call ``action(member, share)`` for all members; only if ``assigns_to_members``.
 
-        The shares are the members of ``value`` if it is a Group of as many, else each has all of it.
+        The shares are the members of ``value`` if it is a Group of the same size; else each share is ``value``.
         """
         raise NotImplementedError
 
     # ---------------------------------------------------------------- structure
 
-    def set_protos(self, protos: list[Any]) -> None:
-        """Change the prototypes; raises an error if that would take from others what is owed to all."""
-        if not self.heirs_alike and any(isinstance(proto, Obj) and proto.heirs_alike for proto in protos):
+    def set_protos(self, protos: list[Value]) -> None:
+        """Change the prototypes; raises an error if that would hide a protected slot."""
+        if not self.requires_finalizable_heirs and any(
+            isinstance(proto, Obj) and proto.requires_finalizable_heirs for proto in protos
+        ):
             raise errors.unfinalizable()
         before, known = self.protos, self.cache is not None
         self.protos = protos
@@ -92,57 +95,57 @@ class Obj:
         if lost:
             self.protos = before
             self.world.flush()
-            raise errors.owed(lost)
+            raise errors.protected_slot(lost)
 
     def clone(self) -> Obj:
-        """A fresh object whose only prototype is this one; a value class copies its value."""
+        """A new object whose only prototype is this one; a value class copies its value."""
         return Plain(self.world, [self])
 
     # ---------------------------------------------------------------- Python's operators
 
-    def _send1(self, name: str, other: Any) -> Any:
+    def _send1(self, name: str, other: Value) -> Any:
         return self.world.send1(self, name, other)
 
-    def __add__(self, other: Any) -> Any:
+    def __add__(self, other: Value) -> Any:
         return self._send1("+", other)
 
-    def __sub__(self, other: Any) -> Any:
+    def __sub__(self, other: Value) -> Any:
         return self._send1("-", other)
 
-    def __mul__(self, other: Any) -> Any:
+    def __mul__(self, other: Value) -> Any:
         return self._send1("*", other)
 
-    def __truediv__(self, other: Any) -> Any:
+    def __truediv__(self, other: Value) -> Any:
         return self._send1("/", other)
 
-    def __iadd__(self, other: Any) -> Any:
+    def __iadd__(self, other: Value) -> Any:
         return self._send1("+=", other)
 
-    def __isub__(self, other: Any) -> Any:
+    def __isub__(self, other: Value) -> Any:
         return self._send1("-=", other)
 
-    def __imul__(self, other: Any) -> Any:
+    def __imul__(self, other: Value) -> Any:
         return self._send1("*=", other)
 
-    def __itruediv__(self, other: Any) -> Any:
+    def __itruediv__(self, other: Value) -> Any:
         return self._send1("/=", other)
 
-    def __lt__(self, other: Any) -> Any:
+    def __lt__(self, other: Value) -> Any:
         return self._compare("<", ">", other)
 
-    def __le__(self, other: Any) -> Any:
+    def __le__(self, other: Value) -> Any:
         return self._compare("<=", ">=", other)
 
-    def __gt__(self, other: Any) -> Any:
+    def __gt__(self, other: Value) -> Any:
         return self._compare(">", "<", other)
 
-    def __ge__(self, other: Any) -> Any:
+    def __ge__(self, other: Value) -> Any:
         return self._compare(">=", "<=", other)
 
-    def _compare(self, name: str, mirrored: str, other: Any) -> Any:
-        """Python turns ``1 < x`` into ``x > 1`` when x is no number: then the program wanted a number here."""
+    def _compare(self, name: str, mirrored: str, other: Value) -> Any:
+        """Compare.  Python turns ``1 < x`` into ``x > 1`` when x is no number; the error then is that of ``1 < x``."""
         if other.__class__ is float and running_call() == mirrored:
-            self._not_a_float(mirrored)
+            return self.after_number(other, mirrored)
         return self._send1(name, other)
 
     def __neg__(self) -> Any:
@@ -151,36 +154,42 @@ class Obj:
     def __pos__(self) -> Any:
         return self.world.send(self, "+")
 
-    def _not_a_float(self, operator: str) -> Any:
+    def after_number(self, left: Value, operator: str) -> Any:
+        """``left operator this`` for a number ``left``; raises the type error of the number's operator."""
         raise self.world.type_error(1, self, "Float", operator)
 
-    def __radd__(self, left: Any) -> Any:
-        return self._not_a_float("+")
+    def __radd__(self, left: Value) -> Any:
+        return self.after_number(left, "+")
 
-    def __rsub__(self, left: Any) -> Any:
-        return self._not_a_float("-")
+    def __rsub__(self, left: Value) -> Any:
+        return self.after_number(left, "-")
 
-    def __rmul__(self, left: Any) -> Any:
-        return self._not_a_float("*")
+    def __rmul__(self, left: Value) -> Any:
+        return self.after_number(left, "*")
 
-    def __rtruediv__(self, left: Any) -> Any:
-        return self._not_a_float("/")
+    def __rtruediv__(self, left: Value) -> Any:
+        return self.after_number(left, "/")
+
+    def default_truth(self) -> bool:
+        """Whether the object counts as true, unless a program defines ``asBool`` for it."""
+        return True
 
     def __bool__(self) -> bool:
-        return True
+        world = self.world
+        return world.truth_of(self) if world.truth_redefined else self.default_truth()
 
 
 class Plain(Obj):
-    """An object that is nothing but its slots.
+    """An object without a value of its own.
 
-    The classes of values are its siblings and not its children: Python asks a child's operators first.
+    The classes of values do not derive from it, because Python would call the operators of a derived class first.
     """
 
     __slots__ = ()
 
 
 class Void(Obj):
-    """The one absence of a value: answers ``isVoid`` and little else, and may not be used where a value is needed."""
+    """The absence of a value: it answers ``isVoid`` and few other messages, and is an error where a value is needed."""
 
     __slots__ = ()
 
@@ -188,7 +197,7 @@ class Void(Obj):
         """Any other message is an error."""
         raise errors.unexpected_void()
 
-    def _send1(self, name: str, other: Any) -> Any:
+    def _send1(self, name: str, other: Value) -> Any:
         raise errors.unexpected_void()
 
     def __neg__(self) -> Any:
@@ -197,11 +206,15 @@ class Void(Obj):
     def __pos__(self) -> Any:
         raise errors.unexpected_void()
 
-    def _not_a_float(self, operator: str) -> Any:
+    def after_number(self, left: Value, operator: str) -> Any:
+        """Void is no operand."""
         raise errors.unexpected_void()
 
-    def __bool__(self) -> bool:
+    def default_truth(self) -> bool:
+        """Void is neither true nor false."""
         raise errors.unexpected_void()
+
+    __bool__ = default_truth
 
 
 class Truth(Obj):
@@ -213,8 +226,11 @@ class Truth(Obj):
         super().__init__(world, protos)
         self.value = value
 
-    def __bool__(self) -> bool:
+    def default_truth(self) -> bool:
+        """The truth value itself; conditions do not call ``asBool`` of true and false."""
         return self.value
+
+    __bool__ = default_truth
 
 
 class Nil(Obj):
@@ -222,5 +238,8 @@ class Nil(Obj):
 
     __slots__ = ()
 
-    def __bool__(self) -> bool:
+    def default_truth(self) -> bool:
+        """nil counts as false; conditions do not call its ``asBool``."""
         return False
+
+    __bool__ = default_truth

@@ -1,16 +1,17 @@
-"""Values and errors as text without asking urbiscript: what a client is told when the slots that print are spoilt.
+"""Values and errors as text without running urbiscript, for clients of a kernel whose printing slots are broken.
 
-The library says of its own values what is said here; a program may redefine ``asString`` and the like, or remove them.
+The texts are those of the library; a program may redefine or remove ``asString`` and the like.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.backtrace import Stack
 from urbihw.kernel.runtime.object import Nil, Obj, Truth, Void
 from urbihw.kernel.runtime.values import Dictionary, FloatObject, List, String, Tuple
+from urbihw.kernel.value import Value
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
@@ -22,14 +23,14 @@ _ESCAPED: Final = str.maketrans({
     chr(code): ESCAPES.get(chr(code), f"\\x{code:02x}")
     for code in range(256) if chr(code) in ESCAPES or not " " <= chr(code) <= "~"
 })  # fmt: skip
-DEPTH: Final = 20
-"""How deep containers are shown; a list may hold itself."""
-MEMBERS: Final = 1000
-"""How many members of containers are shown in all."""
+MAX_DEPTH: Final = 20
+"""Maximum depth of containers in a text; a list may contain itself."""
+MAX_SHOWN_MEMBERS: Final = 1000
+"""Maximum number of members of containers in a text."""
 
 
 def float_text(value: float) -> str:
-    """How a number is shown: in full if it is integral and fits 64 bits, else with six significant digits."""
+    """The text of a number: all digits if it is integral and fits 64 bits, else six significant digits."""
     if value.is_integer() and abs(value) < 2.0**63:
         return str(int(value))
     return f"{value:g}"
@@ -40,19 +41,19 @@ def escaped(text: str) -> str:
     return '"' + text.translate(_ESCAPED) + '"'
 
 
-def plain_text(world: World, value: Any) -> str:
-    """Any value as the library shows it at top level; what has no such text by its class and identity."""
+def plain_text(world: World, value: Value) -> str:
+    """Any value as the library prints it at top level; a value without such a text by its class and identity."""
     return _Shown(world).text(value, 0)
 
 
 class _Shown:
-    """What is shown of one value; ``left`` is how many members of containers still may be."""
+    """The text of one value under construction; ``_left`` is the number of members of containers that may follow."""
 
     def __init__(self, world: World) -> None:
         self._world = world
-        self._left = MEMBERS
+        self._left = MAX_SHOWN_MEMBERS
 
-    def text(self, value: Any, depth: int) -> str:
+    def text(self, value: Value, depth: int) -> str:
         if value.__class__ is float:
             return float_text(value)
         if isinstance(value, FloatObject):
@@ -71,10 +72,10 @@ class _Shown:
             return f"[{self._members(list(value.d.items()), depth)}]"
         return f"{plain_type(value)}_{self._world.uid(value)}"
 
-    def _members(self, members: list[Any], depth: int) -> str:
+    def _members(self, members: list[Value], depth: int) -> str:
         parts: list[str] = []
         for member in members:
-            if depth == DEPTH or not self._left:
+            if depth == MAX_DEPTH or not self._left:
                 parts.append("...")
                 break
             self._left -= 1
@@ -86,14 +87,14 @@ class _Shown:
 
 
 def plain_type(value: Obj) -> str:
-    """The ``type`` of an object as far as it is a String; else Object."""
+    """The ``type`` of an object if it is a String, else ``Object``."""
     holder = value.find("type")
     kind = None if holder is None else holder.slots.get("type")
     return kind.s if isinstance(kind, String) else "Object"
 
 
 def plain_error(world: World, error: errors.UrbiError, stack: Stack) -> list[str]:
-    """The lines that tell of an uncaught error, without the leading marks."""
+    """The lines that report an uncaught error, without the leading ``!!!``."""
     if isinstance(error, errors.Raised):
         routine = stack.routine if error.routine == "" else error.routine
         head = f"{routine}: {error.message}" if routine else error.message

@@ -1,16 +1,15 @@
-"""What the library was when start-up was complete, and the way back to it.
+"""The record of the library as it was when start-up was complete, and restoring it.
 
-All connections share the prototypes of the library and the robot's objects, and a program may change them.  Two things
-stand against one program spoiling them for everybody:
+All connections share the prototypes of the library and the robot's objects, and a program may change them.  Two
+mechanisms limit the damage that one program can do to the others:
 
-- Some slots are *owed* to everybody: System and how to end the server, the robot and its stop.  No program can remove,
-  replace or hide them; ``SlotOps.put``, ``SlotOps.remove_slot`` and ``Obj.set_protos`` ask here, and only for the few
-  names that are owed.
-- Of all shared objects their prototypes and slots are *recorded*, and what the robot's own code changes later too.
-  When a connection is opened, what was removed or replaced by something that cannot be meant is put back; other
-  definitions that a program gave are told of.  ``reset`` puts those back too.  Slots that were added are told of only
-  where they hide a function of the library, and a slot that holds a mere value is a variable: its value is not
-  compared.
+- Some slots are *protected*: System and ending the server, the robot and its stop.  No program can remove, replace or
+  hide them.  ``SlotOps.put_slot``, ``SlotOps.remove_slot`` and ``Obj.set_protos`` check this for the few protected
+  names.
+- The prototypes and slots of all shared objects are *recorded*, and so are later changes by the robot's own code.  When
+  a connection is opened, slots that were removed or replaced by an implausible value are restored; other redefinitions
+  are reported, and ``reset`` restores them too.  Added slots are reported only where they hide a function of the
+  library.  A slot with a plain value is a variable, and its value is not compared.
 """
 
 from __future__ import annotations
@@ -27,6 +26,7 @@ from urbihw.kernel.runtime.slot import SlotMeta, meta_of
 from urbihw.kernel.runtime.slots import OPERATORS
 from urbihw.kernel.runtime.values import Dictionary, List, String, Tuple
 from urbihw.kernel.runtime.watch import Watch
+from urbihw.kernel.value import Value
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
@@ -34,22 +34,22 @@ if TYPE_CHECKING:
 log = logging.getLogger("urbihw.kernel")
 
 ABSENT: Final[Any] = object()
-"""Stands for a slot that is not there."""
+"""Represents the value of a slot that does not exist."""
 PRINTING: Final = ("asToplevelPrintable", "asPrintable", "asString")
-"""The slots by which the top level prints the values of everybody."""
-NAMED: Final = 6
-"""How many changes one line names."""
+"""The slots with which the top level prints values."""
+MAX_NAMED: Final = 6
+"""Maximum number of changes named in one line."""
 
 
-class Owed(NamedTuple):
-    """A slot that everybody finds from ``anchor`` in ``holder``."""
+class ProtectedSlot(NamedTuple):
+    """A protected slot: looked up from ``anchor``, it must be found in ``holder``."""
 
     anchor: Obj
     holder: Obj
 
 
-class Kept(NamedTuple):
-    """One shared object as it was: ``is_class`` if it is a prototype and no single thing."""
+class RecordedObject(NamedTuple):
+    """The record of one shared object; ``is_class``: it is a prototype, not a single object."""
 
     name: str
     obj: Obj
@@ -60,7 +60,7 @@ class Kept(NamedTuple):
 
 
 class Changes:
-    """What a comparison with the record brought to light: what was put back, and what is different and stays."""
+    """The result of a comparison with the record: the slots that were restored, and those that differ and stay."""
 
     def __init__(self) -> None:
         self.back: dict[str, None] = {}
@@ -68,35 +68,35 @@ class Changes:
 
 
 class Record:
-    """The record of one world.  ``owed`` has the slots that no program can touch, by their names."""
+    """The record of one world.  ``protected`` has the slots that no program can change, by name."""
 
     def __init__(self, world: World) -> None:
         self._world = world
-        self.owed: dict[str, list[Owed]] = {}
+        self.protected: dict[str, list[ProtectedSlot]] = {}
         self.open_ended: list[Obj] = []
-        """Objects whose slots come and go as programs and devices do: only their functions are recorded."""
-        self._kept: dict[Obj, Kept] = {}
-        self._by_name: dict[str, Kept] = {}
+        """Objects to which programs and devices add slots all the time: only their functions are recorded."""
+        self._kept: dict[Obj, RecordedObject] = {}
+        self._by_name: dict[str, RecordedObject] = {}
         self._functions: set[str] = set()
         self._quick: tuple[Any, ...] = ()
         self._logged: set[tuple[str, str]] = set()
-        self._printers: list[Kept] = []
+        self._printers: list[RecordedObject] = []
         self._printing = self._watch_printing()
 
     # ---------------------------------------------------------------- what is owed
 
-    def owe(self, anchor: Obj, *names: str) -> None:
-        """No program can take these slots from an object any more; they are what they should be by now."""
+    def protect(self, anchor: Obj, *names: str) -> None:
+        """Protect these slots of an object with their present values."""
         for name in names:
             holder = anchor.find(name)
             if holder is None:
                 continue
-            self.owed.setdefault(name, []).append(Owed(anchor, holder))
+            self.protected.setdefault(name, []).append(ProtectedSlot(anchor, holder))
             meta = meta_of(holder, name)
             if meta.accessor is None:
                 meta.constant = True
 
-    def is_shared(self, obj: Any) -> bool:
+    def is_shared(self, obj: Value) -> bool:
         """Whether an object belongs to the library or the robot."""
         return isinstance(obj, Obj) and obj in self._kept
 
@@ -106,20 +106,23 @@ class Record:
         return kept is not None and name in kept.slots
 
     def guard(self, obj: Obj, name: str) -> None:
-        """A slot of this name, which is owed, is to be made or replaced; raises if that is not for programs."""
-        for owed in self.owed[name]:
-            if owed.holder is obj or _comes_first(self._world, obj, owed):
-                raise errors.owed(name)
+        """Raise an error if making or replacing a slot of this protected name would replace or hide a protected
+        slot.
+        """
+        for owed in self.protected[name]:
+            if owed.holder is obj or _would_hide(self._world, obj, owed):
+                raise errors.protected_slot(name)
 
     def guard_removal(self, obj: Obj, name: str) -> None:
-        """A slot of this name, which is owed, is to be removed; raises if that is not for programs."""
-        if any(owed.holder is obj for owed in self.owed[name]):
-            raise errors.owed(name)
+        """Raise an error if removing a slot of this protected name would remove a protected slot."""
+        if any(owed.holder is obj for owed in self.protected[name]):
+            raise errors.protected_slot(name)
 
     def lost(self) -> str:
-        """The name of an owed slot that is not found where it was, "" if all are: to be asked when prototypes have
-        changed."""
-        for name, all_owed in self.owed.items():
+        """The name of a protected slot that a look-up does not find any more, "" if all are found; to be called after
+        prototypes have changed.
+        """
+        for name, all_owed in self.protected.items():
             for owed in all_owed:
                 if owed.anchor.find(name) is not owed.holder:
                     return name
@@ -127,21 +130,21 @@ class Record:
 
     # ---------------------------------------------------------------- the record
 
-    def take(self) -> None:
+    def take_snapshot(self) -> None:
         """Record the library as it is now."""
         world = self._world
         self._kept.clear()
         self._by_name.clear()
-        self._keep([("Global", world.global_)])
+        self._record_reachable([("Global", world.global_)])
         self._quick = (world.generic_floats, world.quick_strings, world.quick_lists)
 
-    def _keep(self, roots: list[tuple[str, Any]]) -> None:
-        """Record what can be reached from these objects and is not yet recorded."""
+    def _record_reachable(self, roots: list[tuple[str, Any]]) -> None:
+        """Record the objects that can be reached from these roots and are not recorded yet."""
         for name, obj in _shared(self._world, roots, self._kept):
             some = obj in self.open_ended
             slots = {slot: value for slot, value in obj.slots.items() if not some or isinstance(value, Executable)}
             meta = {slot: each for slot, each in (obj.meta or {}).items() if each.accessor or each.constant}
-            kept = self._kept[obj] = Kept(name, obj, list(obj.protos), slots, meta, "type" in slots)
+            kept = self._kept[obj] = RecordedObject(name, obj, list(obj.protos), slots, meta, "type" in slots)
             self._by_name.setdefault(name, kept)
             self._functions.update(slot for slot, value in slots.items() if isinstance(value, Executable))
         self._printers = [kept for kept in self._kept.values() if kept.is_class and kept.obj not in self.open_ended]
@@ -150,9 +153,9 @@ class Record:
         self._printing.begin()
 
     def adopt(self, run: Callable[[], Any]) -> None:
-        """Run code of the robot itself: what it changes in shared objects is what they should be from then on.
+        """Run code of the robot itself, and record its changes of shared objects.
 
-        Before the record was taken that is so of everything.  Raises what ``run`` raises.
+        Before the first snapshot, all changes are part of the record.  Raises what ``run`` raises.
         """
         before = {obj: (dict(obj.slots), list(obj.protos)) for obj in self._kept}
         try:
@@ -163,10 +166,10 @@ class Record:
                 for root in self._adopted(obj, slots, protos)
             ]  # fmt: skip
             if changed:
-                self._keep(changed)
+                self._record_reachable(changed)
 
-    def _adopted(self, obj: Obj, slots: dict[str, Any], protos: list[Any]) -> Iterator[tuple[str, Any]]:
-        """Record what has changed in an object; the new values with their names."""
+    def _adopted(self, obj: Obj, slots: dict[str, Any], protos: list[Value]) -> Iterator[tuple[str, Any]]:
+        """Record the changes of an object, and return the new values with their names."""
         kept = self._kept[obj]
         if obj.protos != protos:
             kept.protos[:] = obj.protos
@@ -188,17 +191,17 @@ class Record:
         return self._kept[obj].slots[name]
 
     def check(self) -> list[str]:
-        """A connection is opened: put back what is spoilt; the lines that tell of that, and of what is different.
+        """Restore broken slots when a connection is opened; return the lines that report these and other differences.
 
-        The first call takes the record, unless that was done.
+        The first call takes the snapshot, unless that was done.
         """
         if not self._kept:
-            self.take()
+            self.take_snapshot()
         changes = Changes()
         for kept in self._kept.values():
             obj = kept.obj
             if obj.slots != kept.slots or obj.protos != kept.protos:
-                self._mend(kept, changes, thorough=False)
+                self._restore(kept, changes, thorough=False)
         self._finish(changes)
         self._log(changes)
         lines = []
@@ -208,16 +211,17 @@ class Record:
             lines.append(f"changed in the library: {listed(changes.different)}; System.resetLibrary brings it back")
         return lines
 
-    def reset(self, what: Any = None) -> list[str]:
-        """Bring back all of the record, or one object of it, or what a name such as ``String.size`` means; the names of
-        what was put back.
+    def reset(self, what: Value = None) -> list[str]:
+        """Restore all objects, one object, or the slot with a name such as ``String.size``; return the names of the
+        restored slots.
 
-        Variables are left as they are unless named.  Raises Primitive if there is no such thing in the record.
+        Variables keep their values unless they are named.  Raises Primitive if there is no such object or slot in the
+        record.
         """
         changes = Changes()
         if what is None:
             for kept in self._kept.values():
-                self._mend(kept, changes, thorough=True)
+                self._restore(kept, changes, thorough=True)
         else:
             kept, slot = self._meant(what)
             if slot == "protos" and slot not in kept.slots:
@@ -225,11 +229,11 @@ class Record:
             elif slot:
                 self._put_back(kept, slot, changes)
             else:
-                self._mend(kept, changes, thorough=True)
+                self._restore(kept, changes, thorough=True)
         self._finish(changes)
         return list(changes.back)
 
-    def _meant(self, what: Any) -> tuple[Kept, str]:
+    def _meant(self, what: Value) -> tuple[RecordedObject, str]:
         if not isinstance(what, str):
             kept = self._kept.get(self._world.peek_obj(what))
             if kept is None:
@@ -246,13 +250,14 @@ class Record:
     # ---------------------------------------------------------------- printing
 
     @property
-    def reprinted(self) -> bool:
-        """Whether a program has changed how the values of the library are printed."""
+    def printing_changed(self) -> bool:
+        """Whether a program has changed a slot that prints the values of the library."""
         return self._printing.value
 
-    def mend_printing(self, may_stay: Callable[[Any], bool]) -> list[str]:
-        """Put the slots that print back unless ``may_stay`` says so of what a program put there (``ABSENT`` if it
-        removed the slot); their names.  It is logged."""
+    def restore_printing(self, may_stay: Callable[[Any], bool]) -> list[str]:
+        """Restore the printing slots, except those whose new value (``ABSENT`` for a removed slot) ``may_stay``; return
+        their names.  The changes are logged.
+        """
         changes = Changes()
         for kept in self._printers:
             for name in PRINTING:
@@ -264,7 +269,7 @@ class Record:
         return list(changes.back)
 
     def _watch_printing(self) -> Watch:
-        """Look at the slots that print whenever one of them changes, and never else."""
+        """Compare the printing slots whenever one of them changes, and only then."""
         return Watch(self._world.recorder, self._prints_otherwise, lambda value: None, lambda error: None)
 
     def _prints_otherwise(self) -> bool:
@@ -277,14 +282,14 @@ class Record:
 
     # ---------------------------------------------------------------- putting back
 
-    def _mend(self, kept: Kept, changes: Changes, thorough: bool) -> None:
-        """Compare one object with its record; ``thorough`` puts everything back."""
+    def _restore(self, kept: RecordedObject, changes: Changes, thorough: bool) -> None:
+        """Compare one object with its record; ``thorough`` restores all slots."""
         self._mend_protos(kept, changes, thorough)
         slots = kept.obj.slots
         for name, value in kept.slots.items():
             now = slots.get(name, ABSENT)
             if now is not value:
-                self._judge(kept, name, value, now, changes, thorough)
+                self._compare_slot(kept, name, value, now, changes, thorough)
         if kept.obj in self.open_ended:
             return
         for name in (slots.keys() - kept.slots.keys()) & self._functions:
@@ -295,8 +300,10 @@ class Record:
             else:
                 changes.different[f"{kept.name}.{name}"] = None
 
-    def _judge(self, kept: Kept, name: str, value: Any, now: Any, changes: Changes, thorough: bool) -> None:
-        """A slot has another value than the recorded one."""
+    def _compare_slot(
+        self, kept: RecordedObject, name: str, value: Value, now: Value, changes: Changes, thorough: bool
+    ) -> None:
+        """Restore or report a slot whose value differs from the record."""
         if now is not ABSENT:
             if not isinstance(value, Executable) and not self.is_shared(value) and name != "type":
                 return  # a variable
@@ -305,18 +312,18 @@ class Record:
                 return
         self._put_back(kept, name, changes)
 
-    def _may_stand_for(self, now: Any, value: Any) -> bool:
-        """Whether somebody may have meant to define a function or an object of the library anew."""
+    def _may_stand_for(self, now: Value, value: Value) -> bool:
+        """Whether the new value is a plausible redefinition of a function or an object of the library."""
         if isinstance(value, Executable):
             return isinstance(now, Executable)
         if not self.is_shared(value):
             return now.__class__ is value.__class__
         if "type" in value.slots and not (isinstance(now, Obj) and "type" in now.slots):
-            return False  # a class is stood for by a class: 3 is no Float
+            return False  # only a class replaces a class: 3 is no Float
         kin = value if "type" in value.slots or not value.protos else value.protos[0]
         return kin is not self._world.object and self._world.is_a(now, kin)
 
-    def _put_back(self, kept: Kept, name: str, changes: Changes) -> None:
+    def _put_back(self, kept: RecordedObject, name: str, changes: Changes) -> None:
         obj = kept.obj
         if obj.slots.get(name, ABSENT) is kept.slots.get(name, ABSENT):
             return
@@ -328,12 +335,12 @@ class Record:
         if recorded is not None:
             obj.meta = {} if obj.meta is None else obj.meta
             obj.meta[name] = recorded
-        elif obj.meta is not None and name in obj.meta:  # who watches the slot goes on watching it
+        elif obj.meta is not None and name in obj.meta:  # the conditions that watch the slot go on watching it
             obj.meta[name].accessor = None
             obj.meta[name].constant = False
         changes.back[f"{kept.name}.{name}"] = None
 
-    def _mend_protos(self, kept: Kept, changes: Changes, thorough: bool) -> None:
+    def _mend_protos(self, kept: RecordedObject, changes: Changes, thorough: bool) -> None:
         obj = kept.obj
         if len(obj.protos) == len(kept.protos) and all(map(_same, obj.protos, kept.protos)):
             return
@@ -367,7 +374,7 @@ class Record:
         return any(proto.slots.get(name) is not kept.slots.get(name) for name in OPERATORS)
 
     def _log(self, changes: Changes) -> None:
-        """Say changes in the log, each once."""
+        """Log changes, each once."""
         for names, what in ((changes.back, "put back what a program spoilt"), (changes.different, "a program changed")):
             fresh = [name for name in names if (name, what) not in self._logged]
             if fresh:
@@ -375,7 +382,7 @@ class Record:
                 log.warning("library: %s: %s", what, listed(fresh))
 
 
-def lineage(world: World, value: Any) -> list[Any]:
+def lineage(world: World, value: Value) -> list[Any]:
     """An object, its prototypes, theirs, and so on, each once, in the order in which slots are looked up."""
     found: list[Any] = []
     seen: set[int] = set()
@@ -389,8 +396,8 @@ def lineage(world: World, value: Any) -> list[Any]:
     return found
 
 
-def _comes_first(world: World, obj: Obj, owed: Owed) -> bool:
-    """Whether a slot of ``obj`` would hide the owed one."""
+def _would_hide(world: World, obj: Obj, owed: ProtectedSlot) -> bool:
+    """Whether a slot of ``obj`` would hide the protected slot."""
     for ancestor in lineage(world, owed.anchor):
         if ancestor is owed.holder:
             return False
@@ -400,11 +407,13 @@ def _comes_first(world: World, obj: Obj, owed: Owed) -> bool:
 
 
 def _shared(world: World, roots: list[tuple[str, Any]], known: Iterable[Obj]) -> Iterator[tuple[str, Obj]]:
-    """What all connections share, by name: all that can be reached from the roots, nearest first, but what is known."""
+    """The shared objects by name: all objects that can be reached from the roots, nearest first, without the known
+    ones.
+    """
     seen: set[int] = set(map(id, known))
     todo = list(roots)
     for path, obj in todo:
-        if not isinstance(obj, Obj) or isinstance(obj, Executable) or obj.of_connection or id(obj) in seen:
+        if not isinstance(obj, Obj) or isinstance(obj, Executable) or obj.is_per_connection or id(obj) in seen:
             continue
         seen.add(id(obj))
         if obj.slots or not isinstance(obj, String | List | Tuple | Dictionary):
@@ -414,16 +423,16 @@ def _shared(world: World, roots: list[tuple[str, Any]], known: Iterable[Obj]) ->
         todo += [(plain_type(proto), proto) for proto in obj.protos if isinstance(proto, Obj)]
 
 
-def _same(a: Any, b: Any) -> bool:
+def _same(a: Value, b: Value) -> bool:
     return a is b
 
 
-def _among(value: Any, values: Iterable[Any]) -> bool:
+def _among(value: Value, values: Iterable[Value]) -> bool:
     return any(value is other for other in values)
 
 
 def listed(names: Iterable[str]) -> str:
     """Some of the names, in one line."""
     shown: Sequence[str] = list(names)
-    more = f" and {len(shown) - NAMED} more" if len(shown) > NAMED else ""
-    return ", ".join(shown[:NAMED]) + more
+    more = f" and {len(shown) - MAX_NAMED} more" if len(shown) > MAX_NAMED else ""
+    return ", ".join(shown[:MAX_NAMED]) + more

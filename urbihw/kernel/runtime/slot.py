@@ -1,8 +1,10 @@
-"""What a slot may have beside its value: constness, properties, a changed event, watchers, an accessor."""
+"""The optional parts of a slot beside its value: constness, properties, a changed event, watchers, an accessor."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Protocol
+
+from urbihw.kernel.value import Value
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.blend import Blender
@@ -11,19 +13,19 @@ if TYPE_CHECKING:
 
 
 class Accessor(Protocol):
-    """A slot whose reads and writes go to code: a UVar, a getter and setter pair."""
+    """Code that handles the reads and writes of a slot: a UVar, or a getter and a setter."""
 
-    def read(self, target: Any) -> Any:
-        """The value seen by whoever reads the slot of ``target``."""
+    def read(self, target: Value) -> Value:
+        """The value of the slot of ``target`` for a reader."""
         ...
 
-    def write(self, target: Any, value: Any) -> Any:
-        """Somebody assigned the slot; returns the value of the assignment."""
+    def write(self, target: Value, value: Value) -> Value:
+        """Handle an assignment to the slot of ``target``; returns the value of the assignment."""
         ...
 
 
 class SlotMeta:
-    """The rarer half of one slot of one object."""
+    """The optional parts of one slot of one object."""
 
     __slots__ = ("accessor", "blender", "changed", "constant", "properties", "watchers")
 
@@ -37,7 +39,7 @@ class SlotMeta:
 
 
 def meta_of(target: Obj, name: str) -> SlotMeta:
-    """The meta of a slot, made if need be; ``name`` "" stands for the content of a container."""
+    """The meta of a slot, made if there is none; ``name`` "" stands for the content of a container."""
     if target.meta is None:
         target.meta = {}
     meta = target.meta.get(name)
@@ -47,5 +49,5 @@ def meta_of(target: Obj, name: str) -> SlotMeta:
 
 
 def peek_meta(target: Obj, name: str) -> SlotMeta | None:
-    """The meta of a slot if it has one."""
+    """The meta of a slot, or None."""
     return None if target.meta is None else target.meta.get(name)

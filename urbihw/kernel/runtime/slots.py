@@ -1,45 +1,49 @@
 """Reading, calling, writing and declaring slots: the hot half of the runtime.
 
-Kept as closures over one world (``SlotOps``), so that a slot read is one Python call and a few dict look-ups.
-``method`` finds what a name means for a target as something callable; ``send0`` is a message without arguments;
-``update_slot`` is ``target.name = value`` with copy on write; ``set_slot`` declares.
+The verbs are closures over one world (``SlotOps``), so that a slot read is one Python call and a few dict look-ups.
+``method`` finds the executable that a name means for a target; ``send0`` is a message without arguments; ``own_method``
+and ``own_send0`` do the same for ``this``, where the target is not written; ``update_slot`` is ``target.name = value``
+with copy on write; ``set_slot`` declares.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.code import Code0, Code1, Code2, Executable, Getter
-from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.object import Obj, Plain
 from urbihw.kernel.runtime.slot import peek_meta
 from urbihw.kernel.runtime.values import Container, List
 from urbihw.kernel.runtime.watch import notify
+from urbihw.kernel.value import Value
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
 OPERATORS = frozenset(("+", "-", "*", "/", "<", "<=", ">", ">=", "==", "!=", "++", "--", "!", "<<", "+="))
-"""The operators that are not sent to numbers, strings and lists unless somebody redefines one of them there."""
+"""The operators that are not sent as messages to numbers, strings and lists, unless a program redefines one of them
+there."""
 LOGICAL = frozenset(("!", "&&", "||"))
-"""The operators that nobody is sent by compiled code, unless somebody redefines one anywhere."""
+"""The operators that compiled code does not send as messages, unless a program redefines one anywhere."""
 
 CACHE_MISS = (KeyError, TypeError, IndexError, AttributeError)
-"""What looking into the cache of the first prototype raises when there is no answer: no entry, no cache, no prototype,
+"""The errors of reading the cache of the first prototype when there is no answer: no entry, no cache, no prototype, or
 a number as prototype."""
 
 
 Find = Callable[[Any, str], Any]
-"""What a name means for a target."""
+"""Takes a target and a name, and returns the value that the name means for the target."""
 
 
 def make_finders(world: World, ops: SlotOps) -> tuple[Find, Find]:
-    """``get_slot``, and ``found``, which takes the ``fallback`` where there is no slot."""
+    """``get_slot``, and ``found``, which uses the ``fallback`` where there is no slot."""
     recorder = world.recorder
     float_proto = world.float_proto
 
-    def get_slot(target: Any, name: str) -> Any:
+    def get_slot(target: Value, name: str) -> Value:
         """The value of a slot, not called; raises ``lookup failed``."""
         obj = world.peek_obj(target) if target.__class__ is float else target
         slots = obj.slots
@@ -56,8 +60,8 @@ def make_finders(world: World, ops: SlotOps) -> tuple[Find, Find]:
             ops.record(target, name, slots[name])
         return slots[name]
 
-    def found(target: Any, name: str) -> Any:
-        """What a message finds: a slot, the target's own or inherited, or the ``fallback``."""
+    def found(target: Value, name: str) -> Value:
+        """The value that a message finds: a slot of the target, an inherited slot, or the ``fallback``."""
         if recorder.active is not None:
             return slow(target, name)
         if target.__class__ is float:
@@ -68,7 +72,7 @@ def make_finders(world: World, ops: SlotOps) -> tuple[Find, Find]:
         except CACHE_MISS:
             return slow(target, name)
 
-    def slow(target: Any, name: str) -> Any:
+    def slow(target: Value, name: str) -> Value:
         try:
             return get_slot(target, name)
         except errors.Raised:
@@ -78,11 +82,11 @@ def make_finders(world: World, ops: SlotOps) -> tuple[Find, Find]:
 
 
 def make_messages(world: World, found: Find) -> tuple[Find, Find]:
-    """``method`` and ``send0``, the verbs of generated code: what is usual is done without another call."""
+    """``method`` and ``send0``, the verbs of generated code; the usual cases need no further Python call."""
     recorder = world.recorder
 
-    def method(target: Any, name: str) -> Any:
-        """What ``target.name`` means, as something with ``strict`` and ``c0`` to ``cn``."""
+    def method(target: Value, name: str) -> Value:
+        """The value of ``target.name`` as an executable, with ``strict`` and ``c0`` to ``cn``."""
         if recorder.active is None:
             try:
                 slots = target.slots
@@ -96,8 +100,8 @@ def make_messages(world: World, found: Find) -> tuple[Find, Find]:
             return value
         return Getter(world, value)
 
-    def send0(target: Any, name: str) -> Any:
-        """``target.name`` without arguments: the value, or what calling it gives."""
+    def send0(target: Value, name: str) -> Value:
+        """``target.name`` without arguments: the value, or the result of calling it."""
         if recorder.active is None:
             try:
                 slots = target.slots
@@ -110,7 +114,7 @@ def make_messages(world: World, found: Find) -> tuple[Find, Find]:
         if kind is Code0:
             fn = value.fn
             return fn(target)
-        if kind is float or not value.runs:
+        if kind is Plain or kind is float or not value.runs:
             return value
         if value.strict:
             return value.c0(target)
@@ -119,14 +123,25 @@ def make_messages(world: World, found: Find) -> tuple[Find, Find]:
     return method, send0
 
 
+def with_own_code(function: Find) -> Find:
+    """The same function with its own copy of the code.
+
+    CPython specializes the instructions of a code object for the classes of the operands, and is slow again where these
+    alternate.  The target of a message mostly has another class than ``this``.
+    """
+    assert isinstance(function, FunctionType)
+    code = function.__code__.replace()
+    return FunctionType(code, function.__globals__, function.__name__, None, function.__closure__)
+
+
 def make_senders(world: World, found: Find) -> tuple[Callable[..., Any], Callable[[Any, str, Any], Any]]:
     """``send`` and ``send1``, messages from native code."""
 
-    def send(target: Any, name: str, *args: Any) -> Any:
+    def send(target: Value, name: str, *args: Value) -> Value:
         """``target.name(args)`` with evaluated arguments, from native code."""
         return world.invoke(found(target, name), target, args, name)
 
-    def send1(target: Any, name: str, argument: Any) -> Any:
+    def send1(target: Value, name: str, argument: Value) -> Value:
         """``target.name(argument)`` with an evaluated argument: the usual operator."""
         value: Any = found(target, name)
         if value.__class__ is not float and value.runs and value.strict:
@@ -139,17 +154,17 @@ def make_senders(world: World, found: Find) -> tuple[Callable[..., Any], Callabl
 def make_operators(
     world: World, send1: Callable[[Any, str, Any], Any]
 ) -> tuple[Callable[[Any, Any], Any], Callable[[Any, Any], Any], Callable[[Any, Any], Any]]:
-    """``equal``, ``unequal`` and ``push``, the operators of generated code that Python's own do not serve."""
+    """``equal``, ``unequal`` and ``push``, the operators of generated code that Python's operators cannot replace."""
 
-    def equal(a: Any, b: Any) -> Any:
-        """``a == b``: a Python bool for numbers, what ``'=='`` gives for others."""
+    def equal(a: Value, b: Value) -> Any:
+        """``a == b``: a Python bool for numbers, the result of ``'=='`` for others."""
         if a.__class__ is float and b.__class__ is float:
             return a == b
         if b is world.void:
             raise errors.unexpected_void()
         return send1(a, "==", b)
 
-    def unequal(a: Any, b: Any) -> Any:
+    def unequal(a: Value, b: Value) -> Any:
         """``a != b``."""
         if a.__class__ is float and b.__class__ is float:
             return a != b
@@ -157,7 +172,7 @@ def make_operators(
             raise errors.unexpected_void()
         return send1(a, "!=", b)
 
-    def push(a: Any, b: Any) -> Any:
+    def push(a: Value, b: Value) -> Any:
         """``a << b``."""
         if a.__class__ is List and a.protos is world.quick_lists:
             a.l.append(b)
@@ -174,22 +189,24 @@ class SlotOps:
 
     def __init__(self, world: World) -> None:
         self.world = world
-        self._owed = world.record.owed
+        self._protected = world.record.protected
         self.get_slot, found = make_finders(world, self)
         self.method, self.send0 = make_messages(world, found)
+        self.own_method, self.own_send0 = with_own_code(self.method), with_own_code(self.send0)
         self.send, self.send1 = make_senders(world, found)
         self.equal, self.unequal, self.push = make_operators(world, self.send1)
 
-    def fallback(self, target: Any, name: str) -> Any:
-        """What answers a message that was not understood: the ``fallback`` slot, if there is one."""
+    def fallback(self, target: Value, name: str) -> Value:
+        """The answer to a message without a slot: the ``fallback`` slot, if there is one."""
         holder = self.world.peek_obj(target).find("fallback")
         if holder is None or target is self.world.void:
-            raise  # called from an except clause: the look-up error goes on
+            raise  # called from an except clause: re-raises the look-up error
         return holder.slots["fallback"]
 
-    def record(self, target: Any, name: str, value: Any) -> None:
-        """A condition reads a slot: it depends on it, on the variables of a function found there, and on the content
-        of a container."""
+    def record(self, target: Value, name: str, value: Value) -> None:
+        """Record that a condition reads a slot, the variables of a function found there, and the content of a
+        container.
+        """
         recorder = self.world.recorder
         recorder.read(target, name)
         if isinstance(target, Container):
@@ -199,8 +216,8 @@ class SlotOps:
 
     # ---------------------------------------------------------------- writing
 
-    def update_slot(self, target: Any, name: str, value: Any) -> Any:
-        """``target.name = value``: an inherited slot is copied into the target first.
+    def update_slot(self, target: Value, name: str, value: Value) -> Value:
+        """``target.name = value``: an inherited slot is copied to the target first.
 
         Returns the value; raises ``lookup failed``, ``cannot modify const slot``, ``unexpected void``.
         """
@@ -213,7 +230,7 @@ class SlotOps:
                 slots[name] = value
                 return value
             return self._write(obj, obj, name, value)
-        if obj.bounces:
+        if obj.assigns_to_members:
             return obj.distribute(value, lambda member, share: self.update_slot(member, name, share))
         holder = obj.find(name)
         if holder is None:
@@ -221,13 +238,13 @@ class SlotOps:
         meta = peek_meta(holder, name)
         if meta is not None and (meta.accessor is not None or meta.constant):
             return self._write(holder, target, name, value)
-        self.put(obj, name, value)
+        self.put_slot(obj, name, value)
         return value
 
-    def _write(self, holder: Obj, target: Any, name: str, value: Any) -> Any:
+    def _write(self, holder: Obj, target: Value, name: str, value: Value) -> Value:
         meta = peek_meta(holder, name)
         if meta is None:
-            holder.slots[name] = value
+            self.put_slot(holder, name, value)
             return value
         if meta.constant:
             raise errors.constness()
@@ -238,23 +255,25 @@ class SlotOps:
         return value
 
     def announce(self, holder: Obj, name: str) -> None:
-        """A slot was written: its changed event fires, conditions that read it look again."""
+        """Emit the changed event of a slot that was written, and update the conditions that read it."""
         meta = peek_meta(holder, name)
         if meta is not None:
             if meta.changed is not None:
                 self.send(meta.changed, "emit")
             notify(meta)
 
-    def put(self, obj: Obj, name: str, value: Any) -> None:
-        """Create a local slot, or overwrite it, whatever was there; the structure may change.
+    def put_slot(self, obj: Obj, name: str, value: Value) -> None:
+        """Create or overwrite a local slot, without the checks and effects of an assignment.
 
-        Raises an error for what is owed to all (``record``).
+        Raises an error for a protected slot (module ``record``).
         """
-        if name in self._owed:
+        if name in self._protected:
             self.world.record.guard(obj, name)
         if name not in obj.slots and obj.cache is not None:
-            self.world.lookups.forget(name)
+            self.world.lookups.forget_slot(name)
         obj.slots[name] = value
+        if name == "asBool":
+            self.world.truth_redefined = True
         if isinstance(value, Executable):
             if not value.strict or name in LOGICAL:
                 self.world.lazy_names.add(name)
@@ -263,26 +282,26 @@ class SlotOps:
         if obj.meta is not None:
             self.announce(obj, name)
 
-    def set_slot(self, target: Any, name: str, value: Any) -> Any:
+    def set_slot(self, target: Value, name: str, value: Value) -> Value:
         """``var target.name = value``; raises ``slot redefinition``."""
         obj = self.world.as_obj(target)
         if obj is self.world.void:
             raise errors.unexpected_void()
-        if name in obj.slots and not self.world.redefining():
+        if name in obj.slots and not self.world.redefinition.is_on():
             raise errors.redefinition(name)
-        self.put(obj, name, value)
+        self.put_slot(obj, name, value)
         return value
 
-    def remove_slot(self, target: Any, name: str) -> None:
-        """Remove a local slot if there is one; raises an error for what is owed to all (``record``)."""
+    def remove_slot(self, target: Value, name: str) -> None:
+        """Remove a local slot if there is one; raises an error for a protected slot (module ``record``)."""
         obj = self.world.as_obj(target)
         if name not in obj.slots:
             return
-        if name in self._owed:
+        if name in self._protected:
             self.world.record.guard_removal(obj, name)
         del obj.slots[name]
         if obj.cache is not None:
-            self.world.lookups.forget(name)
+            self.world.lookups.forget_slot(name)
         meta = None if obj.meta is None else obj.meta.pop(name, None)
         if meta is not None:
             notify(meta)

@@ -1,54 +1,61 @@
-"""What somebody may have meant who wrote the name of a slot that does not exist.
+"""Suggestions for misspelt names of slots.
 
-Source: manual, specs/exception, ``Exception.Lookup.fixSpelling``.  How near a name must be it does not say: here, one
-slip (a character too many, too few, another one, or two that changed places) in a short name, two in a longer one, and
-the case of letters.  Names of up to three characters are near to everything, so nothing is said of them.
+Source: manual, specs/exception, ``Exception.Lookup.fixSpelling``.  The manual does not define how near a name must be.
+Here it may differ by one slip (an additional, missing or wrong character, or two swapped ones) in a short name, by two
+slips in a longer name, and by the case of letters.  Names of up to three characters are near to too many others, so
+there are no suggestions for them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from urbihw.kernel.runtime.record import lineage
+from urbihw.kernel.value import Value
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
-SHORT, LONG = 4, 5
-"""How long a name must be to allow for one slip, and for two."""
-MOST_ANCESTORS: Final = 1000
-"""How many objects are asked for their names: an error message is not worth more."""
+MIN_LENGTH_ONE_SLIP, MIN_LENGTH_TWO_SLIPS = 4, 5
+"""Minimum length of a name that may have one slip, or two."""
+MAX_LENGTH: Final = 100
+"""Maximum length of a name with a suggestion; the time of a comparison grows with the square of the length."""
+MAX_ANCESTORS: Final = 1000
+"""Maximum number of objects whose slots are searched for a suggestion."""
 
 
-def suggestion(world: World, target: Any, name: str) -> str:
-    """`` (possible misspelling of NAME)`` for a slot that was looked for in ``target``, or nothing."""
-    names = {slot for ancestor in lineage(world, target)[:MOST_ANCESTORS] for slot in world.peek_obj(ancestor).slots}
+def suggestion(world: World, target: Value, name: str) -> str:
+    """`` (possible misspelling of NAME)`` for a slot that was not found in ``target``, or ""."""
+    names = {slot for ancestor in lineage(world, target)[:MAX_ANCESTORS] for slot in world.peek_obj(ancestor).slots}
     near = nearest(name, names)
     return f" (possible misspelling of {near})" if near else ""
 
 
 def nearest(name: str, names: Iterable[str]) -> str:
-    """The name nearest to a misspelt one, "" if none is near enough; of several, one that begins alike, then one whose
-    length differs least."""
-    most = (len(name) >= SHORT) + (len(name) >= LONG)
+    """The name nearest to a misspelt one, "" if none is near enough.  Among several, a name with the same first letter
+    is preferred, then the name with the nearest length.
+    """
+    if len(name) > MAX_LENGTH:
+        return ""
+    most = (len(name) >= MIN_LENGTH_ONE_SLIP) + (len(name) >= MIN_LENGTH_TWO_SLIPS)
     letters = set(name)
     near = []
     for other in names:
-        if not other.isidentifier() or len(other) < SHORT or abs(len(other) - len(name)) > most:
+        if not other.isidentifier() or len(other) < MIN_LENGTH_ONE_SLIP or abs(len(other) - len(name)) > most:
             continue
         if name.lower() == other.lower():
             near.append((0, False, 0, other))
         if len(letters ^ set(other)) > 2 * most:
             continue
         far, strange = slips(name, other), name[0] != other[0]
-        if far + strange <= most:  # who slips seldom does so at the first letter
+        if far + strange <= most:  # the first letter is seldom wrong
             near.append((far, strange, abs(len(other) - len(name)), other))
     return min(near)[-1] if near else ""
 
 
 def slips(a: str, b: str, pause: Callable[[], object] = lambda: None) -> int:
-    """How many characters too many, too few or wrong, or neighbours that changed places, lie between two words.
+    """The number of slips between two words: additional, missing or wrong characters, and swapped neighbours.
 
     That is the Damerau-Levenshtein distance (a swap is of neighbours that nothing else touches).  ``pause()`` is called
     after each character of the first.

@@ -1,12 +1,12 @@
-"""Trajectories: ``slot = target time: 1s`` and its kin move a value over time, in the job that says so.
+"""Trajectories: ``slot = target time: 1s`` and the like move a value over time, in the job of the statement.
 
-The value is a staircase written at multiples of the generator's period P; a movement of length T is over at the first
-step with T - t < P, where the target itself is written.  Open-loop kinds (time, speed, smooth, accel, sin, cos) write
-f(t) whatever the place holds; closed-loop ones (time and speed with ``adaptive: true``) go on from what they find, and
-``adaptive: true`` alone waits until a device has come to the target.  A speed of 0 stays where it is, for ever.
-Time is the job's own: while it is frozen, it stands still.  The properties of the slot limit range and speed (see
-``Limits``), and say how movements of the same place are blended (see ``blend``).  Source: manual, TrajectoryGenerator
-and "Trajectories".
+A value is written at each multiple of the generator's period P.  A movement of length T ends at the first step with T -
+t < P, which writes the target itself.  Open-loop kinds (time, speed, smooth, accel, sin, cos) write f(t) whatever the
+present value is.  Closed-loop kinds (time and speed with ``adaptive: true``) continue from the present value, and
+``adaptive: true`` alone waits until a device has reached the target.  A speed of 0 keeps the value for ever.  Time is
+the job's own: while it is frozen, it stands still.  The properties of the slot limit range and speed (see ``Limits``),
+and define how movements of the same variable are blended (module ``blend``).  Source: manual, TrajectoryGenerator and
+"Trajectories".
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.blend import Blender
+from urbihw.kernel.value import Value
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
@@ -25,17 +26,18 @@ Curve = Callable[[float], float]
 KINDS = ("time", "speed", "accel", "smooth", "sin", "cos")
 ATTRIBUTES = (*KINDS, "adaptive", "ampli", "phase")
 LAG_S = 0.5
-"""How far behind what is written to it a device may be, in seconds of the movement, before it is waited for: more than
-what its bus, its controller and its inertia take together."""
-LEAST_LEAD = 0.25
-"""How far ahead of a device what is written may be in any case, as a share of the whole way: motors do not stir for the
-small errors of a slow movement."""
+"""How far a device may lag behind the written value before the movement waits for it, in seconds of the movement; more
+than the delays of bus, controller and inertia together."""
+MIN_LEAD = 0.25
+"""Minimum distance that the written value may be ahead of the device, as a share of the whole distance: motors do not
+react to the small errors of a slow movement."""
 _CLOSE = 1e-9
 
 
 class Limits:
-    """What the properties of a slot allow: ``rangemin``, ``rangemax``, ``speedmin``, ``speedmax`` (per second), and
-    ``delta``, how near is near enough for a closed loop."""
+    """The limits from the properties of a slot: ``rangemin``, ``rangemax``, ``speedmin``, ``speedmax`` (per second),
+    and ``delta``, the tolerance at which a closed loop ends.
+    """
 
     def __init__(self, properties: Mapping[str, Any]) -> None:
         def limit(name: str, default: float) -> float:
@@ -54,11 +56,11 @@ class Limits:
         return max(self.rangemin, min(self.rangemax, value))
 
     def speed(self, wanted: float) -> float:
-        """The nearest speed allowed."""
+        """The nearest allowed speed."""
         return min(max(wanted, self.speedmin), self.speedmax)
 
     def length(self, wanted: float, way: float) -> float:
-        """The time nearest to the one wanted in which a way can be gone; ``way`` is a positive length."""
+        """The allowed duration nearest to ``wanted`` (seconds) for a distance; ``way`` is positive."""
         if way and self.speedmin:
             wanted = min(wanted, way / self.speedmin)
         if way and self.speedmax < math.inf:
@@ -67,14 +69,14 @@ class Limits:
 
 
 class Trajectory:
-    """One movement of one place."""
+    """One movement of one variable."""
 
     def __init__(
         self,
         world: World,
         read: Callable[[], Any],
         write: Callable[[Any], Any],
-        target: Any,
+        target: Value,
         attributes: dict[str, Any],
         properties: Mapping[str, Any] | None = None,
         blender: Blender | None = None,
@@ -95,12 +97,12 @@ class Trajectory:
         self._parameter = self._number(attributes[self._kind], self._kind) if kinds else 0.0
         self._period = world.period
         self._written: float | None = None
-        """What a closed loop wrote to a place that does not hold it yet."""
+        """The value that a closed loop wrote and the variable does not have yet."""
         self._pace = 0.0
-        """How fast a closed loop is to go, in units a second."""
+        """The speed of a closed loop, in units per second."""
 
     def run(self) -> None:
-        """Move; returns when the movement is over (never, for sin and cos)."""
+        """Run the movement; returns when it is over (never for sin and cos)."""
         if self._blender is None:
             self._move()
             return
@@ -189,7 +191,7 @@ class Trajectory:
             self._write_found(value + math.copysign(reach, way))
 
     def _closed(self) -> None:
-        """Write the target; over when the place has come there, or comes no nearer."""
+        """Write the target; returns when the value has reached it, or comes no nearer."""
         self._write(self._target)
         nearest, since = math.inf, 0.0
         for t in self._steps():
@@ -202,13 +204,13 @@ class Trajectory:
                 return
 
     def _found(self) -> Iterator[tuple[float, float]]:
-        """The times of the steps, and from where each is to go on; a speed ends where the place is near enough.
+        """The times of the steps, and the value from which each continues; a speed ends when the value is near enough.
 
-        That is the value found, if the place holds what is written to it.  A device lags behind: its value is still on
-        the way to what was written, so the movement goes on from what was written, never behind the value, and not
-        further ahead of it than LAG_S and LEAST_LEAD allow.  So it keeps its pace, and waits for a device that is held.
-        While a device comes no nearer, it is led ever further away, at half the pace: one that does not stir for so
-        little must not keep the movement from its end.
+        If the variable keeps the written value, the step continues from its present value.  A device lags behind, so
+        the step continues from the written value, which is never behind the device and no further ahead than LAG_S and
+        MIN_LEAD allow. So the movement keeps its speed, and waits for a blocked device.  While a device does not move,
+        the lead grows at half the speed, so that a device that does not react to small errors cannot keep the movement
+        from ending.
         """
         nearest = least = slack = 0.0
         for t in self._steps():
@@ -217,7 +219,7 @@ class Trajectory:
             if self._kind == "speed" and way <= self._limits.delta:
                 return
             if not t:
-                nearest, least = way, way * LEAST_LEAD
+                nearest, least = way, way * MIN_LEAD
             slack = slack + self._pace * self._period / 2 if way >= nearest - _CLOSE else 0.0
             nearest = min(nearest, way)
             written = self._written
@@ -228,7 +230,7 @@ class Trajectory:
                 yield t, value + math.copysign(min(abs(written - value), lead), written - value)
 
     def _write_found(self, value: float) -> None:
-        """Write the value of a step, and see whether the place holds it."""
+        """Write the value of a step, and check whether the variable keeps it."""
         self._write(value)
         self._written = None if self._read() == value else value
 
@@ -252,9 +254,9 @@ class Trajectory:
             step = max(step, missed)
             scheduler.sleep(begin + step * self._period - now)
 
-    def _number(self, value: Any, routine: str) -> float:
+    def _number(self, value: Value, routine: str) -> float:
         number = self._world.as_float(value, 1, routine or None)
-        if number != number:  # neither a place to go to nor a time to be there
+        if number != number:  # neither a target nor a duration
             raise errors.bad_number("BadNumber", "expected a number, got nan")
         return number
 

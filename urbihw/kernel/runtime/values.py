@@ -9,30 +9,32 @@ from typing import TYPE_CHECKING, Any, Final
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.watch import notify
+from urbihw.kernel.value import Value
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.code import Executable
     from urbihw.kernel.runtime.world import World
 
 
-MOST_CHARACTERS: Final = 64 * 1024 * 1024
-"""How long a String may become, and how much is read of a file at once: a few that double would take all memory."""
-MOST_MEMBERS: Final = 10_000_000
-"""How long a List may be that is made at once, as by ``+``; one that grows by single members has no bound."""
+MAX_STRING_LENGTH: Final = 64 * 1024 * 1024
+"""Maximum length of a String, and of a file that is read at once: repeated doubling would use up the memory."""
+MAX_LIST_LENGTH: Final = 10_000_000
+"""Maximum length of a List that is made in one operation such as ``+``; a List that grows by single members has no
+limit."""
 
 
 def too_long(what: str, most: int) -> errors.Raised:
-    """What is thrown instead of making something so large."""
+    """The error for a value that would be too large."""
     return errors.bad_number("BadNumber", f"expected a result of at most {most} {what}")
 
 
 class Container(Obj):
-    """An object whose content conditions may watch."""
+    """An object with a content that conditions may watch."""
 
     __slots__ = ()
 
     def touch(self) -> None:
-        """The content changed: tell the conditions that read it.  Call after every mutation."""
+        """Update the conditions that have read the content.  Must be called after each change."""
         if self.meta is not None:
             meta = self.meta.get("")
             if meta is not None:
@@ -45,9 +47,9 @@ class String(Container):
     __slots__ = ("s",)
 
     def __init__(self, world: World, protos: list[Obj], s: str) -> None:
-        """Raises BadNumber for one that is too long."""
-        if len(s) > MOST_CHARACTERS:
-            raise too_long("characters", MOST_CHARACTERS)
+        """Raises BadNumber if the string is too long."""
+        if len(s) > MAX_STRING_LENGTH:
+            raise too_long("characters", MAX_STRING_LENGTH)
         self.world = world
         self.protos = protos
         self.slots = {}
@@ -56,45 +58,47 @@ class String(Container):
         self.number = 0
         self.s = s
 
-    def __add__(self, other: Any) -> Any:
+    def __add__(self, other: Value) -> Any:
         if other.__class__ is String and self.protos is other.protos is self.world.quick_strings:
             return String(self.world, self.protos, self.s + other.s)
         return self._send1("+", other)
 
-    def __iadd__(self, other: Any) -> Any:
+    def __iadd__(self, other: Value) -> Any:
         if other.__class__ is String and self.protos is other.protos is self.world.quick_strings:
-            if getrefcount(self) == ALONE_ADDING and not self.slots and self.meta is None and self is not other:
+            if getrefcount(self) == SOLE_OPERAND_REFS and not self.slots and self.meta is None and self is not other:
                 return self.grow(other.s)
             return String(self.world, self.protos, self.s + other.s)
         return self._send1("+=", other)
 
     def grow(self, text: str) -> String:
-        """Append in place, for one that nobody but a local variable holds: then it is as good as a fresh string, and
-        adding to it again and again costs what is added and not the whole each time, as with Python's own strings."""
-        if len(self.s) + len(text) > MOST_CHARACTERS:
-            raise too_long("characters", MOST_CHARACTERS)
-        s, self.s = self.s, ""  # CPython appends in place to what one variable alone holds
+        """Append in place, for a string that only a local variable refers to, where the difference to a new string is
+        not visible. So repeated appending costs the added text and not the whole text, as with Python's strings.
+        """
+        if len(self.s) + len(text) > MAX_STRING_LENGTH:
+            raise too_long("characters", MAX_STRING_LENGTH)
+        s, self.s = self.s, ""  # CPython appends in place to a string with a single reference
         s += text
         self.s = s
         return self
 
     def clone(self) -> String:
-        """A fresh string with the same content."""
+        """A new string with the same content."""
         return String(self.world, [self], self.s)
 
-    def __bool__(self) -> bool:
+    def default_truth(self) -> bool:
+        """Whether it is not empty."""
         return bool(self.s)
 
 
 class _Counted(String):
-    """Tells how many references there are to a string that one local variable holds, seen from an operator."""
+    """Counts the references to a string of one local variable, seen from inside an operator."""
 
     __slots__ = ("count",)
 
     def __init__(self) -> None:
         self.count = 0
 
-    def __iadd__(self, other: Any) -> Any:
+    def __iadd__(self, other: Value) -> Any:
         self.count = getrefcount(self)
         return self
 
@@ -105,8 +109,8 @@ def _counted_adding() -> int:
     return counted.count
 
 
-ALONE_ADDING: Final = _counted_adding()
-"""The references to a string within ``+=`` when one local variable holds it: fewer there cannot be."""
+SOLE_OPERAND_REFS: Final = _counted_adding()
+"""The number of references to a string inside ``+=`` when only one local variable refers to it: the minimum."""
 
 
 class List(Container):
@@ -114,20 +118,21 @@ class List(Container):
 
     __slots__ = ("l",)
 
-    def __init__(self, world: World, protos: list[Obj], values: list[Any]) -> None:
+    def __init__(self, world: World, protos: list[Obj], values: list[Value]) -> None:
         super().__init__(world, protos)
         self.l = values
 
     def clone(self) -> List:
-        """A fresh list with the same members."""
+        """A new list with the same members."""
         return List(self.world, [self], list(self.l))
 
-    def __bool__(self) -> bool:
+    def default_truth(self) -> bool:
+        """Whether it is not empty."""
         return bool(self.l)
 
 
 class ProtoList(List):
-    """The prototypes of a value as a list: whoever changes the list changes the prototypes."""
+    """The prototypes of a value as a list: changing the list changes the prototypes."""
 
     __slots__ = ("_known", "_members", "owner")
 
@@ -135,22 +140,22 @@ class ProtoList(List):
         self.owner = owner
         self._known: list[Any] | None = None
         super().__init__(world, protos, [])
-        self.meta = {}  # so that every change is told of by touch
+        self.meta = {}  # so that every change calls touch
 
     @property
     def l(self) -> list[Any]:  # noqa: E743
-        """The prototypes at present."""
+        """The present prototypes."""
         now = self.world.protos_of(self.owner)
         if now is not self._known:
             self._known, self._members = now, list(now)
         return self._members
 
     @l.setter
-    def l(self, members: list[Any]) -> None:  # noqa: E743
+    def l(self, members: list[Value]) -> None:  # noqa: E743
         self._members = members
 
     def touch(self) -> None:
-        """The members were changed: they become the prototypes.  Raises the errors of ``Obj.set_protos``."""
+        """Make the changed members the prototypes.  Raises the errors of ``Obj.set_protos``."""
         owner = self.world.as_obj(self.owner)
         self._known = None
         owner.set_protos(list(self._members))
@@ -163,12 +168,12 @@ class Tuple(Container):
 
     __slots__ = ("l",)
 
-    def __init__(self, world: World, protos: list[Obj], values: list[Any]) -> None:
+    def __init__(self, world: World, protos: list[Obj], values: list[Value]) -> None:
         super().__init__(world, protos)
         self.l = values
 
     def clone(self) -> Tuple:
-        """A fresh tuple with the same members."""
+        """A new tuple with the same members."""
         return Tuple(self.world, [self], list(self.l))
 
 
@@ -177,52 +182,54 @@ class Dictionary(Container):
 
     __slots__ = ("d",)
 
-    def __init__(self, world: World, protos: list[Obj], values: dict[str, Any]) -> None:
+    def __init__(self, world: World, protos: list[Obj], values: dict[str, Value]) -> None:
         super().__init__(world, protos)
         self.d = values
 
     def clone(self) -> Dictionary:
-        """A fresh dictionary with the same content."""
+        """A new dictionary with the same content."""
         return Dictionary(self.world, [self], dict(self.d))
 
-    def __bool__(self) -> bool:
+    def default_truth(self) -> bool:
+        """Whether it is not empty."""
         return bool(self.d)
 
 
 class FloatObject(Obj):
-    """A number that is an object: Float itself (worth 0) and what derives from it; ``value`` is the number."""
+    """A number that is an object: Float itself (with the value 0) and objects that derive from it."""
 
     __slots__ = ("value",)
 
-    def __init__(self, world: World, protos: list[Any], value: float) -> None:
+    def __init__(self, world: World, protos: list[Value], value: float) -> None:
         super().__init__(world, protos)
         self.value = value
 
     def clone(self) -> FloatObject:
-        """A fresh object of the same worth."""
+        """A new object with the same value."""
         return FloatObject(self.world, [self], self.value)
 
-    def __bool__(self) -> bool:
+    def default_truth(self) -> bool:
+        """Whether it is not zero."""
         return bool(self.value)
 
-    def _compare(self, name: str, mirrored: str, other: Any) -> Any:
+    def _compare(self, name: str, mirrored: str, other: Value) -> Any:
         return self.world.send(self, name, other)
 
-    def __radd__(self, left: Any) -> Any:
+    def __radd__(self, left: Value) -> Any:
         return left + self.value
 
-    def __rsub__(self, left: Any) -> Any:
+    def __rsub__(self, left: Value) -> Any:
         return left - self.value
 
-    def __rmul__(self, left: Any) -> Any:
+    def __rmul__(self, left: Value) -> Any:
         return left * self.value
 
-    def __rtruediv__(self, left: Any) -> Any:
+    def __rtruediv__(self, left: Value) -> Any:
         return left / self.value
 
 
 class Lazy(Obj):
-    """A value not yet computed: ``thunk`` computes it, ``node`` is its syntax (None if native code made it)."""
+    """An unevaluated value: ``thunk`` computes it, ``node`` is its syntax (None if native code made it)."""
 
     __slots__ = ("cached", "code", "keep", "node", "thunk")
 
@@ -235,7 +242,7 @@ class Lazy(Obj):
         self.keep = False
 
     def force(self) -> Any:
-        """Compute the value, each time anew unless it is to be kept."""
+        """Compute the value, again at each call unless ``memoize`` was called."""
         if self.keep:
             if self.cached is None:
                 self.cached = self.thunk()
@@ -243,18 +250,18 @@ class Lazy(Obj):
         return self.thunk()
 
     def memoize(self) -> None:
-        """Compute the value once at most from now on."""
+        """From now on, compute the value once at most."""
         self.keep = True
 
 
 class CallMessage(Obj):
-    """How a function was called: who, on what, by which name, with which unevaluated arguments."""
+    """A call message: the sender, the target, the name and the unevaluated arguments of a call."""
 
     __slots__ = ("args", "code", "message", "sender", "target")
     FIELDS = ("code", "target", "message", "sender", "args")
 
     def __init__(
-        self, world: World, code: Any, target: Any, message: str, sender: Any, args: list[Lazy]
+        self, world: World, code: Value, target: Value, message: str, sender: Value, args: list[Lazy]
     ) -> None:
         super().__init__(world, [world.call_message_proto])
         self.code = code
@@ -264,7 +271,7 @@ class CallMessage(Obj):
         self.args = args
 
     def find(self, name: str) -> Obj | None:
-        """The holder of a slot; what is known of the call becomes slots when somebody asks for one of them."""
+        """The holder of a slot; the parts of the message become slots when one of them is looked up."""
         if name in self.FIELDS and name not in self.slots:
             world = self.world
             values = (self.code, self.target, world.string(self.message), self.sender, world.new_list([*self.args]))

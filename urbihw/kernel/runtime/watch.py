@@ -1,9 +1,15 @@
-"""Which slots an ``at (expression)`` depends on, and when to look again.
+"""Watched conditions: the slots that an ``at (expression)`` depends on, and re-evaluation when they change.
 
-While a condition is evaluated, ``Recorder.active`` is the watch it belongs to, and every read (of a slot, of the
-content of a container, of a captured variable) reports where it came from by ``Recorder.read``.  The watch is then in
-the ``watchers`` of all these places; writing any of them calls ``Watch.touched``, which evaluates the condition anew,
-at once, in the job that wrote.  Nobody polls.
+While a condition is evaluated, ``Recorder.active`` is its watch, and each read (of a slot, of the content of a
+container, of a captured variable) reports its place to ``Recorder.read``.  The watch is then in the ``watchers`` of all
+these places; writing any of them calls ``Watch.touched``, which evaluates the condition again, at once, in the job that
+writes. Nothing is polled.
+
+So a condition is evaluated when it is set up, and after that only when a slot, a captured variable, the members of a
+container, or a UVar that it has read is written.  Other inputs do not notify it: the time (``System.time``,
+``Job.timeShift``), random numbers, files, the number of jobs.  A condition on these alone keeps its first value.  A
+program that needs "after five seconds" uses ``sleep`` or ``at (x ~ 5s)``, or an ``every`` that writes the time to a
+slot.
 
 Reading costs one test of ``active`` when nothing is being recorded.  A captured local variable is a ``Box``; it turns
 into a ``WatchedBox`` (same layout, writing notifies) only when some condition has read it.
@@ -16,17 +22,18 @@ from typing import Any
 
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.slot import SlotMeta, meta_of
+from urbihw.kernel.value import Value
 
 
 class Recorder:
-    """Which watch is evaluating its condition, if any.  One per world."""
+    """The watch whose condition is being evaluated, if any.  One per world."""
 
     __slots__ = ("active",)
 
     def __init__(self) -> None:
         self.active: Watch | None = None
 
-    def read(self, target: Any, name: str) -> None:
+    def read(self, target: Value, name: str) -> None:
         """The active watch depends on this slot (whether it exists or not)."""
         if self.active is not None and isinstance(target, Obj):
             self.active.depend(meta_of(target, name))
@@ -53,8 +60,8 @@ def _filled(cell: Any) -> bool:
 class Watch:
     """One watched condition: evaluates ``condition`` and calls ``changed(value)`` when its truth changes.
 
-    It is evaluated by whoever writes what it has read, who must not suffer when it fails: ``failed(error)`` is told
-    then, and the condition counts as it did before.
+    The condition is evaluated in the job that writes, which must not get its errors: ``failed(error)`` is called
+    instead, and the truth stays the same.
     """
 
     __slots__ = ("_again", "_busy", "_changed", "_condition", "_failed", "_places", "_recorder", "live", "value")
@@ -77,13 +84,13 @@ class Watch:
         self.value = False
 
     def depend(self, meta: SlotMeta) -> None:
-        """Remember one place that was read."""
+        """Add a place that was read."""
         if meta.watchers is None:
             meta.watchers = {}
         self.depend_on(meta.watchers)
 
     def depend_on(self, watchers: dict[Watch, None]) -> None:
-        """Remember one place by its table of watchers."""
+        """Add a place that was read, by its table of watchers."""
         if self not in watchers:
             watchers[self] = None
             self._places.append(watchers)
@@ -91,24 +98,27 @@ class Watch:
     def begin(self) -> None:
         """Evaluate the condition for the first time; if it fails, it is not watched, and the error is raised."""
         try:
-            self._look()
+            self._update()
         except BaseException:
             self.stop()
             raise
 
     def touched(self) -> None:
-        """Something the condition read was written: evaluate it again."""
+        """Evaluate the condition again, because a place that it read was written."""
         if self._busy:
             self._again = True
         elif self.live:
             try:
-                self._look()
+                self._update()
             except Exception as error:
                 self._failed(error)
 
-    def _look(self) -> None:
+    def _update(self) -> None:
+        """Evaluate the condition, and call ``changed`` when its truth is another one."""
         self._busy = True
         try:
+            # A condition may write a place that it reads, or yield to a job that does.  Then it is evaluated once more
+            # after this evaluation, and not inside it.
             self._again = True
             while self._again and self.live:
                 self._again = False
@@ -120,6 +130,8 @@ class Watch:
             self._busy = False
 
     def _evaluate(self) -> bool:
+        """Evaluate the condition once and record what it reads."""
+        # Each evaluation may read other places: of `a && b`, b is read only while a is true.
         for place in self._places:
             place.pop(self, None)
         self._places.clear()
@@ -131,7 +143,7 @@ class Watch:
             self._recorder.active = outer
 
     def stop(self) -> None:
-        """Look no more."""
+        """Stop watching."""
         self.live = False
         for place in self._places:
             place.pop(self, None)
@@ -139,23 +151,24 @@ class Watch:
 
 
 def notify(meta: SlotMeta) -> None:
-    """A watched slot was written: all conditions that read it look again, in the order in which they began to."""
+    """Evaluate all conditions that have read a slot, in the order in which they began to watch it."""
     if meta.watchers:
+        # A copy, since each evaluation removes its watch from the table and adds it again.
         for watch in list(meta.watchers):
             watch.touched()
 
 
 class Box:
-    """A local variable that some inner function captured and that is assigned after its declaration."""
+    """A local variable that an inner function captures and that is assigned after its declaration."""
 
     __slots__ = ("v", "watchers")
 
-    def __init__(self, value: Any) -> None:
+    def __init__(self, value: Value) -> None:
         self.v = value
         self.watchers: dict[Watch, None] | None = None
 
     def watch(self, watch: Watch) -> None:
-        """A condition reads this variable."""
+        """Record that a condition reads this variable."""
         if self.watchers is None:
             self.watchers = {}
             self.__class__ = WatchedBox
@@ -166,7 +179,7 @@ _raw = Box.__dict__["v"]
 
 
 class WatchedBox(Box):
-    """A variable that a condition has read: writing it makes the condition look again."""
+    """A variable that a condition has read: writing it evaluates the condition again."""
 
     __slots__ = ()
 
@@ -176,7 +189,7 @@ class WatchedBox(Box):
         return _raw.__get__(self, WatchedBox)
 
     @v.setter
-    def v(self, value: Any) -> None:
+    def v(self, value: Value) -> None:
         _raw.__set__(self, value)
         for watch in list(self.watchers or ()):
             watch.touched()

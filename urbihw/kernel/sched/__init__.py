@@ -1,9 +1,9 @@
-"""Jobs, time and tags: who runs when.  Knows no urbiscript, no socket and no wall clock of its own.
+"""Jobs, time and tags.  Depends on neither urbiscript nor sockets nor a real clock.
 
-Reading order: ``clock`` (time is an argument), ``timequeue`` (who wakes when), ``coro`` (how a job is suspended),
-``job`` (one flow of execution and its state), ``scheduler`` (run what is ready, return when to be called next),
-``waiting`` (queues of jobs), ``group`` (a scope and the jobs it waits for), ``tag`` (stop, freeze, block), ``signals``
-(what is thrown into a job), ``breaker`` (into one that does not yield), ``errors`` (what is refused), ``trace``
-(hooks).
-Only ``coro`` knows that the mechanism is greenlets.  May import nothing else of urbihw.
+Reading order: ``clock`` (time is an argument), ``timequeue`` (timers), ``coro`` (suspending jobs), ``job`` (one flow of
+execution and its state), ``ready_queue`` (the order of the ready jobs), ``scheduler`` (runs them), ``hooks`` (callbacks
+to the layer above), ``waiting`` (how a job waits), ``group`` (a scope and the jobs it waits for), ``tag`` (stop,
+freeze, block), ``signals`` (exceptions thrown into jobs), ``breaker`` (interrupts a job that does not yield),
+``collector`` (Python's garbage collector), ``errors``, ``trace`` (hooks for an observer).  Only ``coro`` depends on
+greenlets.  May import nothing else of urbihw.
 """

@@ -1,9 +1,10 @@
-"""Breaking into a job that does not yield.
+"""Interrupts a job that does not yield.
 
-Only a signal handler of the scheduler's thread can: it runs between two instructions of whatever holds the interpreter.
-Raising right there might leave a list of the kernel half changed.  So the handler arms a trace function, which waits
-for a place where generated code can be left like by any other exception: a backward jump, or the beginning of a
-function.  An endless program comes to one of them again and again.  As long as nobody breaks in, this costs nothing.
+Only a signal handler in the scheduler's thread can do this, because it runs between two instructions of the code that
+holds the interpreter.  Raising an error right there could leave a list of the kernel half changed.  So the handler sets
+a trace function, which waits for a place where generated code may be left by an exception: a backward jump, or the
+beginning of a function.  An endless program reaches such places again and again.  While no error is pending, this costs
+nothing.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import TYPE_CHECKING, Any, Final
 
-from urbihw.kernel.sched.signals import goes_further
+from urbihw.kernel.sched.signals import takes_precedence
 
 if TYPE_CHECKING:
     from urbihw.kernel.sched.job import Job
@@ -24,20 +25,22 @@ if TYPE_CHECKING:
 BACKWARD: Final = frozenset(code for name, code in dis.opmap.items()
                             if "JUMP_BACKWARD" in name and "NO_INTERRUPT" not in name)
 
-DEEPER: Final = 200
-"""How many calls more than usual a signal handler may nest that breaks in where a program is as deep as it may be."""
+EXTRA_CALLS: Final = 200
+"""Additional Python calls that a signal handler may nest when it interrupts a program at the recursion limit."""
 
 Trace = Callable[[FrameType, str, Any], Any]
 
 
 class Breaker:
-    """Throws something into the running job; a debugger's trace function, if there is one, is lost by it.
+    """Raises an error in the running job.  It replaces the trace function of a debugger, if there is one.
 
-    There is one for each scheduler: two would take the trace function from each other.
+    There is one for each scheduler: two would replace each other's trace function.
     """
 
     def __init__(self, scheduler: Scheduler, now: Callable[[], float] = time.monotonic) -> None:
-        """``now`` tells, in seconds, how long a job has held the interpreter, which no simulated clock does."""
+        """``now`` is the clock that measures how long a job has held the interpreter, in seconds; never a simulated
+        one.
+        """
         self._scheduler = scheduler
         self._now = now
         self._job: Job | None = None
@@ -46,70 +49,71 @@ class Breaker:
         self._due = 0.0
 
     def armed(self) -> bool:
-        """Whether something is still to be thrown."""
+        """Whether an error is pending."""
         return self._error is not None
 
     def break_in(self, frame: FrameType | None, error: BaseException, after: float = 0.0) -> None:
-        """Make the running job leave what it does by ``error`` if it has not yielded ``after`` so many seconds.
+        """Raise ``error`` in the running job if it has not yielded ``after`` seconds from now.
 
-        To be called by a signal handler, with the frame that it interrupted; nothing happens when no job runs.  Of two
-        that are to reach one job the one that leads further out wins.
+        To be called by a signal handler, with the frame that it interrupted.  Nothing happens when no job runs.  When
+        another error is pending for the job, ``takes_precedence`` decides between them.
         """
         scheduler = self._scheduler
         if scheduler.current is None:
             return
-        before = None if self._gave_way() else self._error
+        before = None if self._has_yielded() else self._error
         due = self._now() + after
-        if before is not None and not goes_further(error, before):
+        if before is not None and not takes_precedence(error, before):
             error, due = before, min(due, self._due)
         self._job, self._cycle = scheduler.current, scheduler.cycle
         self._error, self._due = error, due
         self._arm(frame)
 
-    def again(self, frame: FrameType | None) -> None:
-        """Arm the trace function once more, if something is still to be thrown; to be called by a signal handler.
+    def rearm(self, frame: FrameType | None) -> None:
+        """Set the trace function once more if an error is pending; to be called by a signal handler.
 
-        Python drops a trace function that fails, and it does where no call fits on the stack any more.
+        Python drops a trace function that fails, and a trace function fails where the stack has no room for another
+        call.
         """
-        if not self._gave_way():
+        if not self._has_yielded():
             self._arm(frame)
 
     def _arm(self, frame: FrameType | None) -> None:
         while frame is not None:
-            if self._scheduler.is_program(frame):
+            if self._scheduler.hooks.is_program(frame):
                 self._watch(frame)
             frame = frame.f_back
-        sys.settrace(self._called)
+        sys.settrace(self._trace_call)
 
     def _watch(self, frame: FrameType) -> Trace:
-        frame.f_trace = self._passed
+        frame.f_trace = self._trace_opcode
         frame.f_trace_opcodes = True
-        return self._passed
+        return self._trace_opcode
 
-    def _called(self, frame: FrameType, event: str, argument: Any) -> Trace | None:
-        """A function begins."""
-        if self._is_over() or not self._scheduler.is_program(frame):
+    def _trace_call(self, frame: FrameType, event: str, argument: Any) -> Trace | None:
+        """Trace function: a Python function begins."""
+        if self._stop_if_yielded() or not self._scheduler.hooks.is_program(frame):
             return None
         self._throw_when_due()
         return self._watch(frame)
 
-    def _passed(self, frame: FrameType, event: str, argument: Any) -> Trace | None:
-        """A watched function comes to its next instruction."""
-        if self._is_over():
+    def _trace_opcode(self, frame: FrameType, event: str, argument: Any) -> Trace | None:
+        """Trace function: a traced function is about to execute its next instruction."""
+        if self._stop_if_yielded():
             frame.f_trace_opcodes = False
             return None
         if event == "opcode" and _instruction(frame) in BACKWARD:
             self._throw_when_due()
-        return self._passed
+        return self._trace_opcode
 
-    def _gave_way(self) -> bool:
-        """Whether nothing is to be thrown any more: the job has yielded meanwhile."""
+    def _has_yielded(self) -> bool:
+        """Whether no error is pending, or the job has yielded since ``break_in``."""
         scheduler = self._scheduler
         return self._error is None or scheduler.current is not self._job or scheduler.cycle != self._cycle
 
-    def _is_over(self) -> bool:
-        """The same; then nobody is traced any more."""
-        if not self._gave_way():
+    def _stop_if_yielded(self) -> bool:
+        """The same; if so, the error is dropped and tracing ends."""
+        if not self._has_yielded():
             return False
         self._job = self._error = None
         sys.settrace(None)
@@ -124,7 +128,7 @@ class Breaker:
 
 
 def _instruction(frame: FrameType) -> int:
-    """The code of the instruction that a frame is about to execute."""
+    """The opcode of the instruction that a frame is about to execute."""
     code, at = frame.f_code.co_code, frame.f_lasti
     while code[at] == dis.EXTENDED_ARG:
         at += 2

@@ -1,4 +1,4 @@
-"""Clocks.  The scheduler is handed one; nobody else asks the time."""
+"""Clocks.  The scheduler gets one as an argument; no other module reads the time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Clock(Protocol):
         ...
 
     def idle(self, deadline: float) -> None:
-        """Nothing is ready before ``deadline``: a simulated clock jumps there, a real one does nothing."""
+        """No job is ready before ``deadline``: a simulated clock jumps there, a real clock does nothing."""
         ...
 
     def round(self) -> float:
@@ -23,7 +23,7 @@ class Clock(Protocol):
 
 
 class RealClock:
-    """The machine's monotonic clock; zero is when it was made."""
+    """The machine's monotonic clock; zero is the time when the object was made."""
 
     def __init__(self) -> None:
         self._origin = time.monotonic()
@@ -41,14 +41,14 @@ class RealClock:
 
 
 class SimClock:
-    """A clock that stands still while jobs run and jumps to the next deadline when all of them sleep.
+    """A simulated clock: it stands still while jobs run, and jumps to the next deadline when all jobs sleep.
 
-    Jobs that never sleep would keep it at one moment for ever: after ``PATIENCE`` rounds at the same time it creeps
-    on, a millisecond every hundred rounds, so that a busy loop can be stopped by somebody who sleeps.
+    Jobs that never sleep would hold the clock at one time for ever.  So after ``ROUNDS_AT_ONE_TIME`` rounds at the same
+    time the clock advances by ``CREEP_S`` seconds a round.  A sleeping job can then wake up and stop a busy loop.
     """
 
-    PATIENCE = 5000
-    CREEP = 1e-5
+    ROUNDS_AT_ONE_TIME = 5000
+    CREEP_S = 1e-5
 
     def __init__(self, start: float = 0.0) -> None:
         self._now = start
@@ -59,17 +59,17 @@ class SimClock:
         return self._now
 
     def idle(self, deadline: float) -> None:
-        """Jump to the deadline, never back."""
+        """Jump to the deadline; never goes back."""
         self._now = max(self._now, deadline)
         self._rounds = 0
 
     def round(self) -> float:
         """The simulated time, in seconds."""
         self._rounds += 1
-        if self._rounds > self.PATIENCE:
-            self._now += self.CREEP
+        if self._rounds > self.ROUNDS_AT_ONE_TIME:
+            self._now += self.CREEP_S
         return self._now
 
     def advance(self, seconds: float) -> None:
-        """Let time pass by hand (tests of components that are told the time)."""
+        """Advance the time by hand, for tests of components that take the time as an argument."""
         self._now += seconds

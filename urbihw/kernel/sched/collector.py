@@ -1,14 +1,14 @@
-"""Python's garbage collector, kept from holding everybody up.
+"""Keeps the pauses of Python's garbage collector short.
 
-A collection of all objects goes through each of them: a tenth of a second for a million, again and again while there
-are more and more of them.  What is *frozen* is not gone through.  It is freed all the same when nobody refers to it;
-only what refers to itself in a circle has to wait until it is thawed.
+A full collection visits each object.  That takes a tenth of a second for a million objects, and happens again and again
+while their number grows.  The collector does not visit *frozen* objects.  Frozen objects are still freed when their
+last reference goes; only reference cycles stay until they are thawed.
 
-- Long work freezes what exists between its steps, and thaws it when it is over.
-- In a server a collection of all objects that took long freezes what it left.  So the next one has only the new
-  objects to go through.  Once in a while a collection goes through all of them, and when memory is short.
+- Long work freezes the existing objects between its steps, and thaws them when it is over.
+- In a server, the objects that survive a slow full collection are frozen, so that the next one visits only the objects
+  made since.  All objects are visited once a minute, and when memory is short.
 
-The collector belongs to the process, so there is one ``COLLECTOR``.  To be used in the thread of the scheduler.
+The collector belongs to the process, so there is one ``COLLECTOR``.  It must be used in the scheduler's thread.
 """
 
 from __future__ import annotations
@@ -18,16 +18,18 @@ import time
 from types import TracebackType
 from typing import Any, Final
 
-OLDEST: Final = 2
-"""The generation of Python's collector that has all objects."""
-LONG: Final = 0.01
-"""Seconds that a collection may take before what it leaves is frozen."""
-EVERY: Final = 60.0
-"""Seconds after which a collection goes through all objects again."""
+OLDEST_GENERATION: Final = 2
+"""The generation of Python's collector that contains all objects."""
+SLOW_COLLECTION_S: Final = 0.01
+"""Duration of a full collection, in seconds, from which the surviving objects are frozen."""
+FULL_COLLECTION_PERIOD_S: Final = 60.0
+"""Seconds after which frozen objects are thawed for a collection of all objects."""
 
 
 class Collector:
-    """To be entered by long work, and guarded by a server."""
+    """The settings of Python's collector: a context manager around long work; a server calls ``guard`` and
+    ``release``.
+    """
 
     def __init__(self) -> None:
         self._working = 0
@@ -44,12 +46,12 @@ class Collector:
         if not self._working and not self._guards:
             gc.unfreeze()
 
-    def works(self) -> bool:
-        """Whether long work is being done."""
+    def is_busy(self) -> bool:
+        """Whether long work is in progress."""
         return self._working > 0
 
-    def leave_alone(self) -> None:
-        """Between two steps of long work: freeze what exists by now."""
+    def freeze_existing(self) -> None:
+        """Freeze all existing objects; to be called between two steps of long work."""
         gc.freeze()
 
     def guard(self) -> None:
@@ -57,35 +59,35 @@ class Collector:
         self._guards += 1
         if self._guards == 1:
             self._thawed = time.monotonic()
-            gc.callbacks.append(self._collecting)
+            gc.callbacks.append(self._note_collection)
 
     def release(self) -> None:
-        """The server ends."""
+        """Undo ``guard``, when the server ends."""
         self._guards -= 1
         if not self._guards:
-            gc.callbacks.remove(self._collecting)
+            gc.callbacks.remove(self._note_collection)
             gc.unfreeze()
 
     def collect(self) -> None:
-        """Memory is short: free whatever nobody uses."""
+        """Free all unreachable objects, since memory is short."""
         gc.unfreeze()
         self._thawed = time.monotonic()
         gc.collect()
 
-    def _collecting(self, phase: str, about: dict[str, Any]) -> None:
-        """A collection begins or ends."""
-        if about["generation"] != OLDEST:
+    def _note_collection(self, phase: str, about: dict[str, Any]) -> None:
+        """Callback of Python's collector: a collection begins or ends."""
+        if about["generation"] != OLDEST_GENERATION:
             return
         now = time.monotonic()
         if phase == "stop":
-            if now - self._began > LONG:
+            if now - self._began > SLOW_COLLECTION_S:
                 gc.freeze()
             return
         self._began = now
-        if now - self._thawed > EVERY:
+        if now - self._thawed > FULL_COLLECTION_PERIOD_S:
             self._thawed = now
             gc.unfreeze()
 
 
 COLLECTOR: Final = Collector()
-"""That of this process."""
+"""The collector of this process."""

@@ -1,7 +1,7 @@
-"""How a job is suspended: greenlets.  The only file that knows the mechanism.
+"""Suspending jobs with greenlets.  No other module depends on the mechanism.
 
-Beginning a greenlet costs ten times what a switch does (CPython maps a fresh stack chunk for it), and most jobs are
-short.  So jobs are run by *carriers*, greenlets that take one job after the other and rest in a pool in between.
+Starting a greenlet costs ten times as much as a switch (CPython maps a fresh stack chunk for it), and most jobs are
+short.  So jobs are run by *carriers*: greenlets that run one job after the other and wait in a pool in between.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 CarrierEnded = GreenletExit
-"""Raised in a job whose carrier is taken away, since nobody will run the scheduler any more."""
+"""Raised in a job whose carrier is ended because the scheduler will not run any more."""
 
-POOL = 64
-"""How many carriers rest at most; more are let go."""
+MAX_RESTING = 64
+"""Maximum number of carriers in the pool; further ones end with their job."""
 
 
 class Carrier:
-    """A greenlet that runs jobs, one at a time; ``coro.switch()`` runs the job until it gives the processor away."""
+    """A greenlet that runs jobs, one at a time; ``coro.switch()`` runs the job until it yields, waits or ends."""
 
     __slots__ = ("_pool", "coro", "job")
 
@@ -38,13 +38,13 @@ class Carrier:
         self.coro = greenlet(self._run, pool.hub)
 
     def frame(self) -> FrameType | None:
-        """Where the job stands, while it is suspended."""
+        """The Python frame of the suspended job."""
         return self.coro.gr_frame
 
     def end(self) -> None:
-        """Take the greenlet away, in the thread that made it; its job leaves by GreenletExit."""
-        with contextlib.suppress(error, ValueError):  # another thread
-            self.coro.parent = getcurrent()  # to come back here, which may be a job of another kernel
+        """End the greenlet, in the thread that made it; GreenletExit is raised in its job."""
+        with contextlib.suppress(error, ValueError):  # called in another thread
+            self.coro.parent = getcurrent()  # return to the caller, which may be a job of another kernel
             self.coro.throw(GreenletExit)
 
     def _run(self) -> None:
@@ -53,20 +53,20 @@ class Carrier:
             assert job is not None
             job.main()
             job.carrier = self.job = None
-            if isinstance(job.error, GreenletExit):  # the interpreter takes the greenlet away
+            if isinstance(job.error, GreenletExit):  # the greenlet was ended
                 return
             scheduler = job.scheduler
             del job
-            if not self._pool.rest(self):
+            if not self._pool.accept_resting(self):
                 return
             scheduler.hand_over()
 
 
 class Steps(Generic[T]):
-    """A computation on a stack of its own, done step by step: ``work(pause)`` goes on until it calls ``pause()``.
+    """A computation on its own stack, done in steps: a step of ``work(pause)`` ends when it calls ``pause()``.
 
-    Whoever does the steps may give the processor away between them, however deep the work is in calls.  Python's limit
-    of recursion belongs to the process: work that needs another one sets it, and has it during its steps only.
+    The caller may yield to other jobs between the steps, however deep the work is in calls.  Python's recursion limit
+    belongs to the process: work that needs another limit sets it, and the limit is in force during its steps only.
     """
 
     def __init__(self, work: Callable[[Callable[[], None]], T]) -> None:
@@ -76,17 +76,17 @@ class Steps(Generic[T]):
         self._results: list[T] = []
 
     def step(self) -> bool:
-        """Do a step; whether more are to come.  Raises what the work raises."""
+        """Do a step, and return whether more steps follow.  Raises what the work raises."""
         self._switch(self._coro.switch)
         return not self._coro.dead
 
     @property
     def result(self) -> T:
-        """What the work gave, when it is done."""
+        """The return value of the work, when it is done."""
         return self._results[0]
 
     def end(self) -> None:
-        """Give the work up, if it is not done."""
+        """Cancel the work if it is not done: GreenletExit is raised in it."""
         if not self._coro.dead:
             self._switch(partial(self._coro.throw, GreenletExit))
 
@@ -109,30 +109,33 @@ class Steps(Generic[T]):
 
 
 class Pool:
-    """The carriers of one scheduler, and the hub: ``hub.switch()`` in a job gives the processor back to it."""
+    """The carriers of one scheduler, and the hub: the greenlet that runs ``Scheduler.run``, and to which jobs switch
+    back.
+    """
 
     def __init__(self) -> None:
         self.hub = getcurrent()
-        self._resting: list[Carrier] = []
+        self.resting: list[Carrier] = []
+        """Carriers without a job.  Each is suspended at the point where a switch makes it start its next job."""
 
     def enter_hub(self) -> None:
-        """The greenlet that calls is the hub from now on."""
+        """Make the calling greenlet the hub."""
         self.hub = getcurrent()
 
-    def take(self, job: Job) -> Carrier:
-        """A carrier for a job that begins."""
-        carrier = self._resting.pop() if self._resting else Carrier(self)
+    def assign_carrier(self, job: Job) -> Carrier:
+        """Give a job that starts a carrier, from the pool if there is one."""
+        carrier = self.resting.pop() if self.resting else Carrier(self)
         carrier.job = job
         return carrier
 
     def end(self) -> None:
-        """Let go of the carriers that rest."""
-        while self._resting:
-            self._resting.pop().end()
+        """End the carriers in the pool."""
+        while self.resting:
+            self.resting.pop().end()
 
-    def rest(self, carrier: Carrier) -> bool:
-        """A carrier's job is over; whether it may rest here."""
-        if len(self._resting) >= POOL:
+    def accept_resting(self, carrier: Carrier) -> bool:
+        """Take a carrier without a job into the pool; False if the pool is full."""
+        if len(self.resting) >= MAX_RESTING:
             return False
-        self._resting.append(carrier)
+        self.resting.append(carrier)
         return True

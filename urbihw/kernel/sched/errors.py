@@ -1,16 +1,17 @@
-"""What the scheduler refuses."""
+"""Errors of the scheduler."""
 
 from __future__ import annotations
 
 
 class TooManyJobs(RuntimeError):
-    """There are ``Scheduler.most_jobs`` jobs already, or ``most_jobs_of_one`` of one context: a program makes them
-    without end."""
+    """A new job was refused: there are ``Scheduler.max_total_jobs`` jobs, or ``max_jobs_per_context`` jobs of its
+    context.
+    """
 
     def throw(self) -> None:
-        """Raise it: what a job does that is refused."""
+        """Raise this error: the body of a job that was refused."""
         raise self
 
 
 class HeldTooLong(RuntimeError):
-    """A job has not given way to the others for too long."""
+    """A job has held the interpreter for too long without yielding."""

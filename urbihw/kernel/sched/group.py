@@ -1,8 +1,8 @@
-"""A scope and the jobs it waits for: what ``,`` ``&`` ``for&`` and their like are made of.
+"""A scope and the jobs it waits for: the basis of ``,``, ``&``, ``for&`` and the like.
 
-The owner starts children, goes on, and joins them at the end.  A child that fails takes the others with it: its error
-is thrown into the owner, wherever that is, and leaving the group by an error stops the children that still run and
-waits until their ``finally`` clauses are over.
+The owner starts children, goes on, and joins them at the end.  The error of a child is thrown into the owner, wherever
+the owner is.  When the owner leaves the group by an error, the other children are stopped, and the owner waits until
+their ``finally`` clauses are over.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel.sched.signals import JobKilled, StopTag, supersedes
+from urbihw.kernel.sched.waiting import Completion
 
 if TYPE_CHECKING:
     from urbihw.kernel.sched.job import Job
@@ -19,15 +20,16 @@ if TYPE_CHECKING:
 
 
 class Group:
-    """Jobs that belong to a block of code; use as a context manager in the owning job."""
+    """The jobs of a block of code; a context manager in the owning job."""
 
-    __slots__ = ("_children", "_joining", "_scheduler", "closed", "owner")
+    __slots__ = ("_children", "_joined", "_scheduler", "closed", "owner")
 
     def __init__(self, scheduler: Scheduler) -> None:
         self._scheduler = scheduler
         self.owner = scheduler.running()
         self._children: dict[Job, None] = {}
-        self._joining = False
+        self._joined: Completion[None] | None = None
+        """Completed when the last child is over; None while the owner does not join."""
         self.closed = False
 
     def __enter__(self) -> Group:
@@ -44,11 +46,11 @@ class Group:
             raise
 
     def start(self, body: Callable[[], Any], name: str = "") -> None:
-        """A child that runs at once; the owner queues up behind all that are ready (the separator ``,``)."""
+        """Start a child that runs at once; the owner goes to the end of the ready queue (the separator ``,``)."""
         self._scheduler.start_now(self._make(body, name))
 
     def launch(self, body: Callable[[], Any], name: str = "") -> None:
-        """A child that runs at once; the owner goes on as soon as it yields (the branches of ``&``)."""
+        """Start a child that runs at once; the owner goes on as soon as the child yields (the branches of ``&``)."""
         self._scheduler.run_first(self._make(body, name))
 
     def _make(self, body: Callable[[], Any], name: str) -> Job:
@@ -60,23 +62,20 @@ class Group:
     def join(self) -> None:
         """Wait until all children are over."""
         while self._children:
-            self._joining = True
-            try:
-                self._scheduler.suspend(None)
-            finally:
-                self._joining = False
+            self._joined = Completion(self._scheduler)
+            self._joined.wait()
 
     def child_ended(self, child: Job, error: BaseException | None) -> None:
-        """Called by the scheduler when a child is over."""
+        """Count a child that is over; called by the scheduler."""
         self._children.pop(child, None)
         if error is not None and not self.closed and not _concerns_child_only(error):
             self.closed = True
             self._scheduler.throw(self.owner, error)
-        elif not self._children and self._joining:
-            self._scheduler.wake(self.owner)
+        elif not self._children and self._joined is not None:
+            self._joined.complete(None)
 
     def _abandon_for(self, error: BaseException) -> None:
-        """``abandon``, since the block is left by ``error``; what is thrown meanwhile must not replace that."""
+        """Call ``abandon`` because the block is left by ``error``; errors thrown meanwhile do not replace ``error``."""
         leave = self.abandon
         while True:
             try:
@@ -89,7 +88,7 @@ class Group:
                 return
 
     def abandon(self) -> None:
-        """Stop the children and wait until they are over: the block is left by return, break or an error."""
+        """Stop the children and wait until they are over, because the block is left by return, break or an error."""
         self.closed = True
         for child in list(self._children):
             self._scheduler.kill(child)
@@ -97,5 +96,7 @@ class Group:
 
 
 def _concerns_child_only(error: BaseException) -> bool:
-    """A child stopped by a tag or killed ends alone: whoever stopped it stops its owner too, if he means to."""
+    """Whether an error ends the child only: a stopped tag or a kill.  If the owner is concerned too, it gets its
+    own.
+    """
     return isinstance(error, JobKilled | StopTag)

@@ -1,8 +1,7 @@
-"""A job: one flow of execution with a state, run by a carrier (see ``coro``).
+"""A job: one flow of execution with a state, run by a carrier (module ``coro``).
 
-A job runs until it asks the scheduler for something (``Scheduler.yield_``, ``sleep``, ``suspend``); nothing takes
-the processor away from it.  While it waits, ``undo`` says how to leave the place where it waits, so that stopping or
-freezing it never has to search.
+Jobs are cooperative: a job runs until it calls ``Scheduler.yield_``, ``sleep`` or ``suspend``.  While it waits,
+``undo`` removes it from the queue in which it waits, so that stopping it needs no search.
 """
 
 from __future__ import annotations
@@ -22,11 +21,12 @@ READY, RUNNING, SLEEPING, WAITING, TERMINATED = "starting", "running", "sleeping
 
 
 class Job:
-    """One flow of execution.  Made by ``Scheduler.spawn``; the fields are read by all and written by ``sched`` only.
+    """One flow of execution.  Made by ``Scheduler.spawn``.  All modules may read the fields; only ``sched`` writes
+    them.
 
-    ``context`` belongs to the layer above (the runtime keeps the lobby there) and is inherited by jobs made from it.
-    ``epoch`` is what ``Scheduler.epoch`` was when the statement began that the job belongs to; jobs made from it
-    inherit it, so that all parts of one statement are equally old.
+    ``context`` belongs to the layer above (the runtime stores the lobby there); jobs made by this job inherit it.
+    ``epoch`` is the value of ``Scheduler.epoch`` when the job's statement began.  Jobs made by this job inherit it, so
+    that all jobs of one statement have the same epoch.
     """
 
     __slots__ = (
@@ -45,7 +45,7 @@ class Job:
         "held",
         "name",
         "on_end",
-        "payer",
+        "charged_context",
         "pending",
         "result",
         "scheduler",
@@ -81,39 +81,63 @@ class Job:
         self.group: Group | None = None
         self.on_end: list[Callable[[Job], None]] | None = None
         self.face: Any = None
-        self.payer = context
-        """The context among whose jobs this one counts, whatever it speaks to for a moment."""
+        self.charged_context = context
+        """The context in whose number of jobs this job counts; it stays the same when ``context`` changes for a
+        while."""
 
     def main(self) -> None:
-        """Run the body (in a carrier) and tell the scheduler of the end."""
+        """Run the body (in a carrier), and report the end to the scheduler."""
         try:
             assert self.body is not None
             self.result = self.body()
-        except KeyboardInterrupt:  # nobody has taken the signal over yet, so it is for the whole process
+        except KeyboardInterrupt:  # no signal handler is installed yet, so it ends the process
             raise
         except BaseException as error:
             self.error = error
         self.body = None
         self.scheduler.ended(self)
 
-    def time_is_up(self) -> None:
-        """A sleeper's time has come: it is ready."""
+    def end_sleep(self) -> None:
+        """Make the sleeping job ready, since its time has come."""
         self.timer = None
         self.state = READY
         self.scheduler.ready.append(self)
 
+    def update_frozen(self) -> None:
+        """Set whether the job is frozen, after one of its tags was frozen or unfrozen, or it entered or left a tag."""
+        scheduler = self.scheduler
+        frozen = scheduler.frozen_tags > 0 and any(entry.tag.is_frozen() for entry in self.entries)
+        if frozen == self.frozen or self.done:
+            return
+        self.frozen = frozen
+        now = scheduler.clock.now()
+        # The job's own time stands still: the rest of its sleep is kept, and is slept when the job is unfrozen.
+        if frozen:
+            self.frozen_at = now
+            if self.timer is not None:
+                self.wake_left = self.timer.deadline - now
+                self.timer.cancel()
+            return
+        self.shift += now - self.frozen_at
+        if self.held:
+            self.held = False
+            self.state = READY
+            scheduler.ready.append(self)
+        elif self.timer is not None:
+            self.timer = scheduler.timers.add(now + self.wake_left, self.end_sleep)
+
     def frame(self) -> FrameType | None:
-        """The Python frame in which a suspended job stands, to look at its call stack."""
+        """The Python frame in which the job is suspended, for reading its call stack; None if it has no carrier."""
         return None if self.carrier is None else self.carrier.frame()
 
     def status(self) -> str:
-        """``running``, ``sleeping``, ``waiting`` ...; with `` (frozen)`` behind it when a tag holds the job."""
+        """``running``, ``sleeping``, ``waiting`` and so on; followed by `` (frozen)`` when a tag freezes the job."""
         if self.done:
             return TERMINATED
         return self.state + (" (frozen)" if self.frozen else "")
 
     def when_ended(self, action: Callable[[Job], None]) -> None:
-        """Call ``action(job)`` once when the job is over; at once if it is already."""
+        """Call ``action(job)`` once when the job is over; at once if it is over already."""
         if self.done:
             action(self)
         elif self.on_end is None:
@@ -122,12 +146,12 @@ class Job:
             self.on_end.append(action)
 
     def renew(self) -> None:
-        """A new statement begins in this job: it, and who waits for it, is as old as what begins now."""
+        """A new statement begins in this job: give the job, and the jobs that wait for it, the present epoch."""
         job: Job | None = self
         while job is not None and job.epoch != self.scheduler.epoch:
             job.epoch = self.scheduler.epoch
             job = None if job.group is None else job.group.owner
 
     def local_time(self, now: float) -> float:
-        """The job's own time: what the clock says less what it spent frozen."""
+        """The job's own time: the time of the clock minus the time that the job spent frozen, in seconds."""
         return now - self.shift

@@ -1,32 +1,32 @@
-"""The scheduler: runs the jobs that are ready, in turn, and says when it wants to be called next.
+"""The scheduler: runs the ready jobs in turn, and returns the time at which it must be called next.
 
-One *round* runs each job that was ready when it began, once, first in first out (of very many jobs only some: see
-``crowd``); a round has one time (``now``), which is also the time stamp of what is written in it.  ``run()`` makes
-rounds until nobody is ready and returns the time of the next wake-up; who calls it (an asyncio loop, a simulated
-clock) is not its business.
+A *round* runs each job that was ready when the round began, once, first in first out.  When rounds take too long, they
+take only some of the ready jobs (module ``ready_queue``).  A round has one time (``now``), which is also the time stamp
+of its output.  ``run()`` makes rounds until no job is ready, and returns the time of the next wake-up.  The caller is
+an asyncio loop or a simulated clock.
 
-Jobs made by ``spawn`` start at the end of the queue; ``start_now`` gives the processor to the new job at once and
-puts its maker at the end of the queue, which is what a ``,`` in urbiscript does.
+A job made by ``spawn`` starts at the end of the queue.  ``start_now`` runs the new job at once and puts its maker at
+the end of the queue, as the ``,`` of urbiscript does.
 
-``post()`` is the one door for other threads: what they post runs between rounds.  ``interrupt()`` makes ``run``
-return soon although jobs are ready, so that an endless loop of ``;`` cannot starve the sockets.
+Other threads call ``post()`` only: a posted function runs between two rounds.  ``interrupt()`` makes ``run`` return
+soon although jobs are ready, so that an endless loop of ``;`` cannot starve the sockets.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel.sched import job as states
 from urbihw.kernel.sched.breaker import Breaker
 from urbihw.kernel.sched.clock import Clock
 from urbihw.kernel.sched.coro import Pool
-from urbihw.kernel.sched.crowd import REST, Crowd, Mark
 from urbihw.kernel.sched.errors import TooManyJobs
+from urbihw.kernel.sched.hooks import SchedulerHooks
 from urbihw.kernel.sched.job import Job
-from urbihw.kernel.sched.signals import JobKilled, goes_further
+from urbihw.kernel.sched.ready_queue import INTERRUPT, Mark, ReadyQueue
+from urbihw.kernel.sched.signals import JobKilled, takes_precedence
 from urbihw.kernel.sched.timequeue import TimeQueue, Timer
 from urbihw.kernel.sched.trace import Tracer
 
@@ -34,56 +34,52 @@ if TYPE_CHECKING:
     from urbihw.kernel.sched.tag import TagEntry
 
 
-MOST_JOBS = 150_000
-"""How many jobs there may be; each takes about 8 kB once it has begun, and a program that forks without end gets there
+MAX_TOTAL_JOBS = 150_000
+"""Maximum number of jobs.  A started job takes about 8 kB, and a program that forks without end reaches the limit
 within seconds."""
-AIR = 0.004
-"""Seconds after which ``run`` returns between two rounds although jobs are ready: the sockets must have their turn."""
-SPARED = 100
-"""How many jobs a context may have even when there are too many of the others."""
-
-
-_INTERRUPT = Mark()
-"""Makes a job that runs alone look up from its loop."""
+MAX_RUN_S = 0.004
+"""Seconds after which ``run`` returns between two rounds although jobs are ready, so that the sockets are served."""
+RESERVED_JOBS = 100
+"""Number of jobs that each context may have even when ``max_total_jobs`` is reached."""
 
 
 class Scheduler:
     """All jobs of one kernel."""
 
-    def __init__(self, clock: Clock, wake_host: Callable[[], None] = lambda: None) -> None:
+    def __init__(
+        self, clock: Clock, wake_host: Callable[[], None] = lambda: None, hooks: SchedulerHooks | None = None
+    ) -> None:
+        """``wake_host`` is called, from any thread, when ``run`` should be called soon; ``hooks`` are the callbacks to
+        the layer above.
+        """
         self.clock = clock
+        self.hooks = SchedulerHooks() if hooks is None else hooks
         self._pool = Pool()
-        self.ready: deque[Job | Mark] = deque()
+        self._resting = self._pool.resting
+        self._queue = ReadyQueue()
+        self.ready: deque[Job | Mark] = self._queue.jobs
         self.timers = TimeQueue()
         self.current: Job | None = None
         self.now = clock.now()
         self.cycle = 0
+        """The number of rounds so far.  A job that runs in a later round than before has yielded in between."""
         self.jobs: dict[Job, None] = {}
         self.tracer: Tracer | None = None
         self.frozen_tags = 0
         self.epoch = 0
-        """Advanced by who must tell the statements that began before a moment from those that began after it."""
-        self.most_jobs = MOST_JOBS
-        self.most_jobs_of_one = MOST_JOBS
-        """How many jobs of one context there may be."""
+        """Advanced from outside to tell statements that began before an event, such as an emergency stop, from later
+        ones."""
+        self.max_total_jobs = MAX_TOTAL_JOBS
+        self.max_jobs_per_context = MAX_TOTAL_JOBS
+        """Maximum number of jobs of one context."""
         self._shares: dict[Any, int] = {}
-        """How many jobs there are of each context."""
+        """The number of jobs of each context."""
         self.latest: Job | None = None
-        """Who had the turn last, of those that were given it by ``run`` itself."""
+        """The job to which ``run`` itself gave the last turn."""
         self.breaker = Breaker(self)
         self._left = 0
-        """How many jobs of the round have not had their turn."""
+        """The number of jobs that are still to run in this round."""
         self._interrupted = False
-        self._preferred: tuple[Job | None, int, Job] | None = None
-        """Who made the last job that was preferred in this round, its place in the queue, and that job."""
-        self._crowd = Crowd()
-        self._crowded = False
-        """Whether the ready jobs are shared out, since a round of all of them takes too long."""
-        self.place: Callable[[FrameType], str] = lambda frame: ""
-        """Says for the log where in its program a Python frame stands; the layer above knows."""
-        self.is_program: Callable[[FrameType], bool] = lambda frame: False
-        """Whether a Python frame is one of generated code."""
-        self.failed: Callable[[Job, Exception], None] = lambda job, error: None
         self._round_hooks: list[Callable[[], None]] = []
         self._posted: deque[Callable[[], None]] = deque()
         self._wake_host = wake_host
@@ -98,20 +94,21 @@ class Scheduler:
         parent: Job | None = None,
         entries: Iterable[TagEntry] = (),
     ) -> Job:
-        """A new job at the end of the ready queue.
+        """Make a job at the end of the ready queue.
 
-        ``parent`` gives its tags, its context and its own time; without one, ``entries`` are the tags it begins under.
-        ``failed`` is called with whatever error ends a job that belongs to no group.  Raises TooManyJobs; a job without
-        parent and tags is made all the same, and fails by that as soon as it begins, unless it has no context: then it
-        is the kernel's own and is never refused.
+        A ``parent`` passes on its tags, its context and its own time; without a parent, the job begins under
+        ``entries``.  ``hooks.job_failed`` is called with the error that ends a job without a group.
+
+        Raises TooManyJobs.  A job without parent and tags is made in any case, and fails with that error when it
+        starts.  A job that has no context either belongs to the kernel and is never refused.
         """
         if parent is not None:
             context = parent.context if context is None else context
             entries = parent.entries
         share = self._shares.get(context, 0)
-        if share >= self.most_jobs_of_one or (share >= SPARED and len(self.jobs) >= self.most_jobs):
+        if share >= self.max_jobs_per_context or (share >= RESERVED_JOBS and len(self.jobs) >= self.max_total_jobs):
             refusal = TooManyJobs(f"too many jobs: {share} of this connection") \
-                if share >= self.most_jobs_of_one else TooManyJobs("too many jobs")
+                if share >= self.max_jobs_per_context else TooManyJobs("too many jobs")
             if parent is not None or entries:
                 raise refusal
             if context is not None:
@@ -127,60 +124,37 @@ class Scheduler:
             entry.jobs[made] = None
             entry.tag.live[entry] = None
         if self.frozen_tags:
-            self.recheck_frozen(made)
+            made.update_frozen()
         self.ready.append(made)
         if self.tracer is not None:
             self.tracer.created(made)
         return made
 
     def jobs_of(self, context: Any) -> int:
-        """How many jobs there are of a context."""
+        """The number of jobs of a context."""
         return self._shares.get(context, 0)
 
     def start_now(self, made: Job) -> None:
-        """Run a job just spawned before its maker goes on; the maker queues up behind it."""
-        self._take_back(made)
+        """Run a new job at once; the running job goes to the end of the ready queue."""
+        self._queue.remove(made)
         self.ready.appendleft(made)
         self.yield_()
 
     def run_first(self, made: Job) -> None:
-        """Run a job just spawned before its maker goes on; the maker goes on as soon as it yields."""
+        """Run a new job at once; the running job goes on as soon as the new job yields."""
         maker = self.running()
-        self._take_back(made)
+        self._queue.remove(made)
         self.ready.appendleft(maker)
         self.ready.appendleft(made)
         maker.state = states.READY
-        self._leave(maker)
+        self._switch_away(maker)
 
     def prefer(self, made: Job) -> None:
-        """Let a job just spawned take its turn before those of its context that have begun, behind the new ones."""
-        self._take_back(made)
-        ready = self.ready
-        place = 0
-        if self._preferred is not None:  # thousands may be made in one turn
-            maker, at, last = self._preferred
-            if maker is self.current and at < len(ready) and ready[at] is last and not last.started:
-                place = at + 1
-        while place < len(ready):  # another thread may append meanwhile
-            waiting = ready[place]
-            if waiting is REST:
-                self._crowd.prefer(made)
-                return
-            if isinstance(waiting, Mark) or (waiting.started and waiting.payer is made.payer):
-                break
-            place += 1
-        ready.insert(place, made)
-        self._preferred = (self.current, place, made)
-
-    def _take_back(self, made: Job) -> None:
-        """Out of the ready queue again; a job just spawned is its last entry unless a thread interrupted."""
-        if self.ready[-1] is made:
-            self.ready.pop()
-        else:
-            self.ready.remove(made)
+        """Let a new job run before the started jobs of its context, but after the new ones."""
+        self._queue.prefer(made, self.current)
 
     def running(self) -> Job:
-        """The job that runs; only a job may call what needs this."""
+        """The running job.  Raises RuntimeError outside any job."""
         if self.current is None:
             raise RuntimeError("no job is running: this may only be called from inside a job")
         return self.current
@@ -188,20 +162,28 @@ class Scheduler:
     # ---------------------------------------------------------------- what a job asks for
 
     def yield_(self) -> None:
-        """Let the other ready jobs run; come back behind them."""
+        """Let the other ready jobs run, and go on after them."""
         job = self.running()
-        # As `_leave`, written out: behind the append no Python function may be called, since a job that is as deep in
-        # calls as it may be would go on with the error and stand in the queue as well.
+        # This is `_switch_away`, written out.  After the append, no Python function may be called: at the recursion
+        # limit the call would fail, and the job would go on with that error while it stands in the queue.
         ready = self.ready
         ready.append(job)
         job.state = states.READY
         following: Any = ready[0]
-        if self._left and following.carrier is not None and not following.frozen and not self._interrupted:
-            self._left -= 1
-            ready.popleft()
-            self.current = following
-            following.state = states.RUNNING
-            following.carrier.coro.switch()
+        if self._left and not following.frozen and not self._interrupted:
+            carrier = following.carrier
+            if not following.started and following.pending is None and self._resting:
+                carrier = following.carrier = self._resting.pop()
+                carrier.job = following
+                following.started = True
+            if carrier is not None:
+                self._left -= 1
+                ready.popleft()
+                self.current = following
+                following.state = states.RUNNING
+                carrier.coro.switch()
+            else:
+                self._pool.hub.switch()
         else:
             self._pool.hub.switch()
         if job.pending is not None:
@@ -209,49 +191,56 @@ class Scheduler:
             raise error
 
     def give_way(self, seconds: float) -> None:
-        """Let the sockets and other jobs have their turn if this round has lasted longer than that."""
+        """Let the sockets and other jobs have their turn if this round has lasted longer than ``seconds``."""
         if self.clock.now() - self.now > seconds:
             self.interrupt()
             self.yield_()
 
     def sleep(self, seconds: float) -> None:
-        """Come back after this much time, less what is spent frozen; zero or less is a yield."""
+        """Suspend the running job for some seconds of its own time, which stands still while it is frozen; 0 is a
+        yield.
+        """
         if seconds <= 0:
             self.yield_()
             return
         job = self.running()
-        job.timer = self.timers.add(self.clock.now() + seconds, job.time_is_up)
+        job.timer = self.timers.add(self.clock.now() + seconds, job.end_sleep)
         job.state = states.SLEEPING
-        self._leave(job)
+        self._switch_away(job)
 
     def suspend(self, undo: Callable[[], None] | None) -> None:
-        """Park the running job until ``wake``; ``undo`` takes it out of where it waits if it is stopped before."""
+        """Park the running job until ``wake``.  If it is stopped before, ``undo`` removes it from the queue in which it
+        waits.
+
+        To be called by the module ``waiting`` only.
+        """
         job = self.running()
         job.state = states.WAITING
         job.undo = undo
-        self._leave(job)
+        self._switch_away(job)
 
     def wake(self, job: Job) -> None:
-        """Make a parked job ready; harmless if it is not parked (a sleeper is not: it wakes when its time has come)."""
+        """Make a parked job ready.  Does nothing to other jobs; a sleeping job wakes when its time has come."""
         if job.state == states.WAITING and not job.held and not job.done:
             job.undo = None
             job.state = states.READY
             self.ready.append(job)
 
     def throw(self, job: Job, error: BaseException) -> None:
-        """Make a job leave what it does by an exception; the running job leaves at once.
+        """Raise an error in a job: at once in the running job, in another job when it has its next turn.
 
-        Of two that are to reach a job the one that leads further out wins.
+        If an error is pending for the job already, ``takes_precedence`` decides between them.
         """
         if job.done:
             return
         if job is self.current:
             raise error
         if job.pending is not None:
-            if goes_further(error, job.pending):
+            if takes_precedence(error, job.pending):
                 job.pending = error
             return
         job.pending = error
+        # The job leaves the queue in which it waits now, not at its next turn: no value may be handed to it in between.
         if job.timer is not None:
             job.timer.cancel()
             job.timer = None
@@ -264,43 +253,12 @@ class Scheduler:
             self.ready.append(job)
 
     def kill(self, job: Job) -> None:
-        """End a job; its finally clauses run."""
+        """End a job; its ``finally`` clauses run."""
         self.throw(job, JobKilled())
 
     def call_at(self, deadline: float, action: Callable[[], None]) -> Timer:
-        """Call ``action`` (outside any job) at a time; the timer can be cancelled."""
+        """Call ``action`` (outside any job) at a time of the clock, in seconds; the timer can be cancelled."""
         return self.timers.add(deadline, action)
-
-    # ---------------------------------------------------------------- freezing
-
-    def recheck_frozen(self, job: Job) -> None:
-        """A tag of the job was frozen or unfrozen, entered or left: bring the job's state in line."""
-        frozen = self.frozen_tags > 0 and any(entry.tag.is_frozen() for entry in job.entries)
-        if frozen == job.frozen or job.done:
-            return
-        job.frozen = frozen
-        now = self.clock.now()
-        if frozen:
-            job.frozen_at = now
-            if job.timer is not None:
-                job.wake_left = job.timer.deadline - now
-                job.timer.cancel()
-            return
-        job.shift += now - job.frozen_at
-        if job.held:
-            job.held = False
-            job.state = states.READY
-            self.ready.append(job)
-        elif job.timer is not None:
-            job.timer = self.timers.add(now + job.wake_left, job.time_is_up)
-
-    def hold_if_frozen(self) -> None:
-        """The running job stops here while a tag holds it (it froze itself, or it stands at a frozen tag's door)."""
-        job = self.running()
-        while job.frozen:
-            job.held = True
-            job.state = states.WAITING
-            self._leave(job)
 
     # ---------------------------------------------------------------- other threads and the host
 
@@ -310,7 +268,7 @@ class Scheduler:
         self._wake_host()
 
     def set_wake_host(self, wake_host: Callable[[], None]) -> None:
-        """Whom ``post`` calls so that ``run`` is called soon."""
+        """Set the function that ``post`` calls so that ``run`` is called soon."""
         self._wake_host = wake_host
 
     def add_round_hook(self, hook: Callable[[], None]) -> None:
@@ -318,63 +276,62 @@ class Scheduler:
         self._round_hooks.append(hook)
 
     def interrupt(self) -> None:
-        """From any thread: make a running ``run`` return at the end of the present job's turn."""
+        """From any thread: make ``run`` return at the end of the running job's turn."""
         self._interrupted = True
-        self.ready.append(_INTERRUPT)
+        self.ready.append(INTERRUPT)
 
     def run(self) -> float | None:
-        """Run rounds until no job is ready (or ``interrupt``); the time of the next wake-up, None for never.
+        """Run rounds until no job is ready or ``interrupt`` is called; return the time of the next wake-up, None for
+        never.
 
-        Returns the present time when interrupted, or after ``AIR`` seconds: call again soon.
+        Returns the present time when interrupted, or after ``MAX_RUN_S`` seconds: it must be called again soon.
         """
         self._pool.enter_hub()
-        enough = self.clock.now() + AIR
+        end = 0.0
+        queue, ready = self._queue, self.ready
         while True:
             self.now = now = self.clock.round()
+            end = end or now + MAX_RUN_S  # counted from the first round, which runs however late it begins
             if self._posted:
-                for _ in range(len(self._posted)):  # threads may post faster than this takes
+                for _ in range(len(self._posted)):  # threads may post further ones meanwhile
                     self._posted.popleft()()
             while self.timers.soonest <= now:
                 action = self.timers.pop_due(now)
                 if action is not None:
                     action()
-            ready = self.ready
             if not ready:
-                self._round_over()
+                self._run_round_hooks()
                 if not ready and not self._posted:
                     self.latest = None
                     return self.timers.next_deadline()
-                if now > enough:
+                if now > end:
                     return now
                 continue
-            if now > enough:
+            if now > end:
                 return now
             self.cycle += 1
-            self._preferred = None
-            if self._crowded:
-                self._left = self._crowd.share_out(ready)
-                self._crowded = REST in ready
-            else:
-                self._left = len(ready)
+            queue.preferred = None
+            self._left = queue.begin_fair_round() if queue.is_fair else len(ready)
             while self._left:
                 self._left -= 1
                 job = ready.popleft()
-                if job is not _INTERRUPT:
+                if job is not INTERRUPT:
                     self._resume(job)  # type: ignore[arg-type]
                 if self._interrupted:
                     self._interrupted = False
-                    self._crowded = self._crowded or self._left > 0
-                    self._round_over()
+                    queue.is_fair = queue.is_fair or self._left > 0
+                    self._run_round_hooks()
                     return now
-            self._round_over()
+            if self._round_hooks:
+                self._run_round_hooks()
 
     def run_turn(self) -> float | None:
-        """The same, but only one job gets a turn; ``latest`` tells which."""
+        """Like ``run``, but give only one job a turn: the job in ``latest``."""
         self._interrupted = True
         return self.run()
 
     def run_simulated(self, until: float | None = None) -> None:
-        """With a simulated clock: run until all jobs are over or wait for ever, or until a time."""
+        """With a simulated clock: run until a time, or until no job will become ready any more."""
         while True:
             deadline = self.run()
             if self.ready:
@@ -387,12 +344,12 @@ class Scheduler:
             self.clock.idle(deadline)
 
     def abandon(self) -> None:
-        """Nobody will run this scheduler any more: end all jobs, wherever they are.
+        """End all jobs, because this scheduler will not run any more.
 
-        What a suspended greenlet holds is invisible to Python's collector, so without this nothing of a kernel that was
-        dropped would ever be freed.  Nobody is told of errors in ``finally`` clauses, which run now.
+        Python's collector does not see the references of a suspended greenlet, so without this call a dropped kernel
+        would never be freed.  ``finally`` clauses run now; their errors are not reported.
         """
-        self.failed = lambda job, error: None
+        self.hooks = SchedulerHooks()
         self._pool.enter_hub()
         for job in list(self.jobs):
             if job.carrier is not None and not job.done:
@@ -404,18 +361,18 @@ class Scheduler:
     # ---------------------------------------------------------------- inside
 
     def ended(self, job: Job) -> None:
-        """A job's body is over (called at the end of the job's own greenlet)."""
+        """Do the accounting of a job whose body is over; called by the job itself."""
         job.done = True
         job.state = states.TERMINATED
         self.jobs.pop(job, None)
-        share = self._shares[job.payer] - 1
+        share = self._shares[job.charged_context] - 1
         if share:
-            self._shares[job.payer] = share
+            self._shares[job.charged_context] = share
         else:
-            del self._shares[job.payer]
+            del self._shares[job.charged_context]
         if job.entries:
             for entry in job.entries:
-                entry.forget(job)
+                entry.remove_job(job)
             job.entries = []
         if self.tracer is not None:
             self.tracer.ended(job)
@@ -423,42 +380,49 @@ class Scheduler:
         if job.group is not None:
             job.group.child_ended(job, error)
         elif isinstance(error, Exception):
-            self.failed(job, error)
+            self.hooks.job_failed(job, error)
         if job.on_end is not None:
             for action in job.on_end:
                 action(job)
             job.on_end = None
 
-    def _round_over(self) -> None:
+    def _run_round_hooks(self) -> None:
         for hook in self._round_hooks:
             hook()
 
-    def _leave(self, job: Job) -> None:
-        """Give the processor away; throw what somebody wants thrown when the job is resumed."""
+    def _switch_away(self, job: Job) -> None:
+        """Switch to another job; when this job is resumed, raise the error that is pending for it."""
         self.hand_over()
         if job.pending is not None:
             error, job.pending = job.pending, None
             raise error
 
     def hand_over(self) -> None:
-        """Give the processor to the next job of this round if that needs no care, else to the hub.
+        """Switch to the next job of this round if it can run as it is, else to the hub.
 
-        From one job to the next there is half the way that there is by the hub.
+        A direct switch costs half of the way through the hub.  A carrier that has just become free, and finds a new
+        job, starts that job without any switch.
         """
         if self._left and self.ready and not self._interrupted:
             following: Any = self.ready[0]
-            if following.carrier is not None and not following.frozen:
+            carrier = None if following.frozen else following.carrier
+            if not following.started and following.pending is None and not following.frozen and self._resting:
+                carrier = following.carrier = self._resting.pop()
+                carrier.job = following
+                following.started = True
+            if carrier is not None:
                 self._left -= 1
                 self.ready.popleft()
                 self.current = following
                 following.state = states.RUNNING
-                following.carrier.coro.switch()
+                carrier.coro.switch()
                 return
         self._pool.hub.switch()
 
     def _resume(self, job: Job) -> None:
         if job.done:
             return
+        # A frozen job with a pending error has its turn: it must be possible to stop it.
         if job.frozen and job.pending is None:
             job.held = True
             job.state = states.WAITING if job.state == states.READY else job.state
@@ -473,7 +437,7 @@ class Scheduler:
                 self.ended(job)
                 self.current = None
                 return
-            job.carrier = self._pool.take(job)
+            job.carrier = self._pool.assign_carrier(job)
         carrier = job.carrier
         assert carrier is not None
         carrier.coro.switch()

@@ -1,6 +1,7 @@
-"""What is thrown into a job to make it leave what it does.
+"""Signals: exceptions that are thrown into a job to make it leave its code.
 
-All are ``BaseException``s: a device's ``except Exception`` cannot eat them.  They are not errors and are never shown.
+All are ``BaseException``s, so that an ``except Exception`` of a device does not catch them.  They are not errors and
+are never shown.
 """
 
 from __future__ import annotations
@@ -15,17 +16,17 @@ class Signal(BaseException):
 
 
 class JobKilled(Signal):
-    """The job is to end: its connection closed, or somebody called ``terminate``."""
+    """Ends the job: its connection was closed, or a program called ``terminate``."""
 
 
 class JobAborted(JobKilled):
-    """The job is to end at once: its ``finally`` clauses have had their time, and no further one is begun."""
+    """Ends the job at once: the time for its ``finally`` clauses is over, and no further one is started."""
 
 
 class Interrupted(Signal):
-    """The user wants the prompt back: the foreground job of his lobby is to be left.
+    """The user has interrupted the statement in the foreground of the lobby.
 
-    ``told`` says that he is told of it in other words.
+    ``told``: the user gets another message about it.
     """
 
     def __init__(self, told: bool = False) -> None:
@@ -34,7 +35,7 @@ class Interrupted(Signal):
 
 
 class StopTag(Signal):
-    """The code under one tag entry is to be left, with a value."""
+    """Leaves the code under one tag entry, with a value."""
 
     def __init__(self, entry: Any, value: Any) -> None:
         super().__init__()
@@ -43,9 +44,9 @@ class StopTag(Signal):
 
 
 class Leave(Signal):
-    """return, break or continue that has to cross from one job into the one that waits for it.
+    """A return, break or continue that goes from one job to the job that waits for it.
 
-    ``token`` names the function call or the loop to be left or gone on with.
+    ``token`` identifies the function call or the loop that it leaves or continues.
     """
 
     def __init__(self, token: Any, value: Any = None) -> None:
@@ -55,23 +56,24 @@ class Leave(Signal):
 
 
 UNWINDING: Final = (JobKilled, Interrupted, StopTag, CarrierEnded)
-"""What is on its way to the end of a job, or out of a tag, and must get there whatever is done on the way."""
+"""The signals that end a job or leave a tag.  Errors in ``finally`` clauses on the way do not replace them."""
 
 
 def supersedes(new: BaseException, old: BaseException) -> bool:
-    """Whether ``new``, raised by what is done while ``old`` unwinds a job, is to go on in its place.
+    """Whether ``new``, raised while ``old`` unwinds a job, replaces it.
 
-    An error or a jump supersedes another one, as in Python, but not what ends a job or leaves a tag.
+    An error or a jump replaces another one, as in Python, but does not replace a signal that ends a job or leaves a
+    tag.
     """
     if not isinstance(old, UNWINDING):
         return True
     if isinstance(new, UNWINDING):
-        return goes_further(new, old)
+        return takes_precedence(new, old)
     return not isinstance(new, Exception | Leave)
 
 
-def goes_further(new: BaseException, old: BaseException) -> bool:
-    """Whether, of two that are to reach one job, the new one leads further out."""
+def takes_precedence(new: BaseException, old: BaseException) -> bool:
+    """Whether, of two exceptions for one job, ``new`` leads further out than ``old`` and replaces it."""
     if isinstance(old, JobAborted | CarrierEnded):
         return False
     if isinstance(old, JobKilled | Interrupted):

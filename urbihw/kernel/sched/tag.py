@@ -1,4 +1,4 @@
-"""Tags: handles on the code that runs under them.
+"""Tags: stop, freeze and block the code that runs under them.
 
 A job keeps the list of its *entries*, outermost first.  Entering tagged code adds an entry; a job made by another
 inherits the entries of its maker, and being stopped at an inherited entry ends the job.  A tag made from another
@@ -11,6 +11,7 @@ import weakref
 from typing import TYPE_CHECKING, Any, Protocol
 
 from urbihw.kernel.sched.signals import StopTag
+from urbihw.kernel.sched.waiting import wait_unfrozen
 
 if TYPE_CHECKING:
     from urbihw.kernel.sched.job import Job
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class TagEntry:
-    """One passage of one job (and of the jobs it makes meanwhile) through tagged code."""
+    """The entry of one job into tagged code, with the jobs that it makes there."""
 
     __slots__ = ("depth", "jobs", "owner", "tag")
 
@@ -28,17 +29,17 @@ class TagEntry:
         self.depth = len(owner.entries)
         self.jobs: dict[Job, None] = {owner: None}
 
-    def forget(self, job: Job) -> None:
-        """A job is over or has left the tagged code."""
+    def remove_job(self, job: Job) -> None:
+        """Remove a job that is over or has left the tagged code."""
         self.jobs.pop(job, None)
         if not self.jobs:
             self.tag.live.pop(self, None)
 
 
 class Hook(Protocol):
-    """Something set up under a tag that is no job: told when the tag is stopped.
+    """Something other than a job that was set up under a tag, such as an ``at``, and ends when the tag is stopped.
 
-    The tag does not keep it alive: an ``at`` on an event that nobody holds any more is gone with the event.
+    The tag refers to it weakly: an ``at`` on an event without other references is freed together with the event.
     """
 
     def stopped(self) -> None:
@@ -47,7 +48,7 @@ class Hook(Protocol):
 
 
 class Tag:
-    """A tag of the scheduler; the urbiscript object of the same name holds one and is its ``face``."""
+    """A tag of the scheduler; ``face`` is the urbiscript Tag that it belongs to."""
 
     def __init__(self, scheduler: Scheduler, name: str, parent: Tag | None = None) -> None:
         self.scheduler = scheduler
@@ -75,7 +76,7 @@ class Tag:
         return False
 
     def blocker(self) -> Tag | None:
-        """The blocked tag that keeps code from entering here, or None."""
+        """This tag or the ancestor that is blocked, None if no one is."""
         tag: Tag | None = self
         while tag is not None:
             if tag.blocked:
@@ -86,7 +87,7 @@ class Tag:
     # ---------------------------------------------------------------- passing through
 
     def enter(self) -> TagEntry:
-        """The running job enters code under this tag; it waits at the door while the tag is frozen.
+        """Let the running job enter code under this tag; it waits first while the tag is frozen.
 
         Raises StopTag for the new entry when the tag is blocked.
         """
@@ -99,32 +100,32 @@ class Tag:
             self.leave(entry)
             raise StopTag(entry, blocker.block_value)
         if self.scheduler.frozen_tags:
-            self.scheduler.recheck_frozen(job)
+            job.update_frozen()
         if job.frozen:
             try:
-                self.scheduler.hold_if_frozen()
+                wait_unfrozen(self.scheduler)
             except BaseException:
                 self.leave(entry)
                 raise
         return entry
 
     def leave(self, entry: TagEntry) -> None:
-        """The running job leaves what it entered."""
+        """Let the running job leave the tagged code."""
         job = entry.owner
         if job.entries and job.entries[-1] is entry:
             job.entries.pop()
         elif entry in job.entries:
             job.entries.remove(entry)
-        entry.forget(job)
+        entry.remove_job(job)
         if job.frozen:
-            self.scheduler.recheck_frozen(job)
+            job.update_frozen()
 
     # ---------------------------------------------------------------- commands
 
     def stop(self, value: Any) -> None:
-        """Make all code under this tag and its children stop, with a value; the running job last, if it is one."""
+        """Stop all code under this tag and its children, with a value; the running job last, if it is under the tag."""
         mine: StopTag | None = None
-        for tag in self._family():
+        for tag in self._descendants():
             for entry in list(tag.live):
                 for job in list(entry.jobs):
                     outer = _outermost(job, self)
@@ -139,23 +140,23 @@ class Tag:
             raise mine
 
     def freeze(self) -> None:
-        """Hold all code under this tag; the running job too, at once, if it is under it."""
+        """Freeze all code under this tag, at once, the running job included."""
         if not self.frozen:
             self.frozen = True
             self.scheduler.frozen_tags += 1
-        self._recheck()
+        self._update_jobs()
         if self.scheduler.current is not None:
-            self.scheduler.hold_if_frozen()
+            wait_unfrozen(self.scheduler)
 
     def unfreeze(self) -> None:
-        """Let the code go on, unless another tag holds it."""
+        """Let the code go on, unless another tag freezes it."""
         if self.frozen:
             self.frozen = False
             self.scheduler.frozen_tags -= 1
-        self._recheck()
+        self._update_jobs()
 
     def block(self, value: Any) -> None:
-        """Stop the code under this tag and let none enter until ``unblock``."""
+        """Stop the code under this tag, and let no code enter until ``unblock``."""
         self.blocked = True
         self.block_value = value
         self.stop(value)
@@ -165,17 +166,17 @@ class Tag:
         self.blocked = False
         self.block_value = None
 
-    def _family(self) -> list[Tag]:
+    def _descendants(self) -> list[Tag]:
         family = [self]
         for tag in family:
             family.extend(child for child in (ref() for ref in tag._children) if child is not None)
         return family
 
-    def _recheck(self) -> None:
-        for tag in self._family():
+    def _update_jobs(self) -> None:
+        for tag in self._descendants():
             for entry in list(tag.live):
                 for job in list(entry.jobs):
-                    self.scheduler.recheck_frozen(job)
+                    job.update_frozen()
 
 
 def _outermost(job: Job, tag: Tag) -> TagEntry:

@@ -1,5 +1,6 @@
-"""Who wakes when: a heap of deadlines.  A cancelled timer stays in the heap until its time and is then skipped;
-when more than half of the heap is such litter it is rebuilt, so that cancelling often does not grow memory."""
+"""Timers in a heap of deadlines.  A cancelled timer stays in the heap until its time comes, and is then skipped.  When
+more than half of the timers are cancelled, the heap is rebuilt, so that frequent cancelling does not use up memory.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ from urbihw.kernel import errors
 
 
 class Timer:
-    """A promise to call something once at a time; ``cancel()`` takes it back."""
+    """A function to be called once at a time, unless ``cancel()`` is called before."""
 
     __slots__ = ("_queue", "action", "deadline", "order")
 
@@ -25,29 +26,29 @@ class Timer:
         return (self.deadline, self.order) < (other.deadline, other.order)
 
     def cancel(self) -> None:
-        """Take the promise back; harmless when it was kept already."""
+        """Cancel the call; does nothing after the call."""
         if self.action is not None:
             self.action = None
-            self._queue.forget()
+            self._queue.count_cancelled()
 
 
 class TimeQueue:
-    """Timers in the order of their deadlines, first come first served among equals."""
+    """Timers in the order of their deadlines; timers with the same deadline in the order in which they were added."""
 
     def __init__(self) -> None:
         self._heap: list[Timer] = []
         self._order = 0
         self._cancelled = 0
         self.soonest = math.inf
-        """No timer is due before this time; asked at every round, so it is kept and not computed."""
+        """No timer is due before this time.  Kept up to date, because the scheduler reads it in each round."""
 
     def __len__(self) -> int:
         return len(self._heap) - self._cancelled
 
     def add(self, deadline: float, action: Callable[[], None]) -> Timer:
-        """Call ``action`` when ``pop_due`` is told a time at or after ``deadline``.
+        """Call ``action`` at ``deadline``, in seconds.
 
-        Raises BadNumber for what is no number: it comes neither before nor after anything, and would never be due.
+        Raises BadNumber if the deadline is NaN: NaN has no place in an order, and the timer would never be due.
         """
         if deadline != deadline:
             raise errors.bad_number("BadNumber", "expected a duration, got nan")
@@ -57,8 +58,8 @@ class TimeQueue:
         self.soonest = min(self.soonest, deadline)
         return timer
 
-    def forget(self) -> None:
-        """One timer was cancelled."""
+    def count_cancelled(self) -> None:
+        """Count a cancelled timer; rebuild the heap if most timers are cancelled."""
         self._cancelled += 1
         if self._cancelled > 64 and self._cancelled * 2 > len(self._heap):
             self._heap = [timer for timer in self._heap if timer.action is not None]
@@ -66,7 +67,7 @@ class TimeQueue:
             self._cancelled = 0
 
     def next_deadline(self) -> float | None:
-        """When the first timer is due, or None."""
+        """The deadline of the first timer, or None."""
         while self._heap and self._heap[0].action is None:
             heapq.heappop(self._heap)
             self._cancelled -= 1
@@ -77,7 +78,9 @@ class TimeQueue:
         return self.soonest
 
     def pop_due(self, now: float) -> Callable[[], None] | None:
-        """Take the first action that is due at ``now``, or None."""
+        """Remove the first timer that is due at ``now`` and return its action, None if it was cancelled or none is
+        due.
+        """
         deadline = self.next_deadline()
         if deadline is None or deadline > now:
             return None

@@ -1,6 +1,6 @@
-"""Hooks by which an observer follows the scheduler; the default does nothing and costs nothing.
+"""Hooks for an observer of the scheduler; without a tracer they cost nothing.
 
-A tracer is built on these, never on prints: `scheduler.tracer = MyTracer()`.
+Usage: ``scheduler.tracer = MyTracer()``.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
 
 class Tracer:
-    """Override what you want to see."""
+    """Base class of tracers: override the hooks that you need."""
 
     def created(self, job: Job) -> None:
         """A job was made; it has not run yet."""
 
     def ended(self, job: Job) -> None:
-        """A job is over, well or not."""
+        """A job is over, with or without an error."""

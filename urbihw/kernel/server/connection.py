@@ -1,10 +1,10 @@
-"""One client: between its socket and its lobby.
+"""The connection of one client: moves bytes between its socket and its lobby.
 
-What the client sends is evaluated once its ``Greeting`` has accepted the first bytes.  Nobody pays for a client but
-itself: what it is not read of is bounded (``Output``), and so is what it sends ahead.
+Input is evaluated once the ``Handshake`` has accepted the first bytes.  A slow or fast client costs the other clients
+nothing: both its unread output (``Output``) and its pending input are bounded.
 
-A client may end its sending side, as ``printf ... | nc`` does: what it sent is run to its end in the foreground and
-answered, then the connection is closed.  A client that is gone as a whole is told from that by ``departures``.
+A client may close its sending side only, as ``printf ... | nc`` does: its input is run to the end in the foreground and
+answered, then the connection is closed.  ``disconnects`` tells this from a client that is gone.
 """
 
 from __future__ import annotations
@@ -19,37 +19,37 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from urbihw.kernel.lobby.lobby import Lobby
-from urbihw.kernel.server.departures import knock
-from urbihw.kernel.server.greeting import Greeter, Greeting, Refusal, line
+from urbihw.kernel.server.disconnects import send_probe_byte
+from urbihw.kernel.server.handshake import Handshake, HandshakeFactory, Refusal, line
 
 if TYPE_CHECKING:
     from urbihw.kernel.server.tcp import Server
 
 log = logging.getLogger("urbihw.server")
 
-MOST_AHEAD: Final = 1024 * 1024
-"""Bytes that a client may send ahead of what is run; then it is not read from until half of them are."""
-LINGER: Final = 1.0
-"""Seconds in which a client that was refused may take the answer; what it sends meanwhile is thrown away."""
-LAST_WORDS: Final = 10.0
-"""Seconds in which a client may take what was said before its connection was closed."""
-AFTER_INPUT: Final = 600.0
-"""Seconds that statements may go on whose client has ended its sending side: at the end of a tunnel, a client that was
-killed looks the same."""
+MAX_PENDING_INPUT: Final = 1024 * 1024
+"""Maximum number of received bytes that wait to be run.  Beyond it, reading pauses until half of them have run."""
+REFUSAL_TIMEOUT_S: Final = 1.0
+"""Seconds in which a refused client can receive the answer.  Its input during this time is discarded."""
+FLUSH_TIMEOUT_S: Final = 10.0
+"""Seconds in which a client can receive the remaining output after its connection was closed."""
+HALF_CLOSED_TIMEOUT_S: Final = 600.0
+"""Seconds for which statements go on after the client has closed its sending side.  Through a tunnel, a killed client
+looks the same."""
 
 
 class Connection(asyncio.Protocol):
-    """One client.
+    """The connection of one client.
 
     Attributes:
-        address: of the client; None for a UNIX socket.
-        peer: what the client is called in the log.
-        raw: its socket.
-        greeting: what decides, or has decided, to let it in.
-        lobby: its lobby, while there is one.
+        address: the client's address; None for a UNIX socket.
+        peer: the client's name in the log.
+        raw: the client's socket.
+        handshake: decides from the first bytes whether the client is accepted.
+        lobby: the client's lobby; None before it is accepted and after the connection is closed.
     """
 
-    def __init__(self, server: Server, raw: socket.socket, greeting: Greeter, secure: bool) -> None:
+    def __init__(self, server: Server, raw: socket.socket, handshake: HandshakeFactory, secure: bool) -> None:
         self._server = server
         self.raw = raw
         self._secure = secure
@@ -57,7 +57,7 @@ class Connection(asyncio.Protocol):
         self._loop = asyncio.get_running_loop()
         self._timers: list[asyncio.TimerHandle] = []
         self.address, self.peer = peer_of(raw)
-        self.greeting: Greeting = greeting(self.address or "")
+        self.handshake: Handshake = handshake(self.address or "")
         self._undecided = True
         self._refused = False
         self._open = False
@@ -68,24 +68,24 @@ class Connection(asyncio.Protocol):
     # ---------------------------------------------------------------- the first bytes
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """A client is there: give it a lobby and the banner, or wait for its first bytes."""
+        """The client has connected: open its lobby and send the banner, or wait for its first bytes."""
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
         self._open = True
-        self._server.entered(self)
-        if self.greeting.welcome_first:
-            self._welcome()
-        if self.greeting.patience != math.inf:
-            self._later(self.greeting.patience, self._too_late)
+        self._server.add_connection(self)
+        if self.handshake.welcome_first:
+            self._open_lobby()
+        if self.handshake.timeout != math.inf:
+            self._later(self.handshake.timeout, self._too_late)
 
-    def _welcome(self) -> None:
+    def _open_lobby(self) -> None:
         server = self._server
         lobby = server.open_lobby(self.address, server.pending(self), server.limit)
-        self._transport.set_write_buffer_limits(lobby.output.low, lobby.output.low)
+        self._transport.set_write_buffer_limits(lobby.output.low_mark, lobby.output.low_mark)
         if self.address is not None:
             with contextlib.suppress(OSError):  # gone already
-                lobby.came_from(self.raw.getpeername()[:2])
-        lobby.user = self.greeting.user
+                lobby.find_maker(self.raw.getpeername()[:2])
+        lobby.user = self.handshake.user
         lobby.on_quit = self._quit
         lobby.output.unread = self._transport.get_write_buffer_size
         lobby.output.give_up = self._does_not_read
@@ -93,24 +93,25 @@ class Connection(asyncio.Protocol):
         server.driver.drive()
 
     def _accepted(self, data: bytes) -> bytes | None:
-        """What of the first bytes goes to the lobby, if they are accepted; there is a lobby then."""
+        """The part of the first bytes that belongs to the lobby, which is open then; None while they are not
+        accepted."""
         if self._refused:
             return None
         try:
-            accepted = self.greeting.take(data)
+            accepted = self.handshake.check_bytes(data)
         except Refusal as refusal:
             self.refuse(refusal)
             return None
         if accepted is not None:
             self._undecided = False
-            if self.raw in self._server.strangers and not self._server.introduced(self):
+            if self.raw in self._server.unauthenticated and not self._server.admit_authenticated(self):
                 return None
-            if self.greeting.user:
-                self.peer += f" ({self.greeting.user})"
-            if self.greeting.answer:
-                self._transport.write(self.greeting.answer)
+            if self.handshake.user:
+                self.peer += f" ({self.handshake.user})"
+            if self.handshake.answer:
+                self._transport.write(self.handshake.answer)
             if self.lobby is None:
-                self._welcome()
+                self._open_lobby()
         return accepted
 
     def _too_late(self) -> None:
@@ -118,20 +119,22 @@ class Connection(asyncio.Protocol):
             self.refuse(Refusal(line("nothing came in time"), "it did not say in time who it is"))
 
     def refuse(self, refusal: Refusal) -> None:
-        """Let the client do nothing more, and close the connection; also one that had been let in."""
+        """Stop evaluating the client's input, answer, and close the connection.  The client may have been accepted
+        before."""
         if self._refused or self._transport.is_closing():
             return
         reason = refusal.reason
-        self._server.thinned.warning(f"clients refused: {reason}", f"client {self.peer} refused: {reason}")
+        self._server.limited_log.warning(f"clients refused: {reason}", f"client {self.peer} refused: {reason}")
         self._refused = True
         self._close_lobby()
         if refusal.delay:
-            self._later(refusal.delay, self._dismiss, refusal.answer)
+            self._later(refusal.delay, self._answer_and_close, refusal.answer)
         else:
-            self._dismiss(refusal.answer)
+            self._answer_and_close(refusal.answer)
 
-    def _dismiss(self, answer: bytes) -> None:
-        """Send the answer and close.  Closing with unread bytes would be a reset, which may overtake the answer."""
+    def _answer_and_close(self, answer: bytes) -> None:
+        """Send the answer, then close.  To close with unread input would send a reset, which may overtake the
+        answer."""
         if self._transport.is_closing():
             return
         self._transport.write(answer)
@@ -139,13 +142,13 @@ class Connection(asyncio.Protocol):
             self._transport.write_eof()
         else:
             self._transport.close()
-        # Who neither reads nor closes: TLS would wait for its last word.
-        self._later(LINGER, self._transport.abort)
+        # The client may neither read nor close; TLS would wait for its close_notify.
+        self._later(REFUSAL_TIMEOUT_S, self._transport.abort)
 
     # ---------------------------------------------------------------- what the client sends
 
     def data_received(self, data: bytes) -> None:
-        """Bytes from the client."""
+        """Handle bytes from the client."""
         if self._undecided:
             accepted = self._accepted(data)
             if accepted is None:
@@ -154,70 +157,70 @@ class Connection(asyncio.Protocol):
         if self.lobby is not None:
             self.lobby.feed(data)
             self._server.driver.drive()
-            if self.lobby.shell.waiting > MOST_AHEAD:
+            if self.lobby.shell.waiting > MAX_PENDING_INPUT:
                 self._pause()
 
     def _pause(self) -> None:
-        """Read no more until what was sent ahead is run; the end of the client is noticed nevertheless."""
+        """Pause reading until the pending input has run.  A disconnect is noticed nevertheless."""
         if self._paused or self._transport.is_closing() or not self._watch(self._input_ended):
             return
         self._paused = True
         self._transport.pause_reading()
         self._server.paused[self] = None
 
-    def read_on(self) -> None:
-        """Read again if enough was run meanwhile."""
-        if self.lobby is None or self.lobby.shell.waiting <= MOST_AHEAD // 2:
+    def resume_reading_if_drained(self) -> None:
+        """Resume reading if enough of the pending input has run."""
+        if self.lobby is None or self.lobby.shell.waiting <= MAX_PENDING_INPUT // 2:
             self._paused = False
             del self._server.paused[self]
-            self._server.departures().forget(self.raw.fileno())
+            self._server.disconnect_watcher().unwatch(self.raw.fileno())
             self._transport.resume_reading()
 
     def eof_received(self) -> bool:
-        """The client sends no more: answer what it sent, if there is somebody to answer to."""
+        """The client has closed its sending side: run and answer its input if the client is still there."""
         if self._undecided:
-            # What was held back can become no other protocol's first line any more.
+            # The bytes held back cannot become the first line of another protocol any more.
             self.data_received(b"\n")
-        # TLS knows no half-closed connections.
+        # TLS has no half-closed connections.
         if self.lobby is None or self._secure or self._refused or not self._watch(None):
             return False
         self._input_ended()
-        self._later(AFTER_INPUT, self._say_goodbye)
-        self.lobby.end_of_input(lambda: self._later(0, self._say_goodbye))
+        self._later(HALF_CLOSED_TIMEOUT_S, self._quit_lobby)
+        self.lobby.end_of_input(lambda: self._later(0, self._quit_lobby))
         self._server.driver.drive()
         return True
 
     def _input_ended(self) -> None:
-        """The client has ended its sending side, or it is gone: that will be known now."""
+        """The client has closed its sending side, or it is gone: find out which."""
         if not self._ended:
             self._ended = True
-            knock(self.raw)
+            send_probe_byte(self.raw)
         if self.lobby is not None:
-            self.lobby.lose_command()
+            self.lobby.revoke_command()
             self._server.driver.drive()
 
-    def _say_goodbye(self) -> None:
+    def _quit_lobby(self) -> None:
         if self.lobby is not None:
             self.lobby.quit()
 
     def _watch(self, ended: Callable[[], None] | None) -> bool:
-        """Notice the end of the client although nothing is read; False if that cannot be."""
+        """Watch for a disconnect although nothing is read; False if that is impossible."""
         try:
-            self._server.departures().watch(self.raw.fileno(), self._transport.abort, ended)
+            self._server.disconnect_watcher().watch(self.raw.fileno(), self._transport.abort, ended)
         except OSError:
             return False
         return True
 
     def connection_lost(self, error: Exception | None) -> None:
-        """The client is gone."""
+        """The connection has ended: end the lobby."""
         self._open = False
-        self._server.left(self)
+        self._server.remove_connection(self)
         if self._paused or self._ended:
-            self._server.departures().forget(self.raw.fileno())
+            self._server.disconnect_watcher().unwatch(self.raw.fileno())
         for timer in self._timers:
             timer.cancel()
         if isinstance(error, TimeoutError):
-            self._server.thinned.warning(
+            self._server.limited_log.warning(
                 "clients that neither answer nor read", f"client {self.peer} neither answers nor reads: closed"
             )
         self._close_lobby()
@@ -228,22 +231,22 @@ class Connection(asyncio.Protocol):
             lobby.close()
             self._server.driver.drive()
 
-    # ---------------------------------------------------------------- what the lobby says
+    # ---------------------------------------------------------------- output of the lobby
 
     def flush(self) -> None:
-        """Send what the lobby said."""
+        """Send the output of the lobby."""
         if self.lobby is None or self._transport.is_closing():
             return
         output = self.lobby.output
-        data = output.take()
+        data = output.take_bytes()
         if data:
             self._transport.write(data)
-        output.handed_on()
+        output.update_unread()
 
     def resume_writing(self) -> None:
-        """The client has read: there is room for more."""
+        """The client has read enough: the transport accepts more output."""
         if self.lobby is not None:
-            self.lobby.output.handed_on()
+            self.lobby.output.update_unread()
             self._server.driver.drive()
 
     def _does_not_read(self, unread: int) -> None:
@@ -253,20 +256,20 @@ class Connection(asyncio.Protocol):
     def _quit(self) -> None:
         self.flush()
         self._transport.close()
-        self._later(LAST_WORDS, self._transport.abort)
+        self._later(FLUSH_TIMEOUT_S, self._transport.abort)
 
     def close(self) -> None:
-        """Send what there is and close."""
+        """Send the remaining output, then close."""
         self._quit()
 
     def _later(self, seconds: float, action: Callable[..., None], *arguments: object) -> None:
-        """Do something, unless the connection is over by then."""
+        """Call ``action`` after some seconds, unless the connection has ended by then."""
         if self._open:
             self._timers.append(self._loop.call_later(seconds, action, *arguments))
 
 
 def peer_of(raw: socket.socket) -> tuple[str | None, str]:
-    """The address of a client, None for a UNIX socket, and what it is called in the log."""
+    """The address of a client (None for a UNIX socket), and its name in the log."""
     if raw.family == socket.AF_UNIX:
         process, user, _ = struct.unpack("3i", raw.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12))
         return None, f"process {process} of user {user}"

@@ -1,7 +1,8 @@
-"""What Ctrl-C does (manual, "urbi": quitting).
+"""The handler of Ctrl-C and SIGTERM (manual, "urbi": quitting).
 
-With an interactive lobby the first one kills its foreground job and drops the statements that wait behind it; another
-within 1.5 s shuts down.  Without, the first shuts down.  Once a shutdown was asked for, the next one ends the process.
+With an interactive lobby the first Ctrl-C kills its foreground job and drops the statements queued behind it; a second
+one within 1.5 s shuts the server down.  Without an interactive lobby the first Ctrl-C shuts the server down.  SIGTERM
+always does.
 """
 
 from __future__ import annotations
@@ -15,20 +16,20 @@ from collections.abc import Callable
 from types import FrameType
 
 from urbihw.kernel.lobby.lobby import Lobby
-from urbihw.kernel.sched.breaker import DEEPER
+from urbihw.kernel.sched.breaker import EXTRA_CALLS
 from urbihw.kernel.sched.scheduler import Scheduler
 from urbihw.kernel.sched.signals import Interrupted, JobKilled
 
-TWICE = 1.5
-"""Seconds within which a second interruption means to shut down."""
-GRACE = 0.25
-"""Seconds that a job which is not in the foreground may hold the interpreter after an interruption."""
+SECOND_INTERRUPT_S = 1.5
+"""Seconds within which a second Ctrl-C shuts the server down."""
+GRACE_S = 0.25
+"""Seconds for which a background job may hold the interpreter after Ctrl-C."""
 
 
 class Interrupter:
-    """The handler of SIGINT; may also be called by hand, from any thread, for a Ctrl-C that came as a key.
+    """The handler of SIGINT and SIGTERM.  It can also be called from any thread, for a Ctrl-C read as a key.
 
-    A job that never yields (an endless ``|`` loop) is broken into only when it is the signal that comes.
+    Only the signal can interrupt a job that never yields (an endless ``|`` loop).
     """
 
     def __init__(
@@ -37,33 +38,28 @@ class Interrupter:
         shutdown: Callable[[], None],
         lobby: Lobby | None = None,
         now: Callable[[], float] = time.monotonic,
+        *,
+        second_is_fatal: bool = False,
     ) -> None:
-        """``shutdown`` is called between two rounds; ``lobby`` is the interactive one, None if there is none; ``now``
-        tells how long the user took, in seconds."""
+        """``shutdown`` is called between two rounds of the scheduler.  ``lobby`` is the interactive lobby, None if
+        there is none.  ``now`` returns the time in seconds.
+
+        ``second_is_fatal``: after a shutdown has begun, the next SIGINT ends the process at once.
+        """
         self.lobby = lobby
         self._scheduler = scheduler
         self._shutdown = shutdown
         self._breaker = scheduler.breaker
         self._now = now
         self._last = -math.inf
-        self._former: signal.Handlers | Callable[[int, FrameType | None], object] | int | None = None
-        self._installed = False
-
-    def install(self) -> None:
-        """Become the handler of SIGINT; in the main thread only."""
-        self._former = signal.signal(signal.SIGINT, self)
-        self._installed = True
-
-    def uninstall(self) -> None:
-        """Put the former handler back; in the main thread only."""
-        if self._installed:
-            signal.signal(signal.SIGINT, self._former)
-            self._installed = False
+        self._second_is_fatal = second_is_fatal
 
     def __call__(self, number: int = signal.SIGINT, frame: FrameType | None = None) -> None:
-        """An interruption; ``frame`` is what the signal interrupted."""
+        """Handle SIGINT or SIGTERM; ``frame`` is the Python frame that the signal interrupted, None for a key."""
+        if number == signal.SIGTERM:
+            self.lobby = None
         usual = sys.getrecursionlimit()
-        sys.setrecursionlimit(usual + DEEPER)
+        sys.setrecursionlimit(usual + EXTRA_CALLS)
         try:
             self._interrupted(frame)
         finally:
@@ -71,7 +67,7 @@ class Interrupter:
 
     def _interrupted(self, frame: FrameType | None) -> None:
         now = self._now()
-        again = now - self._last < TWICE
+        again = now - self._last < SECOND_INTERRUPT_S
         self._last = now
         if self.lobby is None or again:
             self._end(frame)
@@ -83,14 +79,14 @@ class Interrupter:
             if lobby.shell.is_running():
                 self._breaker.break_in(frame, Interrupted())
             else:
-                self._breaker.break_in(frame, JobKilled(), GRACE)
+                self._breaker.break_in(frame, JobKilled(), GRACE_S)
         self._scheduler.post(lobby.shell.interrupt)
 
     def _end(self, frame: FrameType | None) -> None:
-        if self._installed and threading.current_thread() is threading.main_thread():
+        if self._second_is_fatal and threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGINT, signal.SIG_DFL)
         if frame is not None:
-            self._breaker.break_in(frame, JobKilled(), GRACE)
+            self._breaker.break_in(frame, JobKilled(), GRACE_S)
         self._scheduler.post(self._shut_down)
 
     def _shut_down(self) -> None:

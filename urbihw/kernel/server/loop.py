@@ -1,10 +1,10 @@
 """The one place where the scheduler meets asyncio.
 
-``drive()`` runs the scheduler until nothing is ready and arms a timer for the next wake-up.  It is called straight from
-whoever brought news (a socket, a timer, a post from another thread), so an answer leaves in the same turn of the loop
-as the question came in.
+``drive()`` runs the scheduler until no job is ready, and arms a timer for the next wake-up.  Each source of events (a
+socket, a timer, a post from another thread) calls it directly, so an answer leaves in the iteration of the loop in
+which the question came in.
 
-A watchdog thread looks on while the scheduler is busy (see ``watchdog``).
+A watchdog thread monitors the scheduler while it is busy (``watchdog``).
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ class Driver:
     """Runs one scheduler inside one asyncio loop."""
 
     def __init__(self, scheduler: Scheduler, bounds: Bounds = NONE) -> None:
-        """To be made in the loop, which runs in the main thread if ``bounds`` are to be kept."""
+        """Create it in the loop.  The ``bounds`` are enforced only if the loop runs in the main thread."""
         self.scheduler = scheduler
-        scheduler.most_jobs_of_one = bounds.max_jobs
+        scheduler.max_jobs_per_context = bounds.max_jobs
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.Handle | None = None
         self._driving = False
         self._closed = False
         self._called = False
-        """Whether another thread has called for a drive that has not begun: a second one would do nothing but take
-        its time, before the sockets have their turn."""
+        """Whether another thread has requested a drive that has not begun.  A second request would only cost time
+        before the sockets have their turn."""
         self._watchdog = Watchdog(scheduler, bounds)
         self._memory = self._watchdog.memory
         scheduler.set_wake_host(self._wake)
@@ -43,11 +43,11 @@ class Driver:
             self._loop.call_soon_threadsafe(self._drive_as_called)
 
     def _drive_as_called(self) -> None:
-        self._called = False  # before it: what is posted from now on may come too late for this drive
+        self._called = False  # cleared before the drive: a post from now on may come too late for it
         self.drive()
 
     def drive(self) -> None:
-        """Run what is ready and see to it that we are called again in time."""
+        """Run all ready jobs, and arm the timer for the next wake-up."""
         if self._driving or self._closed:
             return
         self._driving = True
@@ -56,7 +56,7 @@ class Driver:
             if self._memory is not None and self._memory.near:
                 self._memory.begin()
                 deadline = self.scheduler.run_turn()
-                self._memory.turn(self.scheduler.latest)
+                self._memory.charge_turn(self.scheduler.latest)
             else:
                 deadline = self.scheduler.run()
         finally:
@@ -72,13 +72,13 @@ class Driver:
             clock.idle(deadline)
         delay = deadline - clock.now()
         if delay <= 0:
-            # Not call_soon: what has come by the sockets meanwhile goes first.
+            # Not call_soon: input that has arrived on the sockets meanwhile goes first.
             self._timer = self._loop.call_soon(self.drive)
         else:
             self._timer = self._loop.call_later(delay, self.drive)
 
     def close(self) -> None:
-        """Drive no more; twice is fine."""
+        """Stop driving the scheduler.  A second call does nothing."""
         if not self._closed:
             COLLECTOR.release()
         self._closed = True

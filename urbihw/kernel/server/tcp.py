@@ -1,7 +1,7 @@
-"""Listen for clients, over TCP and UNIX sockets, and hold the connections there are.
+"""The server: listens for clients on TCP and UNIX sockets, and keeps the open connections.
 
-Each connection has TCP_NODELAY set, and what a lobby says in one scheduler round leaves in one write.  How many clients
-there may be is bounded; one more is told so.  What a client does is the affair of its ``Connection``.
+Each TCP connection has TCP_NODELAY set, and the output of a lobby in one scheduler round leaves in one write.  The
+number of clients is limited; further ones get a line that says so.  The ``Connection`` handles the input of a client.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from ssl import SSLContext
 from typing import Final
 
 from urbihw.kernel.lobby.lobby import Lobby
+from urbihw.kernel.server.acceptor import Acceptor, bind, bind_unix, release_socket
 from urbihw.kernel.server.connection import Connection, peer_of
-from urbihw.kernel.server.departures import Departures
-from urbihw.kernel.server.doors import Door, bind, bind_unix, let_go
-from urbihw.kernel.server.greeting import FirstBytes, Greeter, Refusal, line
+from urbihw.kernel.server.disconnects import DisconnectWatcher
+from urbihw.kernel.server.handshake import HandshakeFactory, PlainHandshake, Refusal, line
+from urbihw.kernel.server.limitedlog import LimitedLog
 from urbihw.kernel.server.loop import Driver
-from urbihw.kernel.server.thinned import Thinned
 
 log = logging.getLogger("urbihw.server")
 
 OpenLobby = Callable[[str | None, Callable[[Lobby], None], int], Lobby]
-"""Makes a lobby for (remote address, None for a UNIX socket; what to call when it has something to say; limit of unread
-bytes)."""
+"""Opens a lobby.  Arguments: the remote address (None for a UNIX socket), a callback for the first output of a round,
+the limit of unread bytes."""
 
 KEEP_ALIVE: Final = (
     (socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1),
@@ -36,107 +36,110 @@ KEEP_ALIVE: Final = (
     (socket.IPPROTO_TCP, socket.TCP_KEEPCNT, 3),
     (socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, 10_000),
 )
-"""A client that is gone without a word is found within 10 s: what it set in motion must not go on.  The last of them
-also ends a connection whose client reads nothing at all for that long although something waits for it."""
-MOST_CLIENTS: Final = 256
-MOST_STRANGERS: Final = 32
-"""Connections by TLS that have not shown yet who they are.  They are counted apart: a crowd of them keeps out others
-who come by TLS, but nobody who is in, and nobody of this machine."""
+"""Detect a client that vanished within 10 s: the motion that it started must not go on.  TCP_USER_TIMEOUT also ends a
+connection whose client reads nothing for so long although output waits for it."""
+MAX_CLIENTS: Final = 256
+MAX_UNAUTHENTICATED: Final = 32
+"""Maximum number of TLS connections that have not authenticated.  They are counted apart: many of them keep out other
+TLS clients, but neither authenticated clients nor those of this machine."""
 WANTS_TLS: Final = line("this port speaks TLS and wants a token: urbihw console HOST:PORT --tls, or openssl s_client "
                         "-quiet -connect HOST:PORT and then: token TOKEN")
-"""What a client reads that speaks plain text to a port of TLS."""
+"""The answer to a client that sends plain text to a TLS port."""
 _PLAIN: Final = ("WRONG_VERSION_NUMBER", "HTTP_REQUEST", "HTTPS_PROXY_REQUEST")
-"""What OpenSSL says of first bytes that are no TLS of any version."""
-HANDSHAKE: Final = 10.0
-"""Seconds that TLS may take to begin."""
+"""The reasons that OpenSSL gives for first bytes that are no TLS of any version."""
+TLS_TIMEOUT_S: Final = 10.0
+"""Maximum seconds of a TLS handshake."""
 
 
 class Server:
-    """The listening side: any number of ways in.
+    """Accepts clients on any number of listening sockets.
 
     Attributes:
-        limit: how many bytes may wait for a client to read them.
-        max_clients: how many clients there may be; one more is told so.
-        connections: those there are.
-        strangers: the sockets of those who came by TLS and were not let in yet.
-        paused: those that are not read from, because they sent much ahead.
-        thinned: the log for what clients can repeat.
+        limit: maximum number of unread output bytes of a client.
+        max_clients: maximum number of clients; further ones are refused with a line that says so.
+        connections: the open connections, in the order of their beginning.
+        unauthenticated: the sockets of TLS clients that have not authenticated yet.
+        paused: the connections whose reading pauses because of much pending input.
+        limited_log: the log for events that clients can repeat.
     """
 
     def __init__(
-        self, driver: Driver, open_lobby: OpenLobby, limit: int = 8 * 1024 * 1024, max_clients: int = MOST_CLIENTS
+        self, driver: Driver, open_lobby: OpenLobby, limit: int = 8 * 1024 * 1024, max_clients: int = MAX_CLIENTS
     ) -> None:
         self.driver = driver
         self.open_lobby = open_lobby
         self.limit = limit
         self.max_clients = max_clients
         self.connections: dict[Connection, None] = {}
-        self.strangers: set[socket.socket] = set()
+        self.unauthenticated: set[socket.socket] = set()
         self.paused: dict[Connection, None] = {}
-        self.thinned = Thinned(log)
+        self.limited_log = LimitedLog(log)
         self._dirty: dict[Connection, None] = {}
-        self._doors: list[Door] = []
+        self._acceptors: list[Acceptor] = []
         self._arriving: set[asyncio.Task[bool]] = set()
         self._expected: set[socket.socket] = set()
-        self._departures: Departures | None = None
+        self._disconnect_watcher: DisconnectWatcher | None = None
         self._loop = asyncio.get_running_loop()
         driver.scheduler.add_round_hook(self._round_over)
 
     # ---------------------------------------------------------------- ways in
 
     async def listen(
-        self, host: str, port: int, greeting: Greeter = FirstBytes, ssl: SSLContext | None = None
+        self, host: str, port: int, handshake: HandshakeFactory = PlainHandshake, ssl: SSLContext | None = None
     ) -> int:
-        """Listen on all addresses of a host; the port (that which was free, for 0).
+        """Listen on all addresses of a host.  Returns the port, which for 0 is a free one.
 
-        ``greeting`` decides about the first bytes of each connection; with ``ssl`` it is one of TLS.  Raises OSError,
-        and UnicodeError for what cannot be the name of a host.
+        ``handshake`` makes the handshake of each connection; with ``ssl`` the connections use TLS.  Raises OSError, and
+        UnicodeError for an impossible host name.
         """
         sockets = bind(host, port)
         number = int(sockets[0].getsockname()[1])
-        self.listen_on(sockets, greeting, ssl)
+        self.listen_on(sockets, handshake, ssl)
         return number
 
-    async def listen_unix(self, path: Path, greeting: Greeter = FirstBytes, mode: int = 0o660) -> None:
-        """Listen on a UNIX socket, whose file has the rights ``mode`` and goes when the server is closed.
+    async def listen_unix(self, path: Path, handshake: HandshakeFactory = PlainHandshake, mode: int = 0o660) -> None:
+        """Listen on a UNIX socket.  Its file has the permissions ``mode`` and is removed when the server is closed.
 
         Raises OSError.
         """
-        self.listen_on([bind_unix(path, mode)], greeting)
+        self.listen_on([bind_unix(path, mode)], handshake)
 
     def listen_on(
-        self, sockets: Iterable[socket.socket], greeting: Greeter = FirstBytes, ssl: SSLContext | None = None
+        self,
+        sockets: Iterable[socket.socket],
+        handshake: HandshakeFactory = PlainHandshake,
+        ssl: SSLContext | None = None,
     ) -> None:
-        """Listen on sockets that are bound, which belong to the server from now on.  Raises OSError."""
+        """Listen on bound sockets, which the server owns from now on.  Raises OSError."""
 
-        def come(raw: socket.socket) -> None:
-            self._come(raw, greeting, ssl)
+        def accept_client(raw: socket.socket) -> None:
+            self._accept_client(raw, handshake, ssl)
 
         remaining = list(sockets)
-        made: list[Door] = []
+        made: list[Acceptor] = []
         try:
             while remaining:
-                made.append(Door(remaining[0], come, self.thinned))
+                made.append(Acceptor(remaining[0], accept_client, self.limited_log))
                 remaining.pop(0)
         except OSError:
-            for door in made:
-                door.close()
+            for acceptor in made:
+                acceptor.close()
             for one in remaining:
-                let_go(one)
+                release_socket(one)
             raise
-        self._doors.extend(made)
+        self._acceptors.extend(made)
 
-    def _come(self, raw: socket.socket, greeting: Greeter, ssl: SSLContext | None) -> None:
-        """Somebody connected."""
+    def _accept_client(self, raw: socket.socket, handshake: HandshakeFactory, ssl: SSLContext | None) -> None:
+        """Begin or refuse the connection of a client."""
         if ssl is not None:
-            if len(self.strangers) >= MOST_STRANGERS:
-                self._turn_away(raw, Refusal(b"", f"{MOST_STRANGERS} others have not shown a token yet"))
+            if len(self.unauthenticated) >= MAX_UNAUTHENTICATED:
+                self._refuse_client(raw, Refusal(b"", f"{MAX_UNAUTHENTICATED} others have not shown a token yet"))
                 return
-            self.strangers.add(raw)
+            self.unauthenticated.add(raw)
         elif self._clients >= self.max_clients:
-            self._turn_away(raw, self._full())
+            self._refuse_client(raw, self._too_many_clients())
             return
-        task = self._loop.create_task(self._arrive(raw, greeting, ssl))
+        task = self._loop.create_task(self._begin_connection(raw, handshake, ssl))
         self._arriving.add(task)
         self._expected.add(raw)
 
@@ -146,89 +149,90 @@ class Server:
             if done.cancelled():
                 raw.close()
             if done.cancelled() or not done.result():
-                self.strangers.discard(raw)
+                self.unauthenticated.discard(raw)
 
         task.add_done_callback(arrived)
 
-    async def _arrive(self, raw: socket.socket, greeting: Greeter, ssl: SSLContext | None) -> bool:
-        """Whether there is a connection now."""
+    async def _begin_connection(self, raw: socket.socket, handshake: HandshakeFactory, ssl: SSLContext | None) -> bool:
+        """Begin a connection.  Returns False if that failed."""
         try:
             if raw.family in (socket.AF_INET, socket.AF_INET6):
                 raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 for level, option, value in KEEP_ALIVE:
                     raw.setsockopt(level, option, value)
-            connection = Connection(self, raw, greeting, ssl is not None)
-            # When TLS fails, asyncio closes the socket without a word.
+            connection = Connection(self, raw, handshake, ssl is not None)
+            # When TLS fails, asyncio closes the socket without an answer.
             spare = None if ssl is None else raw.dup()
-        except OSError:  # gone already, or there is no descriptor left
+        except OSError:  # the client is gone, or there is no descriptor left
             raw.close()
             return False
-        patience = HANDSHAKE if ssl is not None else None
+        timeout = TLS_TIMEOUT_S if ssl is not None else None
         try:
             await self._loop.connect_accepted_socket(
-                lambda: connection, raw, ssl=ssl, ssl_handshake_timeout=patience
+                lambda: connection, raw, ssl=ssl, ssl_handshake_timeout=timeout
             )
         except OSError as error:
             if spare is not None:
                 text = f"client {connection.peer} refused: it speaks no TLS, which this address wants"
-                self.thinned.warning("clients refused: no TLS", text)
+                self.limited_log.warning("clients refused: no TLS", text)
                 if isinstance(error, ConnectionAbortedError) or getattr(error, "reason", "") in _PLAIN:
-                    _send_last(spare, WANTS_TLS)
+                    _send_refusal(spare, WANTS_TLS)
             return False
         finally:
             if spare is not None:
                 spare.close()
         return True
 
-    def _full(self) -> Refusal:
+    def _too_many_clients(self) -> Refusal:
         most = self.max_clients
         told = line(f"too many connections ({most}); close one, or raise max_clients")
         return Refusal(told, f"too many connections ({most})")
 
-    def entered(self, connection: Connection) -> None:
-        """A connection is there."""
+    def add_connection(self, connection: Connection) -> None:
+        """Add a connection that has begun."""
         self._expected.discard(connection.raw)
         self.connections[connection] = None
 
-    def introduced(self, connection: Connection) -> bool:
-        """One who came by TLS has shown who it is, and counts as a client now; False if there are too many."""
-        self.strangers.discard(connection.raw)
+    def admit_authenticated(self, connection: Connection) -> bool:
+        """Count an authenticated TLS connection as a client.  Refuses it and returns False if there are too many."""
+        self.unauthenticated.discard(connection.raw)
         if self._clients > self.max_clients:
-            connection.refuse(self._full())
+            connection.refuse(self._too_many_clients())
             return False
         return True
 
     @property
     def _clients(self) -> int:
-        return len(self.connections) + len(self._expected) - len(self.strangers)
+        return len(self.connections) + len(self._expected) - len(self.unauthenticated)
 
-    def _turn_away(self, raw: socket.socket, refusal: Refusal) -> None:
-        self.thinned.warning(
+    def _refuse_client(self, raw: socket.socket, refusal: Refusal) -> None:
+        self.limited_log.warning(
             f"clients refused: {refusal.reason}", f"client {peer_of(raw)[1]} refused: {refusal.reason}"
         )
         with raw:
             raw.setblocking(False)
             if refusal.answer:
-                _send_last(raw, refusal.answer)
+                _send_refusal(raw, refusal.answer)
 
     # ---------------------------------------------------------------- connections
 
-    def departures(self) -> Departures:
-        """What watches connections that are not read from.  Raises OSError when there is no descriptor left for it."""
-        if self._departures is None:
-            self._departures = Departures()
-        return self._departures
+    def disconnect_watcher(self) -> DisconnectWatcher:
+        """The watcher of connections that are not being read.  Raises OSError when there is no descriptor left for
+        it."""
+        if self._disconnect_watcher is None:
+            self._disconnect_watcher = DisconnectWatcher()
+        return self._disconnect_watcher
 
-    def left(self, connection: Connection) -> None:
-        """A connection is over."""
+    def remove_connection(self, connection: Connection) -> None:
+        """Remove a connection that has ended."""
         self.connections.pop(connection, None)
-        self.strangers.discard(connection.raw)
+        self.unauthenticated.discard(connection.raw)
         self.paused.pop(connection, None)
-        for door in self._doors:
-            self._loop.call_soon(door.resume)
+        for acceptor in self._acceptors:
+            self._loop.call_soon(acceptor.resume_accepting)
 
     def pending(self, connection: Connection) -> Callable[[Lobby], None]:
-        """What a lobby calls when it begins to say something."""
+        """The callback for the first output of a lobby in a round."""
 
         def wanted(lobby: Lobby) -> None:
             self._dirty[connection] = None
@@ -241,26 +245,26 @@ class Server:
             connection.flush()
         if self.paused:
             for connection in list(self.paused):
-                connection.read_on()
+                connection.resume_reading_if_drained()
 
     async def close(self) -> None:
-        """Stop listening and close all connections; what was said is sent."""
-        for door in self._doors:
-            door.close()
+        """Stop listening, send the remaining output, and close all connections."""
+        for acceptor in self._acceptors:
+            acceptor.close()
         for task in self._arriving:
             task.cancel()
         self._round_over()
         for connection in list(self.connections):
             connection.close()
         await asyncio.sleep(0)
-        self.thinned.close()
-        if self._departures is not None:
-            self._departures.close()
-            self._departures = None
+        self.limited_log.close()
+        if self._disconnect_watcher is not None:
+            self._disconnect_watcher.close()
+            self._disconnect_watcher = None
 
 
-def _send_last(raw: socket.socket, text: bytes) -> None:
-    """Say something to a client that is not let in, if it can be said at once."""
+def _send_refusal(raw: socket.socket, text: bytes) -> None:
+    """Send the answer to a refused client, if that is possible without waiting."""
     with contextlib.suppress(OSError):
         raw.send(text)
         raw.shutdown(socket.SHUT_WR)

@@ -1,16 +1,16 @@
-"""The thread that looks on while the scheduler is busy, and what it does to a job that harms the others.
+"""The thread that monitors the scheduler while it is busy, and interrupts jobs that harm others.
 
-It makes ``run`` come up for air, so that an endless loop of ``;`` does not starve the sockets.  With bounds,
+It makes ``run`` return from time to time, so that an endless loop of ``;`` does not starve the sockets.  With bounds,
 
-- a job that holds the interpreter gets an error, which it may catch; if it holds on all the same it is ended;
-- so does a job that takes all memory (see ``memory``).
+- a job that holds the interpreter gets an error, which it can catch; if it goes on, it is ended;
+- so does a job that exhausts the memory (``memory``).
 
-The thread cannot do that itself.  It sends the scheduler's thread a signal, whose handler arms the ``Breaker``.  It is
-SIGURG, because that is ignored by default: one that comes when the handler is gone harms nobody.  What runs outside any
-job, and a long built-in function, cannot be broken into; it is named in the log.
+The thread cannot raise an error in another thread.  It sends the scheduler's thread a signal, whose handler arms the
+``Breaker``.  The signal is SIGURG because that is ignored by default: one that arrives after the handler was removed
+does no harm.  Code outside any job and a long built-in function cannot be interrupted; the log names them.
 
-The thread is not woken for each run, which would cost more than a short command does: it looks from time to time, and
-rests only when nothing has run for a while.
+The thread is not woken for each run, which would cost more than a short command: it polls, and stops polling only when
+nothing has run for a while.
 """
 
 from __future__ import annotations
@@ -27,55 +27,56 @@ from types import FrameType
 from typing import Any, Final
 
 from urbihw.kernel.lobby.lobby import Lobby, lobby_of
-from urbihw.kernel.sched.breaker import DEEPER
+from urbihw.kernel.sched.breaker import EXTRA_CALLS
 from urbihw.kernel.sched.errors import HeldTooLong
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.scheduler import Scheduler
 from urbihw.kernel.sched.signals import Interrupted, JobKilled, Signal
 from urbihw.kernel.server.bounds import Bounds
-from urbihw.kernel.server.memory import Memory, Resident, end_all
+from urbihw.kernel.server.memory import MemoryAccount, ResidentMemory, end_all
 
 log = logging.getLogger("urbihw.kernel")
 
-AIR: Final = 0.004
-"""Seconds of uninterrupted work after which the sockets get a turn, once the watchdog looks closely."""
-CALM: Final = 0.02
-"""Seconds between two looks of the watchdog while all runs are short."""
-REST: Final = 1.0
-"""Seconds without a run after which the watchdog rests."""
-HELD: Final = 1.0
-"""Seconds after which a job that does not yield is named in the log."""
-GRACE: Final = 1.0
-"""Seconds that a job may hold the interpreter on after an error that told it so."""
-MOST_HOLDS: Final = 3
-MEMORY: Final = 30.0
-"""Seconds in which a connection must not hold the interpreter as often as that: then all that it runs is ended."""
-AGAIN: Final = 0.02
-"""Seconds after which a signal that had no effect is sent again."""
+MAX_RUN_S: Final = 0.004
+"""Seconds of uninterrupted work after which the sockets get a turn; also the polling period during a long run."""
+POLL_PERIOD_S: Final = 0.02
+"""Seconds between two polls while all runs are short."""
+IDLE_TIMEOUT_S: Final = 1.0
+"""Seconds without a run after which the thread stops polling."""
+LOG_HOLD_S: Final = 1.0
+"""Seconds after which the log names a job that does not yield."""
+GRACE_S: Final = 1.0
+"""Seconds for which a job may go on holding the interpreter after it got the error."""
+MAX_HOLDS: Final = 3
+HOLD_WINDOW_S: Final = 30.0
+"""A connection whose jobs get the error ``MAX_HOLDS`` times in so many seconds has all its jobs ended."""
+SIGNAL_RETRY_S: Final = 0.02
+"""Seconds after which a signal without effect is sent again."""
 SIGNAL: Final = signal.SIGURG
 
 
 class _Harm(enum.Enum):
-    """What the thread wants done to the running job."""
+    """The interruption that the thread requests for the running job."""
 
     HOLDS = "an error: it holds the interpreter"
     HOLDS_ON = "the end: it still does"
-    GROWS = "an error or the end, as the account of the memory says"
-    AGAIN = "what it was to get, and has not got yet"
+    GROWS = "an error or the end: the process has too much memory"
+    AGAIN = "the same once more: the last signal had no effect"
 
 
 class Watchdog:
-    """To be made in the thread of the scheduler; only in the main one jobs can be broken into."""
+    """Monitors one scheduler.  Create it in the scheduler's thread; jobs can be interrupted only if that is the main
+    thread."""
 
     def __init__(self, scheduler: Scheduler, bounds: Bounds) -> None:
         self._scheduler = scheduler
         self._hold_limit = bounds.hold_limit
-        self._resident = Resident()
-        self.memory = Memory(scheduler, bounds.memory_limit, self._resident, time.monotonic) \
+        self._resident = ResidentMemory()
+        self.memory = MemoryAccount(scheduler, bounds.memory_limit, self._resident, time.monotonic) \
             if bounds.memory_limit else None
         self._main = threading.get_ident()
         self._count = 0
-        """Beginnings and ends of runs so far: odd while one lasts."""
+        """Number of beginnings and ends of runs so far: odd during a run."""
         self._wanted: tuple[int, _Harm] | None = None
         self._named = (0, "")
         self._rests = False
@@ -84,11 +85,11 @@ class Watchdog:
         self._former: signal.Handlers | Callable[[int, FrameType | None], object] | int | None = None
         self._breaks = threading.current_thread() is threading.main_thread()
         self._held: list[tuple[Lobby, float]] = []
-        """Who held the interpreter lately, and when."""
+        """The lobbies whose jobs held the interpreter lately, and the times."""
         self._former_hook = sys.unraisablehook
         if self._breaks:
-            self._former = signal.signal(SIGNAL, self._handle)
-            sys.unraisablehook = self._not_raised
+            self._former = signal.signal(SIGNAL, self._handle_signal)
+            sys.unraisablehook = self._filter_unraisable
         self._thread = threading.Thread(target=self._watch, name="urbihw-watchdog", daemon=True)
         self._thread.start()
 
@@ -114,31 +115,33 @@ class Watchdog:
             signal.signal(SIGNAL, self._former)
             sys.unraisablehook = self._former_hook
 
-    def _not_raised(self, unraisable: Any) -> None:
-        """Python cannot raise an error in a finalizer: that of a program which is too deep in calls, or which is being
-        ended there, is nobody's business, and its traceback not for the log."""
+    def _filter_unraisable(self, unraisable: Any) -> None:
+        """Python cannot raise an error in a finalizer and logs a traceback.  Keep it out of the log if the error only
+        means that the program is too deep in calls or is being ended."""
         if not isinstance(unraisable.exc_value, RecursionError | HeldTooLong | Signal):
             self._former_hook(unraisable)
 
     # ---------------------------------------------------------------- the thread
 
     def _watch(self) -> None:
-        """Look, sleep, look.  What is found busy twice is interrupted, even if it is another run by then."""
-        last = _Look(0, 0.0)
+        """Poll the scheduler.  If it is busy in two polls in a row it is interrupted, even if that is another run by
+        then."""
+        last = _Observation(0, 0.0)
         while not self._closed:
             busy = self._count % 2 == 1
-            look = last if last.count == self._count else _Look(self._count, time.monotonic())
+            look = last if last.count == self._count else _Observation(self._count, time.monotonic())
             if busy and last.count % 2:
                 self._interrupt(look)
-            elif not busy and time.monotonic() - look.began > REST:
-                self._rest(look)
-            if self.memory is not None and self.memory.seen() and busy:
-                self._want(look, _Harm.GROWS)
+            elif not busy and time.monotonic() - look.began > IDLE_TIMEOUT_S:
+                self._wait_for_run(look)
+            if self.memory is not None and self.memory.is_over_limit() and busy:
+                self._request_break(look, _Harm.GROWS)
             last = look
-            time.sleep(AIR if busy else CALM)
+            time.sleep(MAX_RUN_S if busy else POLL_PERIOD_S)
 
-    def _interrupt(self, look: _Look) -> None:
-        """Interrupt a run.  It goes on to the end of the present job's turn, so what lasts from now on is that turn."""
+    def _interrupt(self, look: _Observation) -> None:
+        """Interrupt a run.  The run ends after the turn of the current job, so the time from now on is that of this
+        turn."""
         now = time.monotonic()
         if not look.interrupted:
             look.interrupted = now
@@ -146,40 +149,40 @@ class Watchdog:
             return
         held = now - look.interrupted
         limit = self._hold_limit
-        if not look.named and held > (min(HELD, limit) or HELD):
+        if not look.named and held > (min(LOG_HOLD_S, limit) or LOG_HOLD_S):
             look.named = True
-            self._name(min(HELD, limit) or HELD)
+            self._log_holder(min(LOG_HOLD_S, limit) or LOG_HOLD_S)
         if limit and held > limit:
             if not look.broken:
-                self._want(look, _Harm.HOLDS)
+                self._request_break(look, _Harm.HOLDS)
                 look.broken = now
             elif self._wanted is not None or self._scheduler.breaker.armed():
-                if now - look.broken > AGAIN:
-                    self._want(look, _Harm.AGAIN if self._wanted is None else self._wanted[1])
+                if now - look.broken > SIGNAL_RETRY_S:
+                    self._request_break(look, _Harm.AGAIN if self._wanted is None else self._wanted[1])
                     look.broken = now
-            elif now - look.broken > GRACE:
-                self._want(look, _Harm.HOLDS_ON)
+            elif now - look.broken > GRACE_S:
+                self._request_break(look, _Harm.HOLDS_ON)
                 look.broken = now
 
-    def _name(self, seconds: float) -> None:
-        """Name the running job in the log, once."""
+    def _log_holder(self, seconds: float) -> None:
+        """Write the name of the running job to the log, once."""
         job = self._scheduler.current
         named = (id(job), (job.name if job is not None else "") or "?")
         if named == self._named and job is not None:
             return
         self._named = named
         frame = sys._current_frames().get(self._main)
-        where = "" if frame is None else self._scheduler.place(frame)
+        where = "" if frame is None else self._scheduler.hooks.describe_frame(frame)
         log.warning("job %s holds the interpreter for more than %s%s", named[1],
                     "a second" if seconds == 1 else f"{seconds:g} s", where)
 
-    def _want(self, look: _Look, harm: _Harm) -> None:
+    def _request_break(self, look: _Observation, harm: _Harm) -> None:
         if self._breaks:
             self._wanted = (look.count, harm)
             with contextlib.suppress(ProcessLookupError):
                 signal.pthread_kill(self._main, SIGNAL)
 
-    def _rest(self, look: _Look) -> None:
+    def _wait_for_run(self, look: _Observation) -> None:
         """Wait until something runs."""
         self._wake.clear()
         self._rests = True
@@ -189,14 +192,14 @@ class Watchdog:
 
     # ---------------------------------------------------------------- the thread of the scheduler
 
-    def _handle(self, number: int, frame: FrameType | None) -> None:
-        """The signal: break into the running job, if it is still that turn.
+    def _handle_signal(self, number: int, frame: FrameType | None) -> None:
+        """The signal handler: interrupt the running job if its turn has not ended.
 
-        The job may stand where no call fits on the stack; then this fails, the job gets the error, and the thread sends
-        the signal again.
+        If the job's stack has no room for another call, the handler fails, the job gets that error, and the thread
+        sends the signal again.
         """
         usual = sys.getrecursionlimit()
-        sys.setrecursionlimit(usual + DEEPER)
+        sys.setrecursionlimit(usual + EXTRA_CALLS)
         try:
             self._break(frame)
         finally:
@@ -208,55 +211,57 @@ class Watchdog:
         if wanted is None or wanted[0] != self._count or job is None:
             return
         if wanted[1] is _Harm.AGAIN:
-            self._scheduler.breaker.again(frame)
+            self._scheduler.breaker.rearm(frame)
             return
-        error = self._error(wanted[1], job)
+        error = self._break_error(wanted[1], job)
         if error is not None:
             self._scheduler.breaker.break_in(frame, error)
 
-    def _error(self, harm: _Harm, job: Job) -> BaseException | None:
-        """What to leave the job by."""
+    def _break_error(self, harm: _Harm, job: Job) -> BaseException | None:
+        """The exception to raise in the job; None for none."""
         if harm is _Harm.HOLDS:
-            self._remember(job)
+            self._count_hold(job)
             return HeldTooLong(f"held the interpreter for more than {self._hold_limit:g} s: give way with ';' or sleep")
         if harm is _Harm.HOLDS_ON:
             log.warning("job %s is ended: it held the interpreter on", job.name)
-            self._tell(job, f"!!! job {job.name} is ended: it held the interpreter on")
-            return leaving(job)
+            self._write_error(job, f"!!! job {job.name} is ended: it held the interpreter on")
+            return end_signal(job)
         assert self.memory is not None
-        if not self.memory.exceeded(job):
+        if not self.memory.must_end(job):
             return None
-        return leaving(job) if self.memory.ends() else MemoryError()
+        return end_signal(job) if self.memory.is_final() else MemoryError()
 
-    def _remember(self, job: Job) -> None:
-        """Who holds the interpreter again and again (by an ``at``, say) keeps nothing that could do so once more."""
+    def _count_hold(self, job: Job) -> None:
+        """Record that a job held the interpreter.  A connection whose jobs do so again and again (from an ``at``, say)
+        has all its jobs ended."""
         lobby, now = lobby_of(job), time.monotonic()
         if lobby is None:
             return
-        self._held = [(who, when) for who, when in self._held if now - when < MEMORY] + [(lobby, now)]
-        if sum(who is lobby for who, _ in self._held) >= MOST_HOLDS:
+        self._held = [(who, when) for who, when in self._held if now - when < HOLD_WINDOW_S] + [(lobby, now)]
+        if sum(who is lobby for who, _ in self._held) >= MAX_HOLDS:
             self._held = [(who, when) for who, when in self._held if who is not lobby]
-            log.warning("all jobs of %s are ended: they held the interpreter %d times", lobby.tag.tag.name, MOST_HOLDS)
-            told = f"!!! all that this connection runs is ended: it held the interpreter {MOST_HOLDS} times"
+            log.warning("all jobs of %s are ended: they held the interpreter %d times", lobby.tag.tag.name, MAX_HOLDS)
+            told = f"!!! all that this connection runs is ended: it held the interpreter {MAX_HOLDS} times"
             self._scheduler.post(lambda: end_all(lobby, told))
 
-    def _tell(self, job: Job, text: str) -> None:
+    def _write_error(self, job: Job, text: str) -> None:
         lobby = lobby_of(job)
         if lobby is not None:
             self._scheduler.post(lambda: lobby.output.line(text, "error"))
 
 
-def leaving(job: Job) -> Signal:
-    """What ends the running job; if it is the main one of a connection, that of its statement in the foreground.
+def end_signal(job: Job) -> Signal:
+    """The signal that ends the running job; for the main job of a connection, that which ends its foreground statement.
 
-    The connection is told why by who ends it.
+    The caller reports the reason to the connection.
     """
     lobby = job.context
     return Interrupted(told=True) if isinstance(lobby, Lobby) and lobby.shell.is_running() else JobKilled()
 
 
-class _Look:
-    """What the watchdog saw: the count, when it saw it first, and what it did about it and when."""
+class _Observation:
+    """The state of one run: its count, the time of the first poll that saw it, and the interruptions requested
+    since."""
 
     __slots__ = ("began", "broken", "count", "interrupted", "named")
 

@@ -2,10 +2,10 @@
 
 ``MODULES`` is the boot order.  A module may have
 
-- ``CLASSES``, name of a prototype -> Python class, for prototypes that hold a native value: ``cls(world, protos)``;
+- ``CLASSES``, name of a prototype -> Python class, for prototypes with a native value: ``cls(world, protos)``;
 - ``PROTOS``, name of a prototype -> names of its own prototypes, where these are not just Object;
-- ``TABLE``, a table of built-ins (or ``TABLES``, several): each goes to the prototype of its name;
-- ``install(world, programs)`` for what a table cannot say (it runs after its tables);
+- ``TABLE``, a table of primitives (or ``TABLES``, several): each becomes slots of the prototype of its name;
+- ``install(world, programs)`` for slots that a table cannot express (it runs after the tables);
 - an urbiscript half, ``<module>.u`` beside it, run with Global as ``this`` after all natives are in place.
 
 ``prototype`` finds or makes the object a table belongs to.  May import ``compiler``, ``runtime`` and ``sched``.
@@ -87,7 +87,9 @@ MODULES = (
 
 
 def prototype(world: World, name: str) -> Obj:
-    """The object in Global called ``name`` (``A.B`` for a slot of another), made as a child of Object if missing."""
+    """The object in Global called ``name`` (``A.B`` for a slot of another object); if it is missing, it is made as a
+    child of Object.
+    """
     found = world.classes.get(name)
     if found is None:
         path, _, last = name.rpartition(".")
@@ -101,7 +103,7 @@ def prototype(world: World, name: str) -> Obj:
 
 
 def put_prototype(world: World, name: str, made: Obj) -> None:
-    """Make ``made`` the prototype called ``name`` (``A.B`` for a slot of another)."""
+    """Store ``made`` as the prototype called ``name`` (``A.B`` for a slot of another object)."""
     path, _, last = name.rpartition(".")
     made.slots["type"] = world.string(last)
     holder = prototype(world, path) if path else world.global_
@@ -137,7 +139,7 @@ def _roots(world: World) -> None:
 
 
 def install(world: World, programs: Any) -> None:
-    """Put the whole library into a world: natives at once, the urbiscript halves in a job that is run here."""
+    """Install the whole library in a world: first the natives, then the urbiscript halves in a job that is run here."""
     _roots(world)
     modules = [import_module(f"urbihw.kernel.stdlib.{name}") for name in MODULES]
     for module in modules:
@@ -164,6 +166,7 @@ def _run_urbiscript(world: World, programs: Any) -> None:
                 programs.load_library(source.read_text("latin-1"), f"{name}.u")
 
     job = world.scheduler.spawn(run, "boot")
-    world.scheduler.run()
+    while not job.done:  # ``run`` may return early on a slow machine
+        world.scheduler.run()
     if job.error is not None:
         raise job.error

@@ -1,16 +1,15 @@
-"""What Lobby tells of the program: banner, license, authors, copyright, thanks.
+"""Lobby: information about the program: banner, license, authors, copyright, acknowledgements.
 
-Source: manual, specs/lobby; server protocol, section 1, for the shape of the banner.
+Source: manual, specs/lobby; server protocol, section 1, for the format of the banner.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.channel import starred
-from urbihw.kernel.stdlib.lobby import real
+from urbihw.kernel.stdlib.lobby import connected_lobby
+from urbihw.kernel.value import Value
 
 TABLE = Table("Lobby")
 
@@ -31,7 +30,7 @@ LICENSE = (
 
 def release() -> str:
     """Name and version of the program."""
-    # imported when somebody asks: it takes a tenth of the time that the whole library takes to start
+    # imported on demand: the import takes a tenth of the start-up time of the whole library
     from importlib.metadata import PackageNotFoundError, version
 
     try:
@@ -40,40 +39,41 @@ def release() -> str:
         return "urbihw (not installed)"
 
 
-def _tell(this: Any, *lines: str) -> None:
-    output = real(this).output
+def _print_lines(this: Value, *lines: str) -> None:
+    output = connected_lobby(this).output
     for line in lines:
         output.line(starred(line))
 
 
 @TABLE.primitive("banner")
-def banner(world: World, this: Any) -> None:
-    """Say what greets a new connection."""
-    _tell(this, ROW, f"{release()}: robots as urbiscript objects", COPYRIGHT, "", *WARRANTY, "",
+def banner(world: World, this: Value) -> None:
+    """Print the banner that greets a new connection."""
+    _print_lines(this, ROW, f"{release()}: robots as urbiscript objects", COPYRIGHT, "", *WARRANTY, "",
           "Every robot is a slot of Global; see the docs folder.", ROW)
 
 
 @TABLE.primitive("copyright")
-def copyright_(world: World, this: Any, deep: bool = True) -> None:
-    """Say the version and whose it is; if ``deep``, also of the language it speaks."""
-    _tell(this, release(), COPYRIGHT)
+def copyright_(world: World, this: Value, deep: bool = True) -> None:
+    """Print the version and the copyright; if ``deep``, also those of the urbiscript language."""
+    _print_lines(this, release(), COPYRIGHT)
     if deep:
-        _tell(this, "", "urbiscript 2.3, as described in the Urbi SDK manual", "Copyright (C) 2005-2010 Gostai S.A.S.")
+        language = "urbiscript 2.3, as described in the Urbi SDK manual"
+        _print_lines(this, "", language, "Copyright (C) 2005-2010 Gostai S.A.S.")
 
 
 @TABLE.primitive("license")
-def license_(world: World, this: Any) -> None:
-    """Say under which conditions the program may be used."""
-    _tell(this, *LICENSE)
+def license_(world: World, this: Value) -> None:
+    """Print the license of the program."""
+    _print_lines(this, *LICENSE)
 
 
 @TABLE.primitive("authors")
-def authors(world: World, this: Any) -> None:
-    """Say who made the program."""
-    _tell(this, "urbihw: the urbihw authors", "urbiscript: Jean-Christophe Baillie and the Urbi team of Gostai")
+def authors(world: World, this: Value) -> None:
+    """Print the authors of the program."""
+    _print_lines(this, "urbihw: the urbihw authors", "urbiscript: Jean-Christophe Baillie and the Urbi team of Gostai")
 
 
 @TABLE.primitive("thanks")
-def thanks(world: World, this: Any) -> None:
-    """Say what the program is built on."""
-    _tell(this, "Python, lark, greenlet, pyserial, and those who make them")
+def thanks(world: World, this: Value) -> None:
+    """Print the components that the program is built on."""
+    _print_lines(this, "Python, lark, greenlet, pyserial, and those who make them")

@@ -1,16 +1,15 @@
-"""Binary: bytes with a header.
+"""Binary: bytes with a header that describes their format.
 
 Source: manual, specs/binary; server protocol, section 4.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 from urbihw.kernel.runtime.binary import BinaryObject, Buffer
 from urbihw.kernel.runtime.primitive import Table
-from urbihw.kernel.runtime.values import MOST_CHARACTERS, too_long
+from urbihw.kernel.runtime.values import MAX_STRING_LENGTH, too_long
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.value import Value
 
 TABLE = Table("Binary")
 
@@ -19,25 +18,25 @@ CLASSES = {"Binary": BinaryObject}
 
 
 def binary(world: World, keywords: str, content: Buffer) -> BinaryObject:
-    """A Binary."""
+    """Make a Binary."""
     return BinaryObject(world, [world.classes["Binary"]], keywords, content)
 
 
 @TABLE.primitive("init")
 def init(world: World, this: BinaryObject, keywords: str, data: str) -> None:
-    """Some data with some keywords."""
+    """Make a Binary from keywords and data."""
     this.keywords, this.content = keywords, data.encode("latin-1")
 
 
 @TABLE.primitive("data")
 def data(world: World, this: BinaryObject) -> str:
-    """The bytes."""
+    """The bytes, as a String."""
     return this.data
 
 
 @TABLE.primitive("keywords")
 def keywords(world: World, this: BinaryObject) -> str:
-    """The header."""
+    """The header, as a String."""
     return this.keywords
 
 
@@ -48,8 +47,8 @@ def empty(world: World, this: BinaryObject) -> bool:
 
 
 @TABLE.primitive("copy")
-def copy(world: World, this: BinaryObject) -> Any:
-    """Another Binary of the same content."""
+def copy(world: World, this: BinaryObject) -> Value:
+    """A new Binary with the same content."""
     return binary(world, this.keywords, this.content)
 
 
@@ -61,20 +60,20 @@ def as_string(world: World, this: BinaryObject) -> str:
 
 
 @TABLE.primitive("==")
-def equals(world: World, this: BinaryObject, other: Any) -> bool:
-    """Whether the other has the same keywords and bytes."""
+def equals(world: World, this: BinaryObject, other: Value) -> bool:
+    """Whether the other Binary has the same keywords and bytes."""
     return isinstance(other, BinaryObject) and (this.keywords, this.content) == (other.keywords, other.content)
 
 
 @TABLE.primitive("!=")
-def differs(world: World, this: BinaryObject, other: Any) -> bool:
+def differs(world: World, this: BinaryObject, other: Value) -> bool:
     """``!(this == other)``."""
     return not (isinstance(other, BinaryObject) and (this.keywords, this.content) == (other.keywords, other.content))
 
 
 @TABLE.primitive("+")
-def plus(world: World, this: BinaryObject, other: BinaryObject) -> Any:
-    """The bytes of both, with the keywords of this one, or of the other if this one has none."""
-    if len(this.content) + len(other.content) > MOST_CHARACTERS:
-        raise too_long("bytes", MOST_CHARACTERS)
+def plus(world: World, this: BinaryObject, other: BinaryObject) -> Value:
+    """The bytes of both, with the keywords of this Binary or, if it has none, of the other."""
+    if len(this.content) + len(other.content) > MAX_STRING_LENGTH:
+        raise too_long("bytes", MAX_STRING_LENGTH)
     return binary(world, this.keywords or other.keywords, bytes(this.content) + bytes(other.content))

@@ -1,4 +1,4 @@
-"""Channel: labelled output to the connection that the running job speaks to.
+"""Channel: labelled output to the connection of the running job.
 
 Source: manual, specs/channel and specs/global (cout, cerr, clog, warn); server protocol, section 1.
 """
@@ -12,7 +12,8 @@ from urbihw.kernel.runtime.object import Obj, Plain
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import Dictionary, List, String
 from urbihw.kernel.runtime.world import World
-from urbihw.kernel.stdlib.support import say
+from urbihw.kernel.stdlib.support import send_line
+from urbihw.kernel.value import Value
 
 CHANNEL = Table("Channel")
 FILTER = Table("Channel.Filter")
@@ -21,35 +22,35 @@ TABLES = [CHANNEL, FILTER, GLOBAL]
 PROTOS = {"Channel.Filter": ("Channel",)}
 
 NOTES = {
-    "Channel": "Labelled output to the connection that the running job speaks to.",
-    "Channel.enabled": "Whether the channel says anything.",
-    "Channel.quote": "Whether strings are shown as literals, in quotes.",
+    "Channel": "Labelled output to the connection of the running job.",
+    "Channel.enabled": "Whether the channel sends its output.",
+    "Channel.quote": "Whether strings are sent as literals, in quotes.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 def starred(text: str) -> str:
-    """A text as ``echo`` shows it: behind three stars."""
+    """A text as ``echo`` prints it: after three stars."""
     return f"*** {text}" if text else "***"
 
 
 def deprecated(world: World, old: str, new: str) -> None:
-    """Warn of a use of an old name."""
-    say(world, starred(f"`{old}' is deprecated, use `{new}'"), "warning")
+    """Warn that a program uses a deprecated name."""
+    send_line(world, starred(f"`{old}' is deprecated, use `{new}'"), "warning")
 
 
 # ---------------------------------------------------------------- Channel
 
 
 @CHANNEL.primitive("init")
-def init(world: World, this: Any, name: String) -> None:
-    """A channel of this label; output of the channel "" has no label."""
-    world.ops.put(world.as_obj(this), "name", name)
+def init(world: World, this: Value, name: String) -> None:
+    """Make a channel with this label; output of the channel "" has no label."""
+    world.ops.put_slot(world.as_obj(this), "name", name)
 
 
 @CHANNEL.primitive("<<")
-def put(world: World, this: Any, value: Any) -> None:
-    """Send a value under the label of this channel, strings as literals unless ``quote`` is false."""
+def put(world: World, this: Value, value: Value) -> None:
+    """Send a value with the label of this channel; strings are sent as literals unless ``quote`` is false."""
     if value is world.void:
         raise errors.unexpected_void()
     if value is world.nil or not world.send(this, "enabled"):
@@ -58,29 +59,31 @@ def put(world: World, this: Any, value: Any) -> None:
         text = value.s
     else:
         text = world.text(world.send(value, "asToplevelPrintable"))
-    say(world, text, world.text(world.send(this, "name")))
+    send_line(world, text, world.text(world.send(this, "name")))
 
 
 @CHANNEL.primitive("echo")
-def echo(world: World, this: Any, value: Any) -> None:
-    """Send the text of a value behind three stars, under the label of this channel."""
+def echo(world: World, this: Value, value: Value) -> None:
+    """Send the text of a value after three stars, with the label of this channel."""
     if world.send(this, "enabled"):
-        say(world, starred(world.text(value)), world.text(world.send(this, "name")))
+        send_line(world, starred(world.text(value)), world.text(world.send(this, "name")))
 
 
 # ---------------------------------------------------------------- Channel.Filter
 
 
 @FILTER.primitive("<<")
-def put_filtered(world: World, this: Any, value: Any) -> None:
-    """Send a value that clients can parse (Float, String, List, Dictionary); any other is shown as by ``echo``."""
+def put_filtered(world: World, this: Value, value: Value) -> None:
+    """Send a value of a type that clients can parse (Float, String, List, Dictionary); any other value is sent as by
+    ``echo``.
+    """
     if _parsable(value):
         put(world, this, value)
     elif value is not world.nil:
         echo(world, this, value)
 
 
-def _parsable(value: Any) -> bool:
+def _parsable(value: Value) -> bool:
     if isinstance(value, List):
         return all(_parsable(member) for member in value.l)
     if isinstance(value, Dictionary):
@@ -92,13 +95,13 @@ def _parsable(value: Any) -> bool:
 
 
 @GLOBAL.primitive("warn")
-def warn(world: World, this: Any, message: Any) -> None:
-    """Send a message on the channel ``warning``, behind three stars."""
-    say(world, starred(world.text(message)), "warning")
+def warn(world: World, this: Value, message: Value) -> None:
+    """Send a message on the channel ``warning``, after three stars."""
+    send_line(world, starred(world.text(message)), "warning")
 
 
 def install(world: World, programs: Any) -> None:
-    """The predefined channels."""
+    """Make the predefined channels."""
     proto = world.global_.slots["Channel"]
     proto.slots.update({"name": world.string(""), "quote": world.true, "enabled": world.true})
 

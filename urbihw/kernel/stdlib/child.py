@@ -1,8 +1,8 @@
-"""Programs of the operating system as children of this process: started, waited for, and ended with their connection.
+"""Child processes: programs of the operating system that jobs start and wait for, and that end with their connection.
 
-A child belongs to the connection whose job started it.  When that ends, the child and what it has started get SIGHUP,
-as from a terminal that is closed: a program that ignores it (``nohup``) goes on, and so does one that a shell has left
-in the background before the shell itself ended.
+A child belongs to the connection whose job started it.  When the connection ends, the child and its own children get
+SIGHUP, as if their terminal was closed: a program that ignores the signal (``nohup``) continues, and so does a program
+that a shell has left in the background before the shell itself ended.
 """
 
 from __future__ import annotations
@@ -22,28 +22,28 @@ from urbihw.kernel.stdlib.pipe import pipes_of
 from urbihw.kernel.stdlib.poller import OVER, READ
 from urbihw.kernel.stdlib.support import check_descriptors
 
-MOST: Final = 64
-"""How many programs may run for one connection."""
+MAX_CHILDREN: Final = 64
+"""Maximum number of running programs per connection."""
 
 
 class Child:
-    """One program that runs, or is over.
+    """One child process, running or ended.
 
     Attributes:
-        inner: the program, with its pipes.
-        code: its status as Python has it once it is over, None before: the exit code, or less than zero the signal.
+        inner: the process, with its pipes.
+        code: its status after its end, as Python reports it: the exit code, or the negated signal number.  None before.
     """
 
     inner: subprocess.Popen[bytes]
 
     def __init__(self, world: World, start: Callable[[int | None], subprocess.Popen[bytes]]) -> None:
-        """Start it, which takes some milliseconds, while the running job waits.
+        """Start the program, which takes some milliseconds, while the running job waits.
 
         ``start(group)`` is called in another thread and starts it in this ``process_group``.  Raises OSError, or
-        Exception.Primitive when this connection or the process has too many.
+        Exception.Primitive if this connection or the process has too many children.
         """
         check_descriptors()
-        # With a terminal, the programs share it, and its keys such as Ctrl-C are for them, too.
+        # In a terminal, the programs share the process group so that they get its keys such as Ctrl-C.
         self._leads = not os.isatty(0)
         self._given_up = False
         self.code: int | None = None
@@ -51,33 +51,33 @@ class Child:
         self._scheduler = world.scheduler
         self._waiting = WaitQueue(world.scheduler)
         self.on_end: Callable[[], None] = lambda: None
-        """Called outside any job when it is over."""
+        """Called outside any job when the program has ended."""
         self.on_close: Callable[[], None] = lambda: None
-        """Called when its connection has ended before it."""
-        self._holdings.own(self, "programs", MOST)
+        """Called if the connection ends before the program."""
+        self._holdings.register(self, "programs", MAX_CHILDREN)
         try:
-            pipes_of(world).starts.do(partial(self._start, start))
+            pipes_of(world).starter.run_work(partial(self._start, start))
             self.descriptor = os.pidfd_open(self.inner.pid)
         except BaseException:
-            self._holdings.disown(self)
+            self._holdings.unregister(self)
             self._give_up()
             raise
-        pipes_of(world).poller.attend(self)
+        pipes_of(world).poller.schedule(self)
 
     def _start(self, start: Callable[[int | None], subprocess.Popen[bytes]]) -> None:
-        """In the other thread."""
+        """Start the program, in the other thread."""
         self.inner = start(0 if self._leads else None)
         if self._given_up:
             self._remove()
 
     def _give_up(self) -> None:
-        """It is not wanted any more, whether it has started or is about to."""
+        """End the program, or the attempt to start it: the job does not wait for it any more."""
         self._given_up = True
         if hasattr(self, "inner"):
             self._remove()
 
     def _remove(self) -> None:
-        """Nobody has seen it run: end it, and leave nothing of it."""
+        """End a program whose start no job has observed, and release its resources."""
         self.inner.kill()
         for pipe in (self.inner.stdin, self.inner.stdout, self.inner.stderr):
             if pipe is not None:
@@ -85,22 +85,22 @@ class Child:
         self.inner.wait()
 
     def wait(self) -> int:
-        """Wait for its end; its ``code``."""
+        """Wait for the end of the program; returns its ``code``."""
         while self.code is None:
             self._waiting.wait()
         return self.code
 
     def kill(self) -> None:
-        """End it by force, unless it is over."""
+        """Kill the program with SIGKILL unless it has ended."""
         if self.code is None:
             self.inner.kill()
 
     def close(self) -> None:
-        """The connection has ended: tell the program so."""
+        """Send SIGHUP to the program because its connection has ended."""
         if not hasattr(self, "inner"):
             self._give_up()
         elif self.code is None:
-            with suppress(ProcessLookupError, PermissionError):  # it may be over, or somebody else by now
+            with suppress(ProcessLookupError, PermissionError):  # the group may have ended
                 if self._leads:
                     os.killpg(self.inner.pid, signal.SIGHUP)
                 else:
@@ -108,15 +108,15 @@ class Child:
             self.on_close()
 
     def _ended(self) -> None:
-        self.code = self.inner.wait()  # at once: it has ended
-        self._holdings.disown(self)
+        self.code = self.inner.wait()  # no delay: the program has ended
+        self._holdings.unregister(self)
         self._waiting.wake_all()
         self.on_end()
 
     # ---------------------------------------------------------------- for the thread
 
     def ready(self) -> int:
-        """Tell of its end."""
+        """Called when the program has ended."""
         if os.waitid(os.P_PIDFD, self.descriptor, os.WEXITED | os.WNOHANG | os.WNOWAIT) is None:
             return READ
         self._scheduler.post(self._ended)

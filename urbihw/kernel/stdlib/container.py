@@ -1,22 +1,21 @@
-"""Container: ``has`` and ``hasNot``, each from the other; they are what ``in`` and ``not in`` mean."""
+"""Container: ``has`` and ``hasNot``, each defined by the other; ``in`` and ``not in`` call them."""
 
 from __future__ import annotations
 
-from typing import Any
-
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.value import Value
 
 TABLE = Table("Container")
 
 
 @TABLE.primitive("has")
-def has(world: World, this: Any, member: Any) -> bool:
+def has(world: World, this: Value, member: Value) -> bool:
     """``!hasNot(member)``."""
     return not world.send(this, "hasNot", member)
 
 
 @TABLE.primitive("hasNot")
-def has_not(world: World, this: Any, member: Any) -> bool:
+def has_not(world: World, this: Value, member: Value) -> bool:
     """``!has(member)``."""
     return not world.send(this, "has", member)

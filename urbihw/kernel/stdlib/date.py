@@ -1,4 +1,4 @@
-"""Date: a moment of civil time, to the microsecond."""
+"""Date: a date and time of day, to the microsecond."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.duration import make_duration
+from urbihw.kernel.value import Value
 
 TABLE = Table("Date")
 PROTOS = {"Date": ("Orderable", "Comparable")}
@@ -22,7 +23,7 @@ _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct",
 
 
 class DateObject(Obj):
-    """An urbiscript Date; ``moment`` is in local time, without zone."""
+    """An urbiscript Date; ``moment`` is in local time, without time zone."""
 
     __slots__ = ("moment",)
 
@@ -31,7 +32,7 @@ class DateObject(Obj):
         self.moment = moment
 
     def clone(self) -> DateObject:
-        """A fresh date of the same moment."""
+        """A new Date with the same value."""
         return DateObject(self.world, [self], self.moment)
 
 
@@ -44,7 +45,7 @@ def _make(world: World, moment: datetime) -> DateObject:
 
 
 def parse(text: str) -> datetime:
-    """``yyyy-mm-dd hh:mn:ss``; the month may be a name of three letters, minutes and seconds may be missing."""
+    """Parse ``yyyy-mm-dd hh:mn:ss``; the month may be a name of three letters, minutes and seconds are optional."""
     found = _FORM.fullmatch(text)
     if found is None:
         raise errors.primitive(f"cannot convert to date: {text}")
@@ -66,45 +67,45 @@ def _later(world: World, moment: datetime, seconds: float) -> DateObject:
 
 @TABLE.primitive("init")
 def init(world: World, this: DateObject, text: str | None = None) -> None:
-    """The present moment; or that of a text ``yyyy-mm-dd hh:mn:ss``, raises ``cannot convert to date``."""
+    """Make a Date of the present time, or of a text ``yyyy-mm-dd hh:mn:ss``.  Raises ``cannot convert to date``."""
     this.moment = datetime.now() if text is None else parse(text)
 
 
 @TABLE.primitive("now")
-def now(world: World, this: Any) -> Any:
-    """The present moment."""
+def now(world: World, this: Value) -> Value:
+    """The present time."""
     return _make(world, datetime.now())
 
 
 @TABLE.primitive("epoch")
-def epoch(world: World, this: Any) -> Any:
+def epoch(world: World, this: Value) -> Value:
     """The origin of times: 1970-01-01 00:00."""
     return _make(world, EPOCH)
 
 
 @TABLE.primitive("+")
-def plus(world: World, this: DateObject, duration: float) -> Any:
-    """The moment some seconds later."""
+def plus(world: World, this: DateObject, duration: float) -> Value:
+    """The Date that is later by ``duration`` seconds."""
     return _later(world, this.moment, duration)
 
 
 @TABLE.primitive("-")
-def minus(world: World, this: DateObject, that: Any) -> Any:
-    """The Duration since another Date, or the moment some seconds earlier."""
+def minus(world: World, this: DateObject, that: Value) -> Value:
+    """The Duration since another Date, or the Date that is earlier by a number of seconds."""
     if isinstance(that, DateObject):
         return make_duration(world, (this.moment - that.moment).total_seconds())
     return _later(world, this.moment, -world.as_float(that, 1, "-"))
 
 
 @TABLE.primitive("==")
-def equal(world: World, this: DateObject, that: Any) -> bool:
-    """Whether both are the same moment."""
+def equal(world: World, this: DateObject, that: Value) -> bool:
+    """Whether both Dates have the same value."""
     return isinstance(that, DateObject) and this.moment == that.moment
 
 
 @TABLE.primitive("<")
 def less(world: World, this: DateObject, that: DateObject) -> bool:
-    """Whether this is before the argument."""
+    """Whether this Date is before the argument."""
     return this.moment < that.moment
 
 
@@ -116,5 +117,5 @@ def as_float(world: World, this: DateObject) -> float:
 
 @TABLE.primitive("asString")
 def as_string(world: World, this: DateObject) -> str:
-    """``yyyy-mm-dd hh:mn:ss``, with the microseconds if there are any."""
+    """``yyyy-mm-dd hh:mn:ss``, with microseconds if they are not 0."""
     return str(this.moment)

@@ -1,28 +1,29 @@
-"""Object: descriptions for people, ``print``, ``inspect`` and ``dump``."""
+"""Object: descriptions for users: ``print``, ``inspect`` and ``dump``."""
 
 from __future__ import annotations
-
-from typing import Any
 
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import String
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.properties import own_properties
-from urbihw.kernel.stdlib.support import say
+from urbihw.kernel.stdlib.support import send_line
+from urbihw.kernel.value import Value
 
 TABLE = Table("Object")
 
 
 @TABLE.primitive("print")
-def print_(world: World, this: Any) -> None:
-    """Say this as the top level does."""
-    say(world, world.text(world.send(this, "asToplevelPrintable")))
+def print_(world: World, this: Value) -> None:
+    """Print this value as the top level does."""
+    send_line(world, world.text(world.send(this, "asToplevelPrintable")))
 
 
 @TABLE.primitive("inspect")
-def inspect(world: World, this: Any, deep: bool = False) -> None:
-    """Say the prototypes and the slots of this, its own or (``deep``) all, with their types and properties."""
+def inspect(world: World, this: Value, deep: bool = False) -> None:
+    """Print the prototypes and the slots of this object with their types and properties: its own slots or, if ``deep``,
+    all.
+    """
     lines = [f"Inspecting {world.printable(this)}", "** Prototypes:"]
     lines += [f"  {world.printable(proto)}" for proto in world.protos_of(this)]
     lines.append("** Slots:" if deep else "** Local Slots:")
@@ -30,10 +31,10 @@ def inspect(world: World, this: Any, deep: bool = False) -> None:
     for name in sorted((member.s for member in names.l), key=str.lower):
         lines += _inspect_slot(world, this, name)
     for line in lines:
-        say(world, f"*** {line}")
+        send_line(world, f"*** {line}")
 
 
-def _inspect_slot(world: World, this: Any, name: str) -> list[str]:
+def _inspect_slot(world: World, this: Value, name: str) -> list[str]:
     lines = [f"  {name} : {_type(world, world.get_slot(this, name))}"]
     holder = world.peek_obj(this).find(name)
     properties = own_properties(world, holder, name)
@@ -44,8 +45,8 @@ def _inspect_slot(world: World, this: Any, name: str) -> list[str]:
     return lines
 
 
-def _type(world: World, value: Any) -> str:
-    """The type of a slot's value, without calling it."""
+def _type(world: World, value: Value) -> str:
+    """The type of a slot's value, without calling the value."""
     if value is world.void:
         return "void"
     kind = world.get_slot(value, "type")
@@ -53,13 +54,13 @@ def _type(world: World, value: Any) -> str:
 
 
 @TABLE.primitive("dump")
-def dump(world: World, this: Any, depth: int) -> None:
-    """Say all that is known of this and, down to a depth, of the values of its slots."""
+def dump(world: World, this: Value, depth: int) -> None:
+    """Print a full description of this object and, down to ``depth``, of the values of its slots."""
     for line in _dump(world, this, depth, ""):
-        say(world, f"*** {line}")
+        send_line(world, f"*** {line}")
 
 
-def _dump(world: World, value: Any, depth: int, margin: str) -> list[str]:
+def _dump(world: World, value: Value, depth: int, margin: str) -> list[str]:
     inner = margin + "  "
     lines = [f"{_title(world, value)} {{", f"{inner}/* Special slots */"]
     protos = ", ".join(_type(world, proto) for proto in world.protos_of(value))
@@ -85,12 +86,12 @@ def _dump_slot(world: World, obj: Obj, name: str, depth: int, margin: str) -> li
     return lines
 
 
-def _entry(world: World, name: str, value: Any, depth: int, margin: str, inner: str) -> list[str]:
+def _entry(world: World, name: str, value: Value, depth: int, margin: str, inner: str) -> list[str]:
     if depth <= 0 or value is world.void:
         return [f"{margin}{name} = {_title(world, value)} <...>"]
     first, *rest = _dump(world, value, depth - 1, inner)
     return [f"{margin}{name} = {first}", *rest]
 
 
-def _title(world: World, value: Any) -> str:
+def _title(world: World, value: Value) -> str:
     return f"{_type(world, value)}_{world.uid(value)}"

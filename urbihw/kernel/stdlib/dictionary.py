@@ -1,4 +1,4 @@
-"""Dictionary: values by strings.  Whatever goes through one does so in the order of the keys.
+"""Dictionary: values with String keys.  Iteration is in the order of the keys.
 
 Source: manual, specs/dictionary.
 """
@@ -16,6 +16,7 @@ from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.members import equal, same_members
 from urbihw.kernel.stdlib.slices import in_slices, sort_in_slices
 from urbihw.kernel.stdlib.tuple import pair
+from urbihw.kernel.value import Value
 
 __breakable__ = True
 
@@ -26,25 +27,25 @@ PROTOS = {
 }
 
 NOTES = {
-    "Dictionary.KeyError": "Exception.KeyError, thrown when a key is not there.",
+    "Dictionary.KeyError": "Exception.KeyError, thrown when a key does not exist.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
-def _dict(world: World, value: Any) -> dict[str, Any]:
+def _dict(world: World, value: Value) -> dict[str, Any]:
     if not isinstance(value, Dictionary):
         raise world.type_error(None, value, "Dictionary")
     return value.d
 
 
-def _key(world: World, value: Any) -> str:
+def _key(world: World, value: Value) -> str:
     if not isinstance(value, String):
         raise world.type_error(1, value, "String")
     return value.s
 
 
-def missing(world: World, key: Any) -> errors.UrbiError:
-    """``missing key: K``, an object with the slot ``key``."""
+def missing(world: World, key: Value) -> errors.UrbiError:
+    """The error ``missing key: K``, an object with the slot ``key``."""
     error = Plain(world, [world.classes["Dictionary.KeyError"]])
     error.slots["key"] = key
     error.slots["message"] = world.string(f"missing key: {world.text(key)}")
@@ -52,8 +53,8 @@ def missing(world: World, key: Any) -> errors.UrbiError:
 
 
 @TABLE.primitive("init")
-def init(world: World, this: Dictionary, *args: Any) -> Any:
-    """Map each odd argument, a String, to the one behind it; gives this dictionary."""
+def init(world: World, this: Dictionary, *args: Value) -> Value:
+    """Map each odd argument, a String, to the argument after it; returns this dictionary."""
     if len(args) % 2:
         raise errors.primitive(f"expected an even number of arguments, given {len(args)}")
     for key, value in zip(args[::2], args[1::2], strict=True):
@@ -67,9 +68,9 @@ def init(world: World, this: Dictionary, *args: Any) -> Any:
 
 @TABLE.raw("[]", "get", least=1)
 def get(world: World) -> Any:
-    """The value of a key; raises Dictionary.KeyError if there is none."""
+    """The value of a key.  Raises Dictionary.KeyError if there is none."""
 
-    def run(this: Any, key: Any) -> Any:
+    def run(this: Value, key: Value) -> Value:
         value = _dict(world, this).get(_key(world, key))
         if value is None:
             raise missing(world, key)
@@ -79,16 +80,16 @@ def get(world: World) -> Any:
 
 
 @TABLE.primitive("getWithDefault")
-def get_with_default(world: World, this: Dictionary, key: Any, default: Any) -> Any:
-    """The value of a key, or the default if there is none."""
+def get_with_default(world: World, this: Dictionary, key: Value, default: Value) -> Value:
+    """The value of a key, or the default value if there is none."""
     return this.d.get(_key(world, key), default)
 
 
 @TABLE.raw("[]=", least=2)
 def set_item(world: World) -> Any:
-    """Map a key to a value; gives the value."""
+    """Map a key to a value; returns the value."""
 
-    def run(this: Any, key: Any, value: Any) -> Any:
+    def run(this: Value, key: Value, value: Value) -> Value:
         _dict(world, this)[_key(world, key)] = value
         this.touch()
         return value
@@ -97,16 +98,16 @@ def set_item(world: World) -> Any:
 
 
 @TABLE.primitive("set")
-def set_(world: World, this: Dictionary, key: Any, value: Any) -> Any:
-    """Map a key to a value; gives this dictionary."""
+def set_(world: World, this: Dictionary, key: Value, value: Value) -> Value:
+    """Map a key to a value; returns this dictionary."""
     this.d[_key(world, key)] = value
     this.touch()
     return this
 
 
 @TABLE.primitive("erase")
-def erase(world: World, this: Dictionary, key: Any) -> Any:
-    """Forget a key; gives this dictionary.  Raises Dictionary.KeyError if there is none."""
+def erase(world: World, this: Dictionary, key: Value) -> Value:
+    """Remove a key; returns this dictionary.  Raises Dictionary.KeyError if there is none."""
     if _key(world, key) not in this.d:
         raise missing(world, key)
     del this.d[_key(world, key)]
@@ -115,13 +116,13 @@ def erase(world: World, this: Dictionary, key: Any) -> Any:
 
 
 @TABLE.primitive("has")
-def has(world: World, this: Dictionary, key: Any) -> bool:
+def has(world: World, this: Dictionary, key: Value) -> bool:
     """Whether a key has a value."""
     return _key(world, key) in this.d
 
 
 @TABLE.primitive("hasNot")
-def has_not(world: World, this: Dictionary, key: Any) -> bool:
+def has_not(world: World, this: Dictionary, key: Value) -> bool:
     """Whether a key has no value."""
     return _key(world, key) not in this.d
 
@@ -133,7 +134,7 @@ def has_not(world: World, this: Dictionary, key: Any) -> bool:
 def size(world: World) -> Any:
     """The number of keys."""
 
-    def run(this: Any) -> float:
+    def run(this: Value) -> float:
         return float(len(_dict(world, this)))
 
     return run
@@ -141,33 +142,33 @@ def size(world: World) -> Any:
 
 @TABLE.primitive("empty")
 def empty(world: World, this: Dictionary) -> bool:
-    """Whether there is no key."""
+    """Whether the dictionary is empty."""
     return not this.d
 
 
 @TABLE.primitive("asBool")
 def as_bool(world: World, this: Dictionary) -> bool:
-    """Whether there is a key."""
+    """Whether the dictionary is not empty."""
     return bool(this.d)
 
 
 @TABLE.primitive("clear")
-def clear(world: World, this: Dictionary) -> Any:
-    """Forget all keys; gives this dictionary."""
+def clear(world: World, this: Dictionary) -> Value:
+    """Remove all keys; returns this dictionary."""
     this.d.clear()
     this.touch()
     return this
 
 
 @TABLE.primitive("keys")
-def keys(world: World, this: Dictionary) -> Any:
+def keys(world: World, this: Dictionary) -> Value:
     """The keys, in order."""
     return world.new_list([world.string(key) for key in in_slices(world, _ordered(world, this.d))])
 
 
 @TABLE.primitive("asList")
-def as_list(world: World, this: Dictionary) -> Any:
-    """The Pairs of a key and its value, in the order of the keys."""
+def as_list(world: World, this: Dictionary) -> Value:
+    """The list of Pairs (key, value), in the order of the keys."""
     return _pairs(world, this)
 
 
@@ -177,7 +178,7 @@ def _pairs(world: World, this: Dictionary) -> List:
     return world.new_list([pair(world, world.string(key), now[key]) for key in keys])
 
 
-def _ordered(world: World, content: dict[str, Any]) -> list[str]:
+def _ordered(world: World, content: dict[str, Value]) -> list[str]:
     """The keys, in order."""
     keys = list(content)
     sort_in_slices(world, keys)
@@ -186,7 +187,7 @@ def _ordered(world: World, content: dict[str, Any]) -> list[str]:
 
 @TABLE.primitive("asString", "asPrintable")
 def as_string(world: World, this: Dictionary) -> str:
-    """Keys and values as they are written in a program."""
+    """The dictionary as a literal."""
     now = dict(this.d)
     keys = in_slices(world, _ordered(world, now))
     content = ", ".join([f"{escaped(key)} => {world.printable(now[key])}" for key in keys])
@@ -194,18 +195,18 @@ def as_string(world: World, this: Dictionary) -> str:
 
 
 @TABLE.primitive("==")
-def equals(world: World, this: Dictionary, other: Any) -> bool:
-    """Whether the other has the same keys, with equal values (or is the list that ``asList`` gives)."""
+def equals(world: World, this: Dictionary, other: Value) -> bool:
+    """Whether the other dictionary has the same keys with equal values (or is the list that ``asList`` returns)."""
     return _equal(world, this, other)
 
 
 @TABLE.primitive("!=")
-def differs(world: World, this: Dictionary, other: Any) -> bool:
+def differs(world: World, this: Dictionary, other: Value) -> bool:
     """``!(this == other)``."""
     return not _equal(world, this, other)
 
 
-def _equal(world: World, this: Dictionary, other: Any) -> bool:
+def _equal(world: World, this: Dictionary, other: Value) -> bool:
     if isinstance(other, List):
         return same_members(world, _pairs(world, this).l, other.l)
     if not isinstance(other, Dictionary) or len(this.d) != len(other.d):
@@ -217,8 +218,8 @@ def _equal(world: World, this: Dictionary, other: Any) -> bool:
 
 
 @TABLE.primitive("matchAgainst")
-def match_against(world: World, this: Dictionary, handler: Any, pattern: Any) -> bool:
-    """Whether a pattern (a Dictionary of some of the keys) matches, its values asked of the handler's
+def match_against(world: World, this: Dictionary, handler: Value, pattern: Any) -> bool:
+    """Whether a pattern (a Dictionary with some of the keys) matches; its values are compared by the handler's
     ``matchPattern``."""
     if not isinstance(pattern, Dictionary):
         return False

@@ -1,6 +1,6 @@
-"""System.documentation: what the docstrings of this implementation say of a slot.  Not in the manual; for consoles.
+"""System.documentation: the docstring of a slot, for consoles.  Not in the manual.
 
-Nothing is gathered before somebody asks, so that it costs a server nothing to start.
+The docstrings are collected at the first call, so that they do not delay the start of a server.
 """
 
 from __future__ import annotations
@@ -21,15 +21,17 @@ from urbihw.kernel.runtime.slot import peek_meta
 from urbihw.kernel.runtime.values import String
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib import MODULES, prototype
+from urbihw.kernel.value import Value
 
 _COMMENTED = re.compile(r"((?:^//.*\n)+)^(?:function (\w+(?:\.\w+)*)\.|class )(\w+)", re.MULTILINE)
 
 
 class Docstrings:
-    """The docstrings of one world's library, by the objects they are about.
+    """The docstrings of one world's library, by object.
 
-    A built-in function has that of its Python function, what is written in urbiscript the comment above it, a class
-    what its module says in its first line, and what is left, or needs more words, an entry in ``NOTES`` of its module.
+    The description of a primitive is the docstring of its Python function, that of an urbiscript function the comment
+    above it, that of a class the first line of its module.  ``NOTES`` of the module has the remaining and the longer
+    descriptions.
     """
 
     def __init__(self, world: World) -> None:
@@ -62,7 +64,7 @@ class Docstrings:
             self._prototypes[id(value)] = said
 
     def _prototype(self, path: str) -> Obj:
-        """The object that holds the slots of what is called so."""
+        """The object with this path, whose slots are described."""
         return self._world.peek_obj(prototype(self._world, path))
 
     def _read_urbiscript(self, text: str) -> None:
@@ -70,12 +72,12 @@ class Docstrings:
             said = " ".join(line.removeprefix("//").strip() for line in comment.splitlines())
             self._note(self._prototype(holder or "Global"), slot, said)
 
-    def about(self, this: Any) -> str:
-        """What is said of a class or of the class of a value; "" if nothing is."""
+    def about(self, this: Value) -> str:
+        """The description of a class, or of the class of a value; "" if there is none."""
         return inspect.cleandoc(self._of_value(this)).replace("``", "")
 
-    def of(self, this: Any, name: str) -> str:
-        """What is said of a slot; "" if nothing is."""
+    def of(self, this: Value, name: str) -> str:
+        """The description of a slot; "" if there is none."""
         holder = self._world.peek_obj(this).find(name)
         if holder is None:
             return ""
@@ -91,7 +93,7 @@ class Docstrings:
         return "\n".join(filter(None, (inspect.cleandoc(text).replace("``", ""), measures)))
 
     def _measures(self, this: Obj, name: str) -> Iterator[str]:
-        """The unit of a slot, and its range, as properties of the slot or of the interfaces of its object say."""
+        """The unit and the range of a slot, from the properties of the slot or of the interfaces of its object."""
         unit = self._property(this, name, "unit")
         if isinstance(unit, String) and unit.s:
             yield "Unit: none." if unit.s == "1" else f"Unit: {unit.s}."
@@ -99,8 +101,10 @@ class Docstrings:
         if least.__class__ is float and most.__class__ is float and (math.isfinite(least) or math.isfinite(most)):
             yield f"Range: {least:g} to {most:g}."
 
-    def _property(self, this: Obj, name: str, wanted: str) -> Any:
-        """A property of a slot, or of that of this name in the first prototype that has one; None if none has."""
+    def _property(self, this: Obj, name: str, wanted: str) -> Value:
+        """A property of a slot, or of the slot of that name in the first prototype that has the property; None if there
+        is none.
+        """
         seen: dict[int, Obj] = {}
         waiting = [this]
         while waiting:
@@ -114,22 +118,22 @@ class Docstrings:
             waiting += [proto for proto in reversed(one.protos) if isinstance(proto, Obj)]
         return None
 
-    def noted(self, prototype: Any) -> set[str]:
-        """The slots of which more is said than a docstring has, some of them of objects and not of the class."""
+    def noted(self, prototype: Value) -> set[str]:
+        """The slots with an entry in ``NOTES``; some of them are slots of instances and not of the class."""
         holder = id(self._world.peek_obj(prototype))
         return {slot for place, slot in self._slots if place == holder}
 
-    def of_objects(self, prototype: Any, name: str) -> str:
-        """What is said of a slot that only objects of the class have."""
+    def of_objects(self, prototype: Value, name: str) -> str:
+        """The description of a slot that only instances of the class have."""
         return self._slots[id(self._world.peek_obj(prototype)), name]
 
     def _noted(self, holder: Obj, name: str) -> str:
-        """What is noted of a slot, or of that of this name in a prototype that does not have it itself."""
+        """The entry in ``NOTES`` for a slot, or for the slot of that name in a prototype."""
         places = (holder, *holder.protos)
         return next((self._slots[id(one), name] for one in places if (id(one), name) in self._slots), "")
 
-    def _of_value(self, value: Any) -> str:
-        """What is said of the class of a value."""
+    def _of_value(self, value: Value) -> str:
+        """The description of the class of a value."""
         device = getattr(value, "kind", None)
         if isinstance(device, type):
             return device.__doc__ or ""
@@ -143,8 +147,8 @@ class Docstrings:
         return ""
 
 
-def _of_device_function(holder: Any, name: str) -> str:
-    """What a Python class of UObjects says of its method of this urbiscript name."""
+def _of_device_function(holder: Value, name: str) -> str:
+    """The docstring of the method of a Python UObject class that has this urbiscript name."""
     device = getattr(holder, "kind", None)
     if not isinstance(device, type):
         return ""
@@ -155,12 +159,12 @@ def _of_device_function(holder: Any, name: str) -> str:
 
 
 def install(world: World, programs: Any) -> None:
-    """Put ``documentation`` into System."""
+    """Install ``documentation`` in System."""
     table = Table("System")
     docstrings = cache(lambda: Docstrings(world))
 
     @table.primitive("documentation")
-    def documentation(world: World, this: Any, holder: Any, name: str) -> str:
+    def documentation(world: World, this: Value, holder: Value, name: str) -> str:
         """The description of a slot of an object, as a String; empty if there is none."""
         return docstrings().of(holder, name)
 

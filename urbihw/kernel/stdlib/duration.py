@@ -1,4 +1,4 @@
-"""Duration: a number of seconds that says so."""
+"""Duration: a number of seconds, printed with its unit."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class DurationObject(FloatObject):
         super().__init__(world, protos, value)
 
     def clone(self) -> DurationObject:
-        """A fresh duration of the same length."""
+        """A new Duration of the same length."""
         return DurationObject(self.world, [self], self.value)
 
 
@@ -31,14 +31,14 @@ CLASSES = {"Duration": DurationObject}
 
 
 def make_duration(world: World, seconds: float) -> DurationObject:
-    """A Duration."""
+    """Make a Duration."""
     proto: Any = world.classes["Duration"]
     return DurationObject(world, [proto], seconds)
 
 
 @TABLE.primitive("init")
 def init(world: World, this: DurationObject, seconds: float = 0.0) -> None:
-    """A number of seconds, 0 without argument; may be negative."""
+    """Make a Duration of a number of seconds, which may be negative; the default is 0."""
     this.value = seconds
 
 

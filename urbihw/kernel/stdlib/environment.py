@@ -11,29 +11,31 @@ from typing import Any
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.sched.waiting import wait_for_ever
 from urbihw.kernel.stdlib import prototype
 from urbihw.kernel.stdlib.child import Child
 from urbihw.kernel.stdlib.support import constant
+from urbihw.kernel.value import Value
 
 TABLE = Table("System")
 PROTOS = {"System.Platform": ("Object",), "System.PackageInfo": ("Object",)}
 
 NOTES = {
-    "System.PackageInfo": "Whose language this is.",
-    "System.Platform": "The machine and the operating system.",
-    "System.Platform.isWindows": "Whether this is Windows.",
+    "System.PackageInfo": "Information about the Urbi SDK, whose language this is.",
+    "System.Platform": "Information about the machine and the operating system.",
+    "System.Platform.isWindows": "Whether the operating system is Windows.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 @TABLE.primitive("getenv")
-def getenv(world: World, this: Any, name: str) -> Any:
+def getenv(world: World, this: Value, name: str) -> Value:
     """The value of an environment variable, nil if it is not set."""
     return _text(world, os.environb.get(name.encode("latin-1", "replace")))
 
 
 @TABLE.primitive("setenv")
-def setenv(world: World, this: Any, name: str, value: Any) -> str:
+def setenv(world: World, this: Value, name: str, value: Value) -> str:
     """Set an environment variable to the text of a value; returns that text."""
     text = world.text(value)
     if name == "" or "=" in name or "\0" in name + text:
@@ -43,27 +45,28 @@ def setenv(world: World, this: Any, name: str, value: Any) -> str:
 
 
 @TABLE.primitive("unsetenv")
-def unsetenv(world: World, this: Any, name: str) -> Any:
-    """Remove an environment variable; returns what it was, nil if it was not set."""
+def unsetenv(world: World, this: Value, name: str) -> Value:
+    """Remove an environment variable; returns its former value, nil if it was not set."""
     key = name.encode("latin-1", "replace")
     return _text(world, os.environb.pop(key, None))
 
 
-def _text(world: World, value: bytes | None) -> Any:
+def _text(world: World, value: bytes | None) -> Value:
     return world.nil if value is None else world.string(value.decode("latin-1"))
 
 
 @TABLE.primitive("scopeTag")
-def scope_tag(world: World, this: Any) -> None:
-    """``Tag.scope`` under another name; it, too, must be written where it is used."""
+def scope_tag(world: World, this: Value) -> None:
+    """Another name of ``Tag.scope``.  It must be used directly in the scope, like ``Tag.scope``."""
     raise errors.primitive("must be called as `scopeTag' in the scope that it is for")
 
 
 @TABLE.primitive("system")
-def system(world: World, this: Any, command: str) -> int:
-    """Run a shell command and wait for its end, while other jobs go on.
+def system(world: World, this: Value, command: str) -> int:
+    """Run a shell command and wait for its end; other jobs continue.
 
-    Returns the status as the operating system tells it: the exit code times 256, or the signal that ended it.
+    Returns the status of the operating system: the exit code times 256, or the number of the signal that ended the
+    command.
     """
     if "\0" in command:
         raise errors.primitive("commands cannot have a null character in them")
@@ -84,7 +87,9 @@ def _system_name() -> str:
 
 
 def install(world: World, programs: Any) -> None:
-    """Describe the machine; and the Urbi SDK, whose language this is."""
+    """Make the descriptions of the machine (Platform) and of the Urbi SDK whose language is implemented
+    (PackageInfo).
+    """
     windows = sys.platform == "win32"
     cpu, vendor, name = platform.machine() or "unknown", _vendor(), _system_name()
     machine = {
@@ -103,18 +108,19 @@ def install(world: World, programs: Any) -> None:
     table = Table("System")
 
     @table.primitive("reboot")
-    def reboot(world: World, this: Any) -> None:
-        """End the server as ``shutdown`` does and start it anew with the same arguments; an error if whoever started
-        it did not prepare for that."""
+    def reboot(world: World, this: Value) -> None:
+        """End the server as ``shutdown`` does, and start it again with the same arguments.  Raises an error if the
+        process that started the server does not support that."""
         if programs.reboot is None:
             raise errors.primitive("this server cannot start itself anew: use shutdown, and start it again")
         programs.reboot()
 
     @table.primitive("_exit")
-    def exit_(world: World, this: Any, status: int) -> None:
-        """End the server as ``shutdown`` does, with this exit code; what follows is not run."""
-        # The manual has it end brutally.  A robot is served here, and others are connected: they are not left so.
+    def exit_(world: World, this: Value, status: int) -> None:
+        """End the server as ``shutdown`` does, with this exit code; the statements after it are not run."""
+        # The manual describes an immediate exit.  This server stops its robot and disconnects its other clients in
+        # order.
         programs.exit(status)
-        world.scheduler.suspend(None)
+        wait_for_ever(world.scheduler)
 
     table.install(world, prototype(world, "System"))

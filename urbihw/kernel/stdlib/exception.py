@@ -1,7 +1,7 @@
 """Exception, its kinds, and Traceable.
 
-Errors of the kernel are built by ``World`` from ``errors.Raised``; the constructors here are those of the manual, for
-programs that make exceptions themselves.
+The kernel's own errors are built by ``World`` from ``errors.Raised``; the constructors here are those of the manual,
+for programs that make exceptions themselves.
 """
 
 from __future__ import annotations
@@ -15,26 +15,27 @@ from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.float import integer
 from urbihw.kernel.stdlib.support import field
+from urbihw.kernel.value import Value
 
 ROOT = Table("Exception")
 TABLES = [ROOT]
 PROTOS: dict[str, tuple[str, ...]] = {"Exception": ("Object", "Traceable")}
 
 NOTES = {
-    "Exception": "What is thrown when something fails; its kinds are its slots.",
-    "Traceable": "Things that know through which calls they came about.",
-    "Traceable.hideSystemFiles": "Whether backtraces leave out the functions of the library; true at first.",
-    "Exception.backtrace": "The StackFrames at the moment when it was thrown.",
-    "Exception.location": "The Location from which it was thrown.",
-    "Exception.message": "What happened, in words.",
-    "Exception.routine": "The name of the function that failed, void if none is known.",
-    "Traceable.backtrace": "The StackFrames that led here.",
+    "Exception": "An error that is thrown; the kinds of errors are its slots.",
+    "Traceable": "An object that contains the call stack of its creation.",
+    "Traceable.hideSystemFiles": "Whether backtraces omit the functions of the library; initially true.",
+    "Exception.backtrace": "The call stack at the throw, as StackFrames.",
+    "Exception.location": "The Location of the throw.",
+    "Exception.message": "The error message.",
+    "Exception.routine": "The name of the function that failed, void if it is unknown.",
+    "Traceable.backtrace": "The call stack, as StackFrames.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 def _kind(name: str, parent: str = "") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """The constructor of a kind of Exception, which derives from Exception or from another kind."""
+    """The constructor of a kind of Exception that derives from Exception or from ``parent``."""
     table = Table(f"Exception.{name}")
     TABLES.append(table)
     PROTOS[table.proto] = (f"Exception.{parent}" if parent else "Exception",)
@@ -42,13 +43,13 @@ def _kind(name: str, parent: str = "") -> Callable[[Callable[..., Any]], Callabl
 
 
 @ROOT.primitive("init")
-def init(world: World, this: Obj, message: Any) -> None:
-    """An exception with this message."""
+def init(world: World, this: Obj, message: Value) -> None:
+    """Make an exception with this message."""
     this.slots["message"] = message
 
 
 @ROOT.primitive("asString")
-def as_string(world: World, this: Any) -> str:
+def as_string(world: World, this: Value) -> str:
     """``Exception.Kind `routine: message'``."""
     name = world.type_name(this)
     if this is world.exception_proto or "message" not in world.as_obj(this).slots:
@@ -58,7 +59,7 @@ def as_string(world: World, this: Any) -> str:
     return f"{_full_name(world, this, name)} `{place}{world.exception_text(this)}'"
 
 
-def _full_name(world: World, this: Any, name: str) -> str:
+def _full_name(world: World, this: Value, name: str) -> str:
     known = world.exception_proto.slots.get(name)
     return f"Exception.{name}" if known is not None and world.is_a(this, known) else name
 
@@ -73,24 +74,24 @@ def _article(name: str) -> str:
 
 
 @_kind("Type")
-def init_type(world: World, this: Obj, effective: Any, expected: Any) -> None:
-    """A value was found where one like ``expected`` was wanted."""
+def init_type(world: World, this: Obj, effective: Any, expected: Value) -> None:
+    """Error: a value has another type than ``expected``."""
     wanted = _article(world.type_name(expected))
     _fill(world, this, f"unexpected {world.printable(effective)}, expected {wanted}", effective=effective,
           expected=expected)
 
 
 @_kind("ArgumentType", "Type")
-def init_argument_type(world: World, this: Obj, routine: Any, index: float, effective: Any, expected: Any) -> None:
-    """A routine got a value as argument number ``index`` where one like ``expected`` was wanted."""
+def init_argument_type(world: World, this: Obj, routine: Any, index: float, effective: Any, expected: Value) -> None:
+    """Error: argument number ``index`` of a routine has another type than ``expected``."""
     wanted = _article(world.type_name(expected))
     text = f"unexpected {world.printable(effective)} for argument {world.text(index)}, expected {wanted}"
     _fill(world, this, text, routine=routine, index=index, effective=effective, expected=expected)
 
 
 @_kind("Arity")
-def init_arity(world: World, this: Obj, routine: Any, effective: Any, least: Any, most: Any = None) -> None:
-    """A routine got ``effective`` arguments, and not between ``least`` and ``most``."""
+def init_arity(world: World, this: Obj, routine: Any, effective: Any, least: Value, most: Value = None) -> None:
+    """Error: a routine got ``effective`` arguments instead of ``least`` to ``most``."""
     greatest = None if most is None else integer(world, most, 4, "new")
     text = errors.arity(integer(world, effective, 2, "new"), integer(world, least, 3, "new"), greatest).message
     _fill(world, this, text, routine=routine, effective=effective, min=least, max=most)
@@ -98,105 +99,105 @@ def init_arity(world: World, this: Obj, routine: Any, effective: Any, least: Any
 
 @_kind("BadNumber")
 def init_bad_number(world: World, this: Obj, routine: Any, form: Any, effective: Any) -> None:
-    """A routine got a number it cannot use; ``form`` is a format for the message with the number in it."""
+    """Error: a routine got an invalid number; ``form`` is a format of the message that includes the number."""
     text = world.text(world.send(form, "%", effective))
     _fill(world, this, text, routine=routine, effective=effective)
 
 
 @_kind("BadInteger", "BadNumber")
 def init_bad_integer(world: World, this: Obj, routine: Any, form: Any, effective: Any) -> None:
-    """A routine got an integer it cannot use; ``form`` is a format for the message with the number in it."""
+    """Error: a routine got an invalid integer; ``form`` is a format of the message that includes the number."""
     init_bad_number(world, this, routine, form, effective)
 
 
 @_kind("NegativeNumber", "BadNumber")
 def init_negative(world: World, this: Obj, routine: Any, effective: Any) -> None:
-    """A routine got a negative number."""
+    """Error: a routine got a negative number."""
     text = f"expected non-negative number, got {world.printable(effective)}"
     _fill(world, this, text, routine=routine, effective=effective)
 
 
 @_kind("NonPositiveNumber", "BadNumber")
 def init_non_positive(world: World, this: Obj, routine: Any, effective: Any) -> None:
-    """A routine got a number that is not positive."""
+    """Error: a routine got a number that is not positive."""
     text = f"expected positive number, got {world.printable(effective)}"
     _fill(world, this, text, routine=routine, effective=effective)
 
 
 @_kind("Constness")
-def init_constness(world: World, this: Obj, message: Any = None) -> None:
-    """A constant slot was assigned."""
+def init_constness(world: World, this: Obj, message: Value = None) -> None:
+    """Error: a program assigned a constant slot."""
     _fill(world, this, errors.constness().message if message is None else world.text(message))
 
 
 @_kind("FileNotFound")
-def init_file_not_found(world: World, this: Obj, name: Any) -> None:
-    """There is no file of this name."""
+def init_file_not_found(world: World, this: Obj, name: Value) -> None:
+    """Error: there is no file of this name."""
     _fill(world, this, f"file not found: {world.text(name)}", name=name)
 
 
 @_kind("ImplicitTagComponent")
-def init_implicit_tag(world: World, this: Obj, message: Any = None) -> None:
-    """A tag that is not declared was looked for in something that is no tag."""
+def init_implicit_tag(world: World, this: Obj, message: Value = None) -> None:
+    """Error: a program used an undeclared tag as a slot of a value that is no tag."""
     _fill(world, this, "invalid component in implicit tag" if message is None else world.text(message))
 
 
 @_kind("KeyError")
-def init_key_error(world: World, this: Obj, name: Any) -> None:
-    """A dictionary has no such key."""
+def init_key_error(world: World, this: Obj, name: Value) -> None:
+    """Error: a dictionary does not have this key."""
     _fill(world, this, f"missing key: {world.text(name)}", name=name)
 
 
 @_kind("Lookup")
-def init_lookup(world: World, this: Obj, name: Any, *rest: Any) -> None:
-    """A slot was not found.  The manual's own example shows the first argument in the message."""
+def init_lookup(world: World, this: Obj, name: Value, *rest: Value) -> None:
+    """Error: a slot was not found.  The first argument appears in the message, as in the manual's example."""
     _fill(world, this, f"lookup failed: {world.text(name)}", name=name)
 
 
 @_kind("MatchFailure")
 def init_match_failure(world: World, this: Obj) -> None:
-    """A pattern did not match."""
+    """Error: a pattern did not match."""
     _fill(world, this, errors.match_failure().message)
 
 
 @_kind("Primitive")
-def init_primitive(world: World, this: Obj, routine: Any, message: Any) -> None:
-    """A built-in routine met an error."""
+def init_primitive(world: World, this: Obj, routine: Any, message: Value) -> None:
+    """Error: a primitive failed."""
     _fill(world, this, world.text(message), routine=routine)
 
 
 @_kind("Redefinition")
-def init_redefinition(world: World, this: Obj, name: Any) -> None:
-    """A slot was to be created that exists."""
+def init_redefinition(world: World, this: Obj, name: Value) -> None:
+    """Error: a program tried to create a slot that exists."""
     _fill(world, this, f"slot redefinition: {world.text(name)}", name=name)
 
 
 @_kind("Scheduling")
-def init_scheduling(world: World, this: Obj, message: Any) -> None:
-    """The scheduler cannot go on like this."""
+def init_scheduling(world: World, this: Obj, message: Value) -> None:
+    """Error: the scheduler cannot continue the job."""
     _fill(world, this, world.text(message))
 
 
 @_kind("Syntax")
-def init_syntax(world: World, this: Obj, loc: Any, message: Any, source: Any) -> None:
-    """A syntax error at ``loc`` of a program text."""
+def init_syntax(world: World, this: Obj, loc: Any, message: Value, source: Value) -> None:
+    """Error: a syntax error at ``loc`` in a program."""
     _fill(world, this, world.text(message), loc=loc, input=source)
 
 
 @_kind("UnexpectedVoid")
 def init_unexpected_void(world: World, this: Obj) -> None:
-    """A value was needed where there was none."""
+    """Error: void was used where a value is required."""
     _fill(world, this, errors.unexpected_void().message)
 
 
 def install(world: World, programs: Any) -> None:
-    """Slots that every exception answers to, and the switch of Traceable."""
+    """Set the slots common to all exceptions, and the switch of Traceable."""
     root = world.exception_proto.slots
     root.update({"message": world.string(""), "routine": world.void, "location": world.nil})
     root["backtrace"] = world.new_list([])
     traceable: Any = world.global_.slots["Traceable"]
 
-    def write(this: Any, value: Any) -> None:
+    def write(this: Value, value: Value) -> None:
         world.hide_system = bool(value)
 
     field(world, traceable, "hideSystemFiles", lambda this: world.boolean(world.hide_system), write)

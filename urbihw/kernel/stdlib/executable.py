@@ -1,14 +1,13 @@
-"""Executable, Code and Primitive: what can be called, as values."""
+"""Executable, Code and Primitive: functions as values."""
 
 from __future__ import annotations
-
-from typing import Any
 
 from urbihw.kernel import errors
 from urbihw.kernel.compiler import print_node
 from urbihw.kernel.runtime.code import Code, Executable
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.value import Value
 
 EXECUTABLE = Table("Executable")
 CODE = Table("Code")
@@ -17,20 +16,20 @@ TABLES = (EXECUTABLE, CODE, PRIMITIVE)
 PROTOS = {"Code": ("Comparable", "Executable")}
 
 NOTES = {
-    "Executable": "What can be called.",
-    "Code": "Functions and closures written in urbiscript.",
-    "Primitive": "Functions that are built in.",
+    "Executable": "A value that can be called.",
+    "Code": "A function or closure written in urbiscript.",
+    "Primitive": "A built-in function.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 @EXECUTABLE.primitive("asExecutable")
-def as_executable(world: World, this: Any) -> Any:
-    """This."""
+def as_executable(world: World, this: Value) -> Value:
+    """This value."""
     return this
 
 
-def _apply(world: World, this: Executable, args: list[Any]) -> Any:
+def _apply(world: World, this: Executable, args: list[Value]) -> Value:
     if not args:
         raise errors.primitive("argument list must begin with `this'", "apply")
     target, *rest = args
@@ -38,20 +37,20 @@ def _apply(world: World, this: Executable, args: list[Any]) -> Any:
 
 
 @CODE.primitive("apply")
-def apply_code(world: World, this: Executable, args: list) -> Any:  # type: ignore[type-arg]
-    """Call with the first member of the list as ``this`` and the others as arguments."""
+def apply_code(world: World, this: Executable, args: list) -> Value:  # type: ignore[type-arg]
+    """Call the function with the first member of the list as ``this`` and the others as arguments."""
     return _apply(world, this, args)
 
 
 @PRIMITIVE.primitive("apply")
-def apply_primitive(world: World, this: Executable, args: list) -> Any:  # type: ignore[type-arg]
-    """Call with the first member of the list as ``this`` and the others as arguments."""
+def apply_primitive(world: World, this: Executable, args: list) -> Value:  # type: ignore[type-arg]
+    """Call the function with the first member of the list as ``this`` and the others as arguments."""
     return _apply(world, this, args)
 
 
 @PRIMITIVE.primitive("asPrimitive")
-def as_primitive(world: World, this: Any) -> Any:
-    """This."""
+def as_primitive(world: World, this: Value) -> Value:
+    """This value."""
     return this
 
 
@@ -62,19 +61,19 @@ def body_text(code: Code) -> str:
 
 
 @CODE.primitive("asString")
-def as_string(world: World, this: Any) -> str:
-    """The source, as the server writes it."""
+def as_string(world: World, this: Value) -> str:
+    """The source of the function, as the server formats it."""
     return print_node(this.info.node) if isinstance(this, Code) else "Code"
 
 
 @CODE.primitive("bodyString")
 def body_string(world: World, this: Code) -> str:
-    """The source of the body, without braces."""
+    """The source of the function's body, without braces."""
     return body_text(this)
 
 
 @CODE.primitive("==")
-def equal(world: World, this: Any, that: Any) -> bool:
+def equal(world: World, this: Value, that: Value) -> bool:
     """Whether both have the same source and the same captured variables."""
     if this is that or not (isinstance(this, Code) and isinstance(that, Code)):
         return this is that
@@ -84,7 +83,7 @@ def equal(world: World, this: Any, that: Any) -> bool:
 
 
 def _captured(code: Code) -> dict[str, int]:
-    """What a function closed over: variables by identity; ``this``, which is nobody's variable, by value."""
+    """The environment of a function: captured variables by identity, ``this`` by value because it is no variable."""
     names = code.fn.__code__.co_freevars
     cells = code.fn.__closure__ or ()
     found: dict[str, int] = {}

@@ -1,7 +1,6 @@
 """File and Directory.
 
-Source: manual, specs/file and specs/directory.  A directory is looked at ten times a second while somebody watches
-its events.
+Source: manual, specs/file and specs/directory.  A directory with subscribed events is read ten times a second.
 """
 
 from __future__ import annotations
@@ -19,41 +18,42 @@ from urbihw.kernel.runtime.holdings import Holding, holdings_of
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.plain import escaped
 from urbihw.kernel.runtime.primitive import Table
-from urbihw.kernel.runtime.values import MOST_CHARACTERS
+from urbihw.kernel.runtime.values import MAX_STRING_LENGTH
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.binary import binary
 from urbihw.kernel.stdlib.path import failure, from_system, name_of, path, system
-from urbihw.kernel.stdlib.pipe import OPENED, Backlog, Opening, PipeSink, PipeSource, pipes_of
+from urbihw.kernel.stdlib.pipe import OPEN_FLAGS, Backlog, Opening, PipeSink, PipeSource, pipes_of
 from urbihw.kernel.stdlib.support import check_descriptors
+from urbihw.kernel.value import Value
 
 FILE = Table("File")
 DIRECTORY = Table("Directory")
 TABLES = [FILE, DIRECTORY]
 
-PERIOD = 0.1
-"""Seconds between two looks at a watched directory.
+WATCH_PERIOD_S = 0.1
+"""Interval in seconds at which a watched directory is read.
 
-Looking works in simulated time and on file systems of other machines, where the notices of the operating system
-(inotify) do not; it costs some microseconds, and only while somebody watches.
+Reading works in simulated time and on network file systems, where notifications of the operating system (inotify) do
+not; it costs some microseconds, and only while there are subscribers.
 """
 
-AIR: Final = 0.002
-"""Seconds after which others have a turn."""
-PIECE: Final = 256 * 1024
-"""How many bytes of a file are read or written at once."""
-MOST_WITHOUT_SIZE: Final = 16 * 1024 * 1024
-"""How many bytes of a device or a fifo are read as a whole."""
-MOST_TOGETHER: Final = 4 * MOST_WITHOUT_SIZE
-"""How many bytes of them the jobs of a connection may have read that are not at the end yet."""
+TIME_SLICE_S: Final = 0.002
+"""Time slice in seconds after which other jobs get a turn."""
+CHUNK_SIZE: Final = 256 * 1024
+"""Number of bytes of a file that are read or written in one operation."""
+MAX_SPECIAL_FILE_SIZE: Final = 16 * 1024 * 1024
+"""Maximum number of bytes read from a device or a fifo."""
+MAX_GATHERED_SIZE: Final = 4 * MAX_SPECIAL_FILE_SIZE
+"""Maximum number of bytes that the unfinished reads of devices and fifos of one connection may hold."""
 STREAMS: Final = "streams"
-MOST_STREAMS: Final = 64
-"""How many fifos, terminals and devices a connection may read and write at once."""
+MAX_STREAMS: Final = 64
+"""Maximum number of fifos, terminals and devices that a connection may read and write at the same time."""
 
 NOTES = {
     "File": "A file of the operating system.",
-    "Directory": "A directory of the operating system, and events of what appears in it and what is gone.",
+    "Directory": "A directory of the operating system, with events for files that appear and disappear.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 class NamedObject(Obj):
@@ -72,7 +72,7 @@ class FileObject(NamedObject):
     __slots__ = ()
 
     def clone(self) -> FileObject:
-        """The same file."""
+        """A File with the same path."""
         return FileObject(self.world, [self], self.path)
 
 
@@ -89,11 +89,11 @@ class DirectoryObject(NamedObject):
         self.watched = False
 
     def clone(self) -> DirectoryObject:
-        """The same directory."""
+        """A Directory with the same path."""
         return DirectoryObject(self.world, [self], self.path)
 
     def watch(self, context: Any) -> None:
-        """Begin to look, as long as somebody waits for the events."""
+        """Read the directory periodically while the events have subscribers."""
         if not self.watched:
             self.watched = True
             self.known = set(names(self.path))
@@ -101,9 +101,9 @@ class DirectoryObject(NamedObject):
 
     def _later(self, context: Any) -> None:
         scheduler = self.world.scheduler
-        scheduler.call_at(scheduler.clock.now() + PERIOD, lambda: self._look(context))
+        scheduler.call_at(scheduler.clock.now() + WATCH_PERIOD_S, lambda: self._poll_directory(context))
 
-    def _look(self, context: Any) -> None:
+    def _poll_directory(self, context: Any) -> None:
         if not self.created.subscriptions and not self.deleted.subscriptions:
             self.watched = False
             return
@@ -112,10 +112,10 @@ class DirectoryObject(NamedObject):
         news += [(self.deleted, name) for name in sorted(self.known - present)]
         self.known = present
         if news:
-            self.world.scheduler.spawn(lambda: self._tell(news), "directory", context=context)
+            self.world.scheduler.spawn(lambda: self._emit_events(news), "directory", context=context)
         self._later(context)
 
-    def _tell(self, news: list[tuple[Event, str]]) -> None:
+    def _emit_events(self, news: list[tuple[Event, str]]) -> None:
         for event, name in news:
             event.emit([self.world.string(name)])
 
@@ -124,7 +124,7 @@ CLASSES = {"File": FileObject, "Directory": DirectoryObject}
 
 
 def names(directory: str) -> list[str]:
-    """What is in a directory, in order; nothing if it cannot be read (any more)."""
+    """The names in a directory, in order; empty if it cannot be read."""
     try:
         return sorted(from_system(name) for name in os.listdir(system(directory)))
     except OSError:
@@ -132,50 +132,54 @@ def names(directory: str) -> list[str]:
 
 
 def read(world: World, name: str) -> str:
-    """The bytes of a file, as characters; see ``read_bytes``."""
+    """The bytes of a file, as characters (see ``read_bytes``)."""
     return read_bytes(world, name).decode("latin-1")
 
 
 def read_bytes(world: World, name: str) -> bytes:
-    """All of a file; what is no plain file (a device, a fifo) is waited for.  Others have their turn meanwhile.
+    """All bytes of a file.  The job waits for the data of a special file (device, fifo).  Other jobs get turns
+    meanwhile.
 
-    Raises an error if it cannot be read, or if there is more than a String may hold; of what has no size beforehand
-    and may have no end, much less is taken.
+    Raises an error if the file cannot be read or is larger than the maximum size of a String.  The limit is lower for a
+    special file, whose size is unknown and may be infinite.
     """
     try:
-        descriptor = os.open(system(name), os.O_RDONLY | OPENED)
+        descriptor = os.open(system(name), os.O_RDONLY | OPEN_FLAGS)
     except OSError as error:
         raise failure(error, name) from error
     mode = os.fstat(descriptor).st_mode
     if stat.S_ISREG(mode):
         with open(descriptor, "rb", buffering=0) as file:
-            return _gathered(world, name, lambda: _piece(file, name), MOST_CHARACTERS)
+            return _read_special_file(world, name, lambda: _piece(file, name), MAX_STRING_LENGTH)
     source = PipeSource(pipes_of(world))
-    with held(world, source):
+    with registered_stream(world, source):
         source.start(descriptor, Backlog(pipes_of(world).poller, 0), stat.S_ISFIFO(mode))
-        return _gathered(world, name, source.some, MOST_WITHOUT_SIZE, pipes_of(world).backlog(holdings_of(world)))
+        backlog = pipes_of(world).backlog(holdings_of(world))
+        return _read_special_file(world, name, source.read_some, MAX_SPECIAL_FILE_SIZE, backlog)
 
 
 def _piece(file: io.FileIO, name: str) -> bytes:
     try:
-        return file.read(PIECE) or b""
+        return file.read(CHUNK_SIZE) or b""
     except OSError as error:
         raise failure(error, name) from error
 
 
-def _gathered(world: World, name: str, some: Callable[[], bytes], most: int, backlog: Backlog | None = None) -> bytes:
-    """All of a file; what is gathered counts in the backlog meanwhile."""
+def _read_special_file(
+    world: World, name: str, read_some: Callable[[], bytes], most: int, backlog: Backlog | None = None
+) -> bytes:
+    """All bytes of a special file; they count in the connection's backlog while they are read."""
     found = bytearray()
     try:
-        while piece := some():
+        while piece := read_some():
             found += piece
             if backlog is not None:
                 backlog.gathered += len(piece)
-                if backlog.gathered > MOST_TOGETHER:
-                    raise errors.primitive(f"too much is read at once (more than {MOST_TOGETHER} bytes): {name}")
+                if backlog.gathered > MAX_GATHERED_SIZE:
+                    raise errors.primitive(f"too much is read at once (more than {MAX_GATHERED_SIZE} bytes): {name}")
             if len(found) > most:
                 raise errors.primitive(f"file too large (more than {most} bytes): {name}")
-            world.scheduler.give_way(AIR)
+            world.scheduler.give_way(TIME_SLICE_S)
         return bytes(found)
     finally:
         if backlog is not None:
@@ -183,18 +187,18 @@ def _gathered(world: World, name: str, some: Callable[[], bytes], most: int, bac
 
 
 def write(world: World, name: str, content: str) -> None:
-    """Make a file of these bytes; what is there and no plain file (a device, a fifo) is written to."""
+    """Make a file of these bytes; an existing special file (device, fifo) is written to."""
     data = content.encode("latin-1", "replace")
     try:
-        if not lets_wait(name):
+        if not is_special_file(name):
             with open(system(name), "wb", buffering=0) as file:
-                for at in range(0, len(data), PIECE):
-                    file.write(data[at : at + PIECE])
-                    world.scheduler.give_way(AIR)
+                for at in range(0, len(data), CHUNK_SIZE):
+                    file.write(data[at : at + CHUNK_SIZE])
+                    world.scheduler.give_way(TIME_SLICE_S)
             return
         sink = PipeSink(pipes_of(world))
-        opened = open_to_write(world, name)
-        with held(world, sink):
+        opened = open_for_writing(world, name)
+        with registered_stream(world, sink):
             sink.start(opened)
             try:
                 sink.write(data)
@@ -205,33 +209,33 @@ def write(world: World, name: str, content: str) -> None:
         raise failure(error, name) from error
 
 
-def lets_wait(name: str) -> bool:
-    """Whether something of a name is there and no plain file: its other side may let wait.  Raises OSError."""
+def is_special_file(name: str) -> bool:
+    """Whether the path is an existing special file (device, fifo), whose other side may be slow.  Raises OSError."""
     try:
         return not stat.S_ISREG(os.stat(system(name)).st_mode)
     except FileNotFoundError:
         return False
 
 
-def open_to_write(world: World, name: str) -> int:
-    """Open what is no plain file so that it does not block; a fifo once somebody reads it.  Raises OSError."""
+def open_for_writing(world: World, name: str) -> int:
+    """Open a special file for writing in non-blocking mode; for a fifo, wait for a reader.  Raises OSError."""
     if not stat.S_ISFIFO(os.stat(system(name)).st_mode):
-        return os.open(system(name), os.O_WRONLY | OPENED)
+        return os.open(system(name), os.O_WRONLY | OPEN_FLAGS)
     opening = Opening(pipes_of(world), system(name))
-    with held(world, opening):
+    with registered_stream(world, opening):
         return opening.wait()
 
 
 @contextlib.contextmanager
-def held(world: World, one: Holding) -> Iterator[None]:
-    """Hold a stream for the running job's connection as long as the job needs it; it is closed then."""
+def registered_stream(world: World, one: Holding) -> Iterator[None]:
+    """Register a stream with the running job's connection while the block runs; the stream is closed at its end."""
     holdings = holdings_of(world)
-    holdings.own(one, STREAMS, MOST_STREAMS)
+    holdings.register(one, STREAMS, MAX_STREAMS)
     try:
         check_descriptors()
         yield
     finally:
-        holdings.disown(one)
+        holdings.unregister(one)
         one.close()
 
 
@@ -239,8 +243,8 @@ def held(world: World, one: Holding) -> Iterator[None]:
 
 
 @FILE.primitive("init")
-def init_file(world: World, this: FileObject, name: Any) -> None:
-    """The file of a name (a String or a Path), which must exist."""
+def init_file(world: World, this: FileObject, name: Value) -> None:
+    """Make a File for an existing file; its name is a String or a Path."""
     this.path = name_of(world, name)
     try:
         os.stat(system(this.path))
@@ -251,32 +255,32 @@ def init_file(world: World, this: FileObject, name: Any) -> None:
 
 
 @FILE.primitive("create")
-def create(world: World, this: Obj, name: Any) -> Any:
-    """A file of this name (a String or a Path), empty, whatever was there before."""
+def create(world: World, this: Obj, name: Value) -> Value:
+    """Make an empty file with this name (a String or a Path); an existing file is replaced."""
     write(world, name_of(world, name), "")
     return FileObject(world, [world.classes["File"]], name_of(world, name))
 
 
 @FILE.primitive("save")
-def save(world: World, this: Obj, name: Any, content: str) -> None:
-    """Make a file of this name (a String or a Path) and this content, whatever was there before."""
+def save(world: World, this: Obj, name: Value, content: str) -> None:
+    """Make a file with this name (a String or a Path) and content; an existing file is replaced."""
     write(world, name_of(world, name), content)
 
 
 @FILE.primitive("content")
-def content(world: World, this: FileObject) -> Any:
+def content(world: World, this: FileObject) -> Value:
     """The content as a Binary without keywords."""
     return binary(world, "", read_bytes(world, this.path))
 
 
 @FILE.primitive("asList")
-def file_as_list(world: World, this: FileObject) -> Any:
-    """The lines, without their ends."""
+def file_as_list(world: World, this: FileObject) -> Value:
+    """The list of the lines, without their line ends."""
     return world.new_list([world.string(line) for line in lines(read(world, this.path))])
 
 
 def lines(text: str) -> list[str]:
-    """The lines of a text, without their ends."""
+    """The lines of a text, without their line ends."""
     parts = text.split("\n")
     if parts[-1] == "":
         parts.pop()
@@ -293,8 +297,8 @@ def remove(world: World, this: FileObject) -> None:
 
 
 @FILE.primitive("rename")
-def rename(world: World, this: FileObject, name: Any) -> None:
-    """Give the file another name (a String or a Path); what was there before is gone."""
+def rename(world: World, this: FileObject, name: Value) -> None:
+    """Rename the file to this name (a String or a Path); an existing file of that name is replaced."""
     target = name_of(world, name)
     try:
         os.replace(system(this.path), system(target))
@@ -313,7 +317,7 @@ def as_string(world: World, this: NamedObject) -> str:
 @FILE.primitive("asPrintable")
 @DIRECTORY.primitive("asPrintable")
 def as_printable(world: World, this: NamedObject) -> str:
-    """The type, and the name as a literal."""
+    """The type and the name, as a literal."""
     return f"{world.type_name(this)}({escaped(this.path)})"
 
 
@@ -321,8 +325,8 @@ def as_printable(world: World, this: NamedObject) -> str:
 
 
 @DIRECTORY.primitive("init")
-def init_directory(world: World, this: DirectoryObject, name: Any) -> None:
-    """The directory of a name (a String or a Path), which must exist."""
+def init_directory(world: World, this: DirectoryObject, name: Value) -> None:
+    """Make a Directory for an existing directory; its name is a String or a Path."""
     this.path = name_of(world, name)
     try:
         os.listdir(system(this.path))
@@ -331,26 +335,26 @@ def init_directory(world: World, this: DirectoryObject, name: Any) -> None:
 
 
 @DIRECTORY.primitive("content")
-def directory_content(world: World, this: DirectoryObject) -> Any:
-    """The names of what is in the directory, in order."""
+def directory_content(world: World, this: DirectoryObject) -> Value:
+    """The names of the files in the directory, in order."""
     return world.new_list([world.string(name) for name in names(this.path)])
 
 
 @DIRECTORY.primitive("asList")
-def directory_as_list(world: World, this: DirectoryObject) -> Any:
-    """The Paths of what is in the directory, in order."""
+def directory_as_list(world: World, this: DirectoryObject) -> Value:
+    """The Paths of the files in the directory, in order."""
     return world.new_list([path(world, f"{this.path}/{name}") for name in names(this.path)])
 
 
 @DIRECTORY.primitive("fileCreated")
-def file_created(world: World, this: DirectoryObject) -> Any:
-    """The event emitted with a name when something of this name appears in the directory."""
+def file_created(world: World, this: DirectoryObject) -> Value:
+    """The event that is emitted with the name of each file that appears in the directory."""
     this.watch(world.scheduler.running().context)
     return this.created
 
 
 @DIRECTORY.primitive("fileDeleted")
-def file_deleted(world: World, this: DirectoryObject) -> Any:
-    """The event emitted with a name when something of this name is gone from the directory."""
+def file_deleted(world: World, this: DirectoryObject) -> Value:
+    """The event that is emitted with the name of each file that disappears from the directory."""
     this.watch(world.scheduler.running().context)
     return this.deleted

@@ -1,7 +1,7 @@
-"""Finalizable, WeakPointer and WeakDictionary: what happens when nobody refers to an object any more.
+"""Finalizable, WeakPointer and WeakDictionary: the end of objects without references.
 
-Source: manual, specs/finalizable; release notes for the weak ones, which the manual does not describe.  Python counts
-references as the original did, so the end of an object comes at once.
+Source: manual, specs/finalizable; release notes for the weak classes, which the manual does not describe.  Python
+counts references as the original does, so an object ends immediately with its last reference.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.dictionary import missing
+from urbihw.kernel.value import Value
 
 FINALIZABLE = Table("Finalizable")
 POINTER = Table("WeakPointer")
@@ -20,18 +21,18 @@ DICTIONARY = Table("WeakDictionary")
 TABLES = [FINALIZABLE, POINTER, DICTIONARY]
 
 NOTES = {
-    "Finalizable": "An object whose finalize is called when nobody refers to it any more.",
-    "WeakPointer": "A reference that keeps nothing alive.",
-    "WeakDictionary": "A Dictionary whose values may vanish when nobody else refers to them.",
+    "Finalizable": "An object whose finalize is called when its last reference disappears.",
+    "WeakPointer": "A reference that does not keep its object alive.",
+    "WeakDictionary": "A Dictionary whose entries disappear when there is no other reference to their values.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 class FinalizableObject(Obj):
     """An urbiscript Finalizable: its ``finalize`` runs in a job of its own when the last reference goes."""
 
     __slots__ = ("_context",)
-    heirs_alike = True
+    requires_finalizable_heirs = True
 
     def __init__(self, world: World, protos: list[Obj]) -> None:
         super().__init__(world, protos)
@@ -39,7 +40,7 @@ class FinalizableObject(Obj):
         self._context: Any = None if current is None else current.context
 
     def clone(self) -> FinalizableObject:
-        """A Finalizable of its own."""
+        """A new Finalizable."""
         return FinalizableObject(self.world, [self])
 
     def __del__(self) -> None:
@@ -49,7 +50,7 @@ class FinalizableObject(Obj):
 
 @FINALIZABLE.primitive("finalize")
 def finalize(world: World, this: FinalizableObject) -> None:
-    """Called when the object is about to go; does nothing unless redefined."""
+    """Called when the last reference to the object disappears; does nothing unless redefined."""
 
 
 # ---------------------------------------------------------------- WeakPointer
@@ -78,8 +79,8 @@ def point(world: World, this: WeakPointerObject, value: Obj | None = None) -> No
 
 
 @POINTER.primitive("get", "getNow")
-def pointed(world: World, this: WeakPointerObject) -> Any:
-    """The object, nil if it is gone."""
+def pointed(world: World, this: WeakPointerObject) -> Value:
+    """The object, nil if it does not exist any more."""
     value = None if this.pointed is None else this.pointed()
     return world.nil if value is None else value
 
@@ -88,7 +89,7 @@ def pointed(world: World, this: WeakPointerObject) -> Any:
 
 
 class WeakDictionaryObject(Obj):
-    """An urbiscript WeakDictionary: forgets a key when its value goes."""
+    """An urbiscript WeakDictionary: a key is removed when its value disappears."""
 
     __slots__ = ("d",)
 
@@ -97,7 +98,7 @@ class WeakDictionaryObject(Obj):
         self.d: weakref.WeakValueDictionary[str, Obj] = weakref.WeakValueDictionary()
 
     def clone(self) -> WeakDictionaryObject:
-        """An empty one."""
+        """An empty WeakDictionary."""
         return WeakDictionaryObject(self.world, [self])
 
 
@@ -109,15 +110,15 @@ CLASSES = {
 
 
 @DICTIONARY.primitive("set", "[]=")
-def set_(world: World, this: WeakDictionaryObject, key: str, value: Obj) -> Any:
-    """Map a key to an object, which may go all the same; gives the object."""
+def set_(world: World, this: WeakDictionaryObject, key: str, value: Obj) -> Value:
+    """Map a key to an object without keeping a reference to it; returns the object."""
     this.d[key] = value
     return value
 
 
 @DICTIONARY.primitive("get", "[]")
-def get(world: World, this: WeakDictionaryObject, key: str) -> Any:
-    """The object of a key; raises Dictionary.KeyError if there is none (any more)."""
+def get(world: World, this: WeakDictionaryObject, key: str) -> Value:
+    """The object of a key.  Raises Dictionary.KeyError if there is none."""
     value = this.d.get(key)
     if value is None:
         raise missing(world, world.string(key))
@@ -126,18 +127,18 @@ def get(world: World, this: WeakDictionaryObject, key: str) -> Any:
 
 @DICTIONARY.primitive("has")
 def has(world: World, this: WeakDictionaryObject, key: str) -> bool:
-    """Whether a key has an object that is still there."""
+    """Whether the key has an object that still exists."""
     return key in this.d
 
 
 @DICTIONARY.primitive("erase")
-def erase(world: World, this: WeakDictionaryObject, key: str) -> Any:
-    """Forget a key; gives this dictionary."""
+def erase(world: World, this: WeakDictionaryObject, key: str) -> Value:
+    """Remove a key; returns this dictionary."""
     this.d.pop(key, None)
     return this
 
 
 @DICTIONARY.primitive("keys")
-def keys(world: World, this: WeakDictionaryObject) -> Any:
-    """The keys whose objects are still there, in order."""
+def keys(world: World, this: WeakDictionaryObject) -> Value:
+    """The keys whose objects still exist, in order."""
     return world.new_list([world.string(key) for key in sorted(this.d.keys())])

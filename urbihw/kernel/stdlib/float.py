@@ -1,5 +1,5 @@
-"""Float: numbers.  Operators and comparisons are mostly inlined by the compiler; what is here serves explicit calls,
-operators Python reads differently, and numbers that are objects (``FloatObject``)."""
+"""Float: numbers.  The compiler inlines most operators and comparisons; this module serves explicit calls, operators
+that Python defines differently, and numbers with slots of their own (``FloatObject``)."""
 
 from __future__ import annotations
 
@@ -13,23 +13,24 @@ from urbihw.kernel.runtime.plain import float_text
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import FloatObject
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.value import Value
 
 TABLE = Table("Float")
 PROTOS = {"Float": ("Comparable", "Orderable", "RangeIterable")}
 
 NOTES = {
-    "Float": "Numbers: all are 64-bit floating point, integers too.",
+    "Float": "Numbers: all are 64-bit floating point, including integers.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
-def number(world: World, value: Any, index: int | None, routine: str) -> float:
-    """The number a value stands for; raises the type error of ``routine``."""
+def number(world: World, value: Value, index: int | None, routine: str) -> float:
+    """The number that a value represents.  Raises the type error of ``routine``."""
     return value if value.__class__ is float else world.as_float(value, index, routine)
 
 
-def integer(world: World, value: Any, index: int | None, routine: str) -> int:
-    """An integral number; raises BadInteger for others."""
+def integer(world: World, value: Value, index: int | None, routine: str) -> int:
+    """An integer.  Raises BadInteger for other numbers."""
     found = number(world, value, index, routine)
     if not found.is_integer():
         raise errors.Raised("BadInteger", f"expected integer, got {float_text(found)}", routine)
@@ -37,7 +38,9 @@ def integer(world: World, value: Any, index: int | None, routine: str) -> int:
 
 
 def whole(world: World, value: float) -> int:
-    """A count of turns; raises BadInteger, named after the running routine, for negative or broken numbers."""
+    """A number of iterations.  Raises BadInteger, with the name of the running routine, for negative and fractional
+    numbers.
+    """
     if not value.is_integer() or value < 0:
         raise errors.bad_number("BadInteger", f"expected non-negative integer, got {float_text(value)}")
     return int(value)
@@ -69,10 +72,12 @@ def _divide(a: float, b: float) -> float:
 
 def _binary(name: str, compute: Callable[[float, float], Any], doc: str) -> None:
     def make(world: World) -> Any:
-        def run(this: Any, that: Any) -> Any:
+        def run(this: Value, that: Value) -> Value:
             if this.__class__ is not float:
                 this = world.as_float(this, None, name)
             if that.__class__ is not float:
+                if that.assigns_to_members:
+                    return that.after_number(this, name)
                 that = world.as_float(that, 1, name)
             return compute(this, that)
 
@@ -86,7 +91,7 @@ def _comparison(name: str, compute: Callable[[float, float], bool], doc: str) ->
     def make(world: World) -> Any:
         true, false = world.true, world.false
 
-        def run(this: Any, that: Any) -> Any:
+        def run(this: Value, that: Value) -> Value:
             return true if compute(number(world, this, None, name), number(world, that, 1, name)) else false
 
         return run
@@ -105,7 +110,7 @@ def _bits(name: str, compute: Callable[[int, int], int], doc: str) -> None:
 
 def _signed(name: str, unary: Callable[[float], float], binary: Callable[[float, float], float], doc: str) -> None:
     def make(world: World) -> Any:
-        def run(this: Any, *args: Any) -> Any:
+        def run(this: Value, *args: Value) -> Value:
             if not args:
                 return unary(number(world, this, None, name))
             return binary(number(world, this, None, name), number(world, args[0], 1, name))
@@ -134,9 +139,9 @@ _bits("^", operator.xor, "The bits set in one only.")
 
 @TABLE.raw("==", least=1)
 def equal(world: World) -> Any:
-    """Whether both are the same number; a number equals nothing else."""
+    """Whether both are the same number; a number is never equal to a value of another type."""
 
-    def run(this: Any, that: Any) -> Any:
+    def run(this: Value, that: Value) -> Value:
         if isinstance(that, float | FloatObject):
             return world.boolean(number(world, this, None, "==") == number(world, that, 1, "=="))
         return world.false
@@ -145,15 +150,15 @@ def equal(world: World) -> Any:
 
 
 @TABLE.primitive("~=")
-def near(world: World, this: float, that: Any) -> bool:
-    """Whether both are the same number but for a millionth."""
+def near(world: World, this: float, that: Value) -> bool:
+    """Whether both numbers differ by less than one millionth."""
     other = number(world, that, 1, "~=")
     return this == other or abs(this - other) <= 1e-5
 
 
 def _shift(name: str, sign: int, doc: str) -> None:
     def make(world: World) -> Any:
-        def run(this: Any, that: Any) -> float:
+        def run(this: Value, that: Value) -> float:
             bits, count = integer(world, this, None, name), sign * integer(world, that, 1, name)
             if count < 0:
                 return float(bits >> min(-count, 64))
@@ -176,19 +181,19 @@ _shift(">>", -1, "The bits of this integer moved down.")
 
 @TABLE.primitive("compl")
 def complement(world: World, this: int) -> float:
-    """The complement to one of this integer's lower 32 bits."""
+    """The one's complement of the lower 32 bits of this integer."""
     return float(~this & 0xFFFFFFFF)
 
 
 @TABLE.primitive("++")
 def successor(world: World, this: float) -> float:
-    """This number and one more."""
+    """This number plus one."""
     return this + 1.0
 
 
 @TABLE.primitive("--")
 def predecessor(world: World, this: float) -> float:
-    """This number and one less."""
+    """This number minus one."""
     return this - 1.0
 
 
@@ -204,7 +209,7 @@ def _function(name: str, compute: Callable[[float], float], doc: str) -> None:
 
 
 def _or_nan(compute: Callable[[float], float]) -> Callable[[float], float]:
-    """A function of ``math`` that answers nan where Python raises a domain error."""
+    """A function of ``math`` that returns nan where Python raises a domain error."""
 
     def run(value: float) -> float:
         try:
@@ -218,7 +223,7 @@ def _or_nan(compute: Callable[[float], float]) -> Callable[[float], float]:
 
 
 def _not_negative(compute: Callable[[float], float]) -> Callable[[float], float]:
-    """A function that is defined from 0 on; raises Primitive below."""
+    """A function that is defined for numbers from 0; it raises Primitive for negative ones."""
 
     def run(value: float) -> float:
         if value < 0:
@@ -229,7 +234,7 @@ def _not_negative(compute: Callable[[float], float]) -> Callable[[float], float]
 
 
 def _arc(compute: Callable[[float], float]) -> Callable[[float], float]:
-    """An inverse of a sine; raises Primitive for what no sine can be."""
+    """An inverse trigonometric function; it raises Primitive for arguments outside -1..1."""
 
     def run(value: float) -> float:
         if abs(value) > 1:
@@ -244,7 +249,7 @@ def _log(value: float) -> float:
 
 
 def _finite(compute: Callable[[float], int]) -> Callable[[float], float]:
-    """A rounding function that leaves inf and nan alone."""
+    """A rounding function that returns inf and nan unchanged."""
     return lambda value: float(compute(value)) if math.isfinite(value) else value
 
 
@@ -290,7 +295,7 @@ def is_nan(world: World, this: float) -> bool:
 
 @TABLE.primitive("isInf")
 def is_inf(world: World, this: float) -> bool:
-    """Whether this is infinite."""
+    """Whether this number is infinite."""
     return math.isinf(this)
 
 
@@ -298,8 +303,8 @@ def is_inf(world: World, this: float) -> bool:
 
 
 @TABLE.primitive("clone")
-def clone(world: World, this: Any) -> Any:
-    """A fresh number of the same value, whose only prototype is this one; of Float itself, 0."""
+def clone(world: World, this: Value) -> Value:
+    """A new number of the same value, whose only prototype is this number; 0 for Float itself."""
     if this is world.float_proto:
         return 0.0 + 0.0
     return FloatObject(world, [this], this) if this.__class__ is float else this.clone()
@@ -313,7 +318,7 @@ def as_float(world: World, this: float) -> float:
 
 @TABLE.primitive("asString", "asPrintable", "asToplevelPrintable")
 def as_string(world: World, this: float) -> str:
-    """In full if it is integral and fits 64 bits, else with six significant digits."""
+    """All digits if the number is integral and fits into 64 bits, else six significant digits."""
     return float_text(this)
 
 
@@ -324,18 +329,18 @@ def hexadecimal(world: World, this: float) -> str:
 
 
 @TABLE.primitive("inf")
-def inf(world: World, this: Any) -> float:
+def inf(world: World, this: Value) -> float:
     """Infinity."""
     return math.inf + 0.0
 
 
 @TABLE.primitive("nan")
-def nan(world: World, this: Any) -> float:
-    """What is not a number, and equals nothing, itself included."""
+def nan(world: World, this: Value) -> float:
+    """Not a number: it is not equal to any value, including itself."""
     return math.nan + 0.0
 
 
 @TABLE.primitive("pi")
-def pi(world: World, this: Any) -> float:
-    """The number of that name."""
+def pi(world: World, this: Value) -> float:
+    """The number pi."""
     return math.pi + 0.0

@@ -1,4 +1,4 @@
-"""Float.limits: what the machine's floating point numbers can hold."""
+"""Float.limits: the limits of floating point numbers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PROTOS = {"Float.limits": ("Singleton",)}
 
 
 def install(world: World, programs: Any) -> None:
-    """Make the constants; names as in the manual, values of the platform's double."""
+    """Make the constants, with the names of the manual and the values of the platform's double."""
     limits = prototype(world, "Float.limits")
     info = sys.float_info
     values = {

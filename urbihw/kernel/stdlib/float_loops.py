@@ -1,4 +1,4 @@
-"""Float: counting, and what random numbers are made of."""
+"""Float: loops over integers, minimum, maximum, and random numbers."""
 
 from __future__ import annotations
 
@@ -15,29 +15,32 @@ from urbihw.kernel.stdlib import members, prototype
 from urbihw.kernel.stdlib.float import whole
 from urbihw.kernel.stdlib.slices import calls, in_slices
 from urbihw.kernel.stdlib.support import native
+from urbihw.kernel.value import Value
 
 __breakable__ = True
+__calls__ = {"each_pipe": ("f",), "times": ("f",), "map_": ("f", "each|")}
 
 TABLE = Table("Float")
 
 NOTES = {
-    "Float.fresh": "A number that was not given before.",
-    "Float.random": "A random integer from 0 up to, not including, this one; raises BadInteger.",
-    "Float.srandom": "Let the random numbers begin anew from this seed.",
+    "Float.fresh": "A number that was not returned before.",
+    "Float.random": "A random integer from 0 up to, but not including, this number.  Raises BadInteger.",
+    "Float.srandom": "Initialize the random number generator with this number.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 @TABLE.primitive("seq", "asList")
-def seq(world: World, this: float) -> Any:
-    """The integers from 0 up to, not including, this one; raises BadInteger."""
+def seq(world: World, this: float) -> Value:
+    """The list of the integers from 0 up to, but not including, this number.  Raises BadInteger."""
     return world.new_list([float(index) for index in in_slices(world, _range(world, this))])
 
 
 def _range(world: World, this: float) -> range:
     number = whole(world, this)
-    if number > members.MANY:
-        raise errors.Raised("BadInteger", f"expected at most {members.MANY:.0f}, got {float_text(this)}", "seq")
+    if number > members.MAX_GENERATED_MEMBERS:
+        message = f"expected at most {members.MAX_GENERATED_MEMBERS:.0f}, got {float_text(this)}"
+        raise errors.Raised("BadInteger", message, "seq")
     return range(number)
 
 
@@ -46,27 +49,33 @@ def _below(world: World, this: float) -> Iterable[float]:
 
 
 @TABLE.primitive("each")
-def each(world: World, this: float, function: Any) -> None:
-    """Call the function on each integer from 0 up to this one; other jobs may run in between; raises BadInteger."""
+def each(world: World, this: float, function: Value) -> None:
+    """Call the function with each integer from 0 up to, but not including, this number; other jobs may run in between.
+    Raises BadInteger.
+    """
     members.each(world, this, _below(world, this), function)
 
 
 @TABLE.primitive("each|")
-def each_pipe(world: World, this: float, function: Any) -> None:
-    """Call the function on each integer from 0 up to this one, without a pause; raises BadInteger."""
+def each_pipe(world: World, this: float, function: Value) -> None:
+    """Call the function with each integer from 0 up to, but not including, this number, without a turn for other jobs.
+    Raises BadInteger.
+    """
     for index in _below(world, this):
         world.invoke(function, this, (index,))
 
 
 @TABLE.primitive("each&")
-def each_and(world: World, this: float, function: Any) -> None:
-    """Call the function on all integers from 0 up to this one at once; raises BadInteger."""
+def each_and(world: World, this: float, function: Value) -> None:
+    """Call the function with all integers from 0 up to, but not including, this number, in parallel.  Raises
+    BadInteger.
+    """
     members.each_apart(world, this, map(float, calls(world, range(whole(world, this)))), function)
 
 
 @TABLE.primitive("times")
-def times(world: World, this: float, function: Any) -> None:
-    """Call the function this many times; other jobs may run in between; raises BadInteger."""
+def times(world: World, this: float, function: Value) -> None:
+    """Call the function this number of times; other jobs may run in between.  Raises BadInteger."""
     scheduler = world.scheduler
     for index in range(whole(world, this)):
         if index and scheduler.ready:
@@ -75,26 +84,28 @@ def times(world: World, this: float, function: Any) -> None:
 
 
 @TABLE.primitive("map")
-def map_(world: World, this: float, function: Any) -> Any:
-    """What the function gives for each integer from 0 up to this one; raises BadInteger."""
+def map_(world: World, this: float, function: Value) -> Value:
+    """The list of the function's results for each integer from 0 up to, but not including, this number.  Raises
+    BadInteger.
+    """
     indexes = calls(world, _range(world, this))
     return world.new_list([world.invoke(function, this, (float(index),)) for index in indexes])
 
 
 @TABLE.primitive("max")
-def max_(world: World, this: Any, *others: Any) -> Any:
-    """The greatest of this and the arguments."""
+def max_(world: World, this: Value, *others: Value) -> Value:
+    """The maximum of this value and the arguments."""
     return best(world, [this, *others], True)
 
 
 @TABLE.primitive("min")
-def min_(world: World, this: Any, *others: Any) -> Any:
-    """The least of this and the arguments."""
+def min_(world: World, this: Value, *others: Value) -> Value:
+    """The minimum of this value and the arguments."""
     return best(world, [this, *others], False)
 
 
-def best(world: World, values: list[Any], greatest: bool) -> Any:
-    """The first value that no other one beats, by their own ``<``."""
+def best(world: World, values: list[Value], greatest: bool) -> Any:
+    """The first value that is not exceeded by another one, compared by the values' own ``<``."""
     found = values[0]
     for value in values[1:]:
         first, second = (found, value) if greatest else (value, found)
@@ -105,17 +116,17 @@ def best(world: World, values: list[Any], greatest: bool) -> Any:
 
 
 def install(world: World, programs: Any) -> None:
-    """``fresh``, ``random`` and ``srandom``, which remember something."""
+    """Install ``fresh``, ``random`` and ``srandom``, which have internal state."""
     fresh = itertools.count(1)
     generator = python_random.Random()
 
-    def draw(this: Any) -> float:
+    def draw(this: Value) -> float:
         limit = world.as_float(this, None, "random")
         if not limit.is_integer() or limit <= 0:
             raise errors.Raised("BadInteger", f"expected positive integer, got {float_text(limit)}", "random")
         return float(generator.randrange(int(limit)))
 
-    def seed(this: Any) -> Any:
+    def seed(this: Value) -> Value:
         generator.seed(world.as_float(this, None, "srandom"))
         return world.void
 

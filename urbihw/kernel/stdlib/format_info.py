@@ -1,7 +1,7 @@
-"""FormatInfo and Formatter: formatting as C's printf does it, and ``format`` of Float and String.
+"""FormatInfo and Formatter: formats like those of C's printf, and ``format`` of Float and String.
 
-Source: manual, specs/format-info and specs/formatter.  A number of integral value prints without decimals in the
-default and the fixed format, as everywhere in urbiscript; ``=`` opens the middle of the text.
+Source: manual, specs/format-info and specs/formatter.  In the default and the fixed format, an integral number is
+printed without decimals, as everywhere in urbiscript; ``=`` centers the text.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import List, String
 from urbihw.kernel.runtime.world import World
-from urbihw.kernel.stdlib.slices import SLICE, give_way, in_slices
+from urbihw.kernel.stdlib.slices import CHECK_INTERVAL, give_way, in_slices
+from urbihw.kernel.value import Value
 
 __breakable__ = True
 
@@ -29,21 +30,21 @@ TABLES = [INFO, FORMATTER, FLOAT, STRING]
 OPTIONS = r"(?P<flags>[-=+ 0#']*)(?P<width>\d{0,5})(?:\.(?P<precision>\d{1,5}))?"
 BARE_OPTIONS = OPTIONS.replace("P<", "P<bare_")
 PATTERN = re.compile(rf"%(?:\|{OPTIONS}(?P<spec>[sdDxXoeEf]?)\||{BARE_OPTIONS}(?P<bare_spec>[sdDxXoeEf]))")
-SHORT = 1000
-"""Characters of a format string that is remembered once it has been cut."""
-EXACT = 2.0**63
-"""Integral numbers below it print all their digits."""
+MAX_CACHED_LENGTH = 1000
+"""Maximum length, in characters, of a format string whose parsed form is cached."""
+EXACT_LIMIT = 2.0**63
+"""Integral numbers below this limit are printed with all their digits."""
 
 NOTES = {
-    "FormatInfo": "How to show one value, as told by a conversion of C's printf: %5.2f.",
-    "Formatter": "A format string: text and FormatInfos.",
+    "FormatInfo": "The format of one value, like a conversion of C's printf: %5.2f.",
+    "Formatter": "A parsed format string: texts and FormatInfos.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 @dataclass(frozen=True)
 class Format:
-    """One formatting pattern, read.  ``alignment`` and ``uppercase`` are -1, 0 or 1 as the manual says."""
+    """A parsed format pattern.  ``alignment`` and ``uppercase`` are -1, 0 or 1 as in the manual."""
 
     pattern: str
     alignment: int
@@ -59,7 +60,7 @@ class Format:
 
 
 def read(match: re.Match[str]) -> Format:
-    """The format meant by a match of ``PATTERN``."""
+    """The format of a match of ``PATTERN``."""
     found = match.groupdict()
     kind = "" if found["spec"] is not None else "bare_"
     flags, spec = found[kind + "flags"], found[kind + "spec"] or "s"
@@ -80,13 +81,13 @@ def read(match: re.Match[str]) -> Format:
 
 
 def cut(world: World, text: str) -> list[str | Format]:
-    """A format string in pieces: plain texts and formats; ``%%`` is a plain ``%``."""
+    """Split a format string into plain texts and formats; ``%%`` is a plain ``%``."""
     pieces: list[str | Format] = []
     plain: list[str] = []
     position = turns = 0
     while position < len(text):
         turns += 1
-        if not turns % SLICE:
+        if not turns % CHECK_INTERVAL:
             give_way(world)
         if text[position] != "%":
             end = text.find("%", position)
@@ -110,7 +111,7 @@ def cut(world: World, text: str) -> list[str | Format]:
 
 
 def format_float(form: Format, value: float) -> str:
-    """A number in a format."""
+    """Format a number."""
     if not math.isfinite(value):
         return _cased(form, _signed(form, f"{value:g}"))
     if form.spec in "xo":
@@ -121,7 +122,7 @@ def format_float(form: Format, value: float) -> str:
         text = ("-" if value < 0 else "") + base + digits
     elif form.spec == "e":
         text = f"{value:.{form.precision}e}"
-    elif value == int(value) and abs(value) < EXACT:
+    elif value == int(value) and abs(value) < EXACT_LIMIT:
         text = str(int(value))
     elif form.spec == "f":
         text = f"{value:.{form.precision}f}"
@@ -131,7 +132,7 @@ def format_float(form: Format, value: float) -> str:
 
 
 def format_text(form: Format, text: str) -> str:
-    """A text in a format; ``%.3s`` cuts it."""
+    """Format a text; ``%.3s`` truncates it."""
     if form.spec == "s" and form.given_precision:
         text = text[: form.precision]
     if form.prefix == " " and text[:1] not in ("+", "-"):
@@ -172,8 +173,8 @@ def _cased(form: Format, text: str) -> str:
     return text if form.uppercase == 0 else text.upper() if form.uppercase > 0 else text.lower()
 
 
-def apply(world: World, form: Format, value: Any) -> str:
-    """Any value in a format: a number, or what its ``asString`` says."""
+def apply(world: World, form: Format, value: Value) -> str:
+    """Format any value: a number, or the result of its ``asString``."""
     if value.__class__ is float:
         return format_float(form, value)
     return format_text(form, world.text(value))
@@ -192,12 +193,12 @@ class FormatInfoObject(Obj):
         self.form = form if form is not None else one_format("%s")
 
     def clone(self) -> FormatInfoObject:
-        """The same format."""
+        """A FormatInfo with the same format."""
         return FormatInfoObject(self.world, [self], self.form)
 
 
 def one_format(pattern: str) -> Format:
-    """The format of a pattern that is nothing else."""
+    """The format of a text that consists of one pattern.  Raises an error for any other text."""
     match = PATTERN.fullmatch(pattern)
     if match is None:
         raise errors.primitive(f"invalid format: {pattern}")
@@ -206,7 +207,7 @@ def one_format(pattern: str) -> Format:
 
 @INFO.primitive("init")
 def init_info(world: World, this: FormatInfoObject, pattern: str) -> None:
-    """Read a pattern: ``%`` options spec, or ``%|`` options [spec] ``|``."""
+    """Parse a pattern: ``%`` options spec, or ``%|`` options [spec] ``|``."""
     this.form = one_format(pattern)
 
 
@@ -217,7 +218,7 @@ def as_string(world: World, this: FormatInfoObject) -> str:
 
 
 def _add_field(slot: str, meaning: str) -> None:
-    def get(world: World, this: FormatInfoObject) -> Any:
+    def get(world: World, this: FormatInfoObject) -> Value:
         return world.from_python(getattr(this.form, slot))
 
     get.__doc__ = meaning
@@ -240,13 +241,13 @@ for _slot, _meaning in {
 
 @FLOAT.primitive("format")
 def float_format(world: World, this: float, info: FormatInfoObject) -> str:
-    """This number in a format."""
+    """This number as a text in the given format."""
     return format_float(info.form, this)
 
 
 @STRING.primitive("format")
 def string_format(world: World, this: str, info: FormatInfoObject) -> str:
-    """This string in a format."""
+    """This string in the given format."""
     return format_text(info.form, this)
 
 
@@ -263,7 +264,7 @@ class FormatterObject(Obj):
         self.pieces: list[str | Format] = pieces if pieces is not None else []
 
     def clone(self) -> FormatterObject:
-        """The same format."""
+        """A Formatter with the same format."""
         return FormatterObject(self.world, [self], self.pieces)
 
 
@@ -272,13 +273,13 @@ CLASSES = {"FormatInfo": FormatInfoObject, "Formatter": FormatterObject}
 
 @FORMATTER.primitive("init")
 def init_formatter(world: World, this: FormatterObject, text: str) -> None:
-    """Cut a format string into texts and formats."""
+    """Parse a format string into texts and formats."""
     this.pieces = cut(world, text)
 
 
 @FORMATTER.primitive("asList")
-def as_list(world: World, this: FormatterObject) -> Any:
-    """The texts (Strings) and formats (FormatInfos), in order."""
+def as_list(world: World, this: FormatterObject) -> Value:
+    """The list of texts (Strings) and formats (FormatInfos), in order."""
     return _members(world, this)
 
 
@@ -299,13 +300,13 @@ def formatter_as_string(world: World, this: FormatterObject) -> str:
 
 
 @FORMATTER.primitive("%")
-def formatter_apply(world: World, this: FormatterObject, args: Any) -> str:
-    """The text with each format replaced by a member of a List, or by the one value given."""
+def formatter_apply(world: World, this: FormatterObject, args: Value) -> str:
+    """The text, with each format replaced by a member of a List, or by a single value."""
     return fill(world, this.pieces, args)
 
 
-def fill(world: World, pieces: list[str | Format], args: Any) -> str:
-    """The pieces put together, the formats applied to the arguments."""
+def fill(world: World, pieces: list[str | Format], args: Value) -> str:
+    """Join the pieces, with the formats applied to the arguments."""
     values = list(args.l) if isinstance(args, List) else [args]
     wanted = sum(1 for piece in in_slices(world, pieces) if isinstance(piece, Format))
     if len(values) != wanted:
@@ -316,21 +317,21 @@ def fill(world: World, pieces: list[str | Format], args: Any) -> str:
 
 
 def install(world: World, programs: Any) -> None:
-    """``String.'%'`` remembers the formats it has cut."""
+    """Install ``String.'%'``, which caches parsed formats."""
     table = Table("String")
     known: dict[str, list[str | Format]] = {}
 
     @table.raw("%", least=1)
     def percent(world: World) -> Any:
-        """This string as a format, filled with the members of a List, or with the one value given."""
+        """Use this string as a format, filled with the members of a List or with a single value."""
 
-        def run(this: Any, args: Any) -> String:
+        def run(this: Value, args: Value) -> String:
             if not isinstance(this, String):
                 raise world.type_error(None, this, "String")
             pieces = known.get(this.s)
             if pieces is None:
                 pieces = cut(world, this.s)
-                if len(this.s) <= SHORT:
+                if len(this.s) <= MAX_CACHED_LENGTH:
                     if len(known) > 500:
                         known.clear()
                     known[this.s] = pieces

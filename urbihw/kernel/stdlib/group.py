@@ -1,8 +1,8 @@
-"""Group: messages to several objects as if they were one.
+"""Group: several objects that receive messages together.
 
-Source: manual, specs/group.  Calls reach all members at the same time; the results come in the order of the members.
-A Group that is assigned to a slot of as many members, or an operand of theirs, is shared out: so
-``robot.wheel.val = robot.wheel.val + d`` moves each wheel from where it is (manual, specs/naming-standard).
+Source: manual, specs/group.  Calls go to all members in parallel; the results are in the order of the members.  A Group
+that is assigned to a slot of a group of the same size, or is an operand with one, is distributed member by member:
+``robot.wheel.val = robot.wheel.val + d`` moves each wheel relative to its own position (manual, specs/naming-standard).
 """
 
 from __future__ import annotations
@@ -16,34 +16,35 @@ from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.group import Group as Jobs
 from urbihw.kernel.stdlib.members import callable_of, equal
+from urbihw.kernel.value import Value
 
 TABLE = Table("Group")
 ARITHMETIC = frozenset(("+", "-", "*", "/", "%", "**"))
-"""Operators between two groups that work member by member."""
+"""Operators that work member by member between two groups."""
 
 
 class GroupObject(Obj):
     """An urbiscript Group."""
 
     __slots__ = ("members",)
-    bounces = True
+    assigns_to_members = True
 
     def __init__(self, world: World, protos: list[Obj]) -> None:
         super().__init__(world, protos)
         self.members: list[Any] = []
 
     def clone(self) -> GroupObject:
-        """A group of the same members."""
+        """A group with the same members."""
         made = GroupObject(self.world, [self])
         made.members = list(self.members)
         return made
 
     def bounce(self, action: Callable[[Any], Any]) -> Any:
-        """Do something with all members at the same time; the Group of the results, void if they are all void."""
+        """Run an action for all members in parallel; returns the Group of the results, void if all are void."""
         return self.distribute(None, lambda member, share: action(member))
 
-    def distribute(self, value: Any, action: Callable[[Any, Any], Any]) -> Any:
-        """Call ``action(member, share)`` for all members at the same time; the Group of the results, or void."""
+    def distribute(self, value: Value, action: Callable[[Any, Any], Any]) -> Value:
+        """Call ``action(member, share)`` for all members in parallel; returns the Group of the results, or void."""
         members = list(self.members)
         split = isinstance(value, GroupObject) and len(value.members) == len(members)
         shares = list(value.members) if split else [value] * len(members)
@@ -59,8 +60,12 @@ class GroupObject(Obj):
                 jobs.launch(partial(run, index), "group")
         return self.gathered(results)
 
-    def gathered(self, results: list[Any]) -> Any:
-        """The Group of results that are not void, or void."""
+    def after_number(self, left: Value, operator: str) -> Any:
+        """``left operator this`` with a number as the left operand: the Group of the results for each member."""
+        return self.bounce(lambda member: self.world.send(left, operator, member))
+
+    def gathered(self, results: list[Value]) -> Any:
+        """The Group of the results that are not void; void if there are none."""
         made = GroupObject(self.world, [self.world.classes["Group"]])
         made.members = [result for result in results if result is not self.world.void]
         return made if made.members else self.world.void
@@ -70,49 +75,50 @@ CLASSES = {"Group": GroupObject}
 
 
 @TABLE.primitive("init")
-def init(world: World, this: GroupObject, *members: Any) -> None:
-    """A group of these members."""
+def init(world: World, this: GroupObject, *members: Value) -> None:
+    """Make a group of these members."""
     this.members = [*members]
 
 
 @TABLE.primitive("add", "<<")
-def add(world: World, this: GroupObject, *members: Any) -> Any:
-    """Add members; gives this group."""
+def add(world: World, this: GroupObject, *members: Value) -> Value:
+    """Add members; returns this group."""
     this.members += members
     return this
 
 
 @TABLE.primitive("remove")
-def remove(world: World, this: GroupObject, *members: Any) -> Any:
-    """Remove members equal to any of these; gives this group."""
+def remove(world: World, this: GroupObject, *members: Value) -> Value:
+    """Remove the members equal to any of these; returns this group."""
     this.members = [m for m in this.members if not any(equal(world, m, gone) for gone in members)]
     return this
 
 
 @TABLE.primitive("asString", "asPrintable")
 def as_string(world: World, this: GroupObject) -> str:
-    """``Group`` and the members' ``asPrintable`` in brackets."""
+    """``Group`` and the ``asPrintable`` of the members, in brackets."""
     return "Group [" + ", ".join([world.printable(member) for member in this.members]) + "]"
 
 
 @TABLE.primitive("each", "each|")
-def each(world: World, this: GroupObject, function: Any) -> Any:
-    """Call a function on every member in turn; the Group of the results."""
+def each(world: World, this: GroupObject, function: Value) -> Value:
+    """Call a function with each member in turn; returns the Group of the results."""
     wanted = callable_of(world, function)
     return this.gathered([world.invoke(wanted, this, (member,)) for member in list(this.members)])
 
 
 @TABLE.primitive("each&")
-def each_and(world: World, this: GroupObject, function: Any) -> Any:
-    """Call a function on all members at the same time; the Group of the results."""
+def each_and(world: World, this: GroupObject, function: Value) -> Value:
+    """Call a function with all members in parallel; returns the Group of the results."""
     wanted = callable_of(world, function)
     return this.bounce(lambda member: world.invoke(wanted, this, (member,)))
 
 
 @TABLE.lazy("fallback", least=0, most=-1)
-def fallback(world: World, message: Any) -> Any:
-    """Send a message that a group does not understand to all members; the Group of the results, void if they are all
-    void."""
+def fallback(world: World, message: Value) -> Value:
+    """Send a message that Group does not define to all members; returns the Group of the results, void if all are
+    void.
+    """
     this, name = message.target, message.message
     if not isinstance(this, GroupObject):
         raise world.type_error(None, this, "Group")
@@ -123,24 +129,24 @@ def fallback(world: World, message: Any) -> Any:
 
 
 @TABLE.primitive("updateSlot")
-def update_slot(world: World, this: GroupObject, name: str, value: Any) -> Any:
-    """Assign a slot of all members; the Group of the values."""
+def update_slot(world: World, this: GroupObject, name: str, value: Value) -> Value:
+    """Assign a slot of all members; returns the Group of the values."""
     return this.distribute(value, lambda member, share: world.update_slot(member, name, share))
 
 
 @TABLE.primitive("getProperty")
-def get_property(world: World, this: GroupObject, slot: Any, name: Any) -> Any:
-    """The Group of a property of a slot of all members."""
+def get_property(world: World, this: GroupObject, slot: Value, name: Value) -> Value:
+    """The Group of the values of a property of a slot, for all members."""
     return this.bounce(lambda member: world.send(member, "getProperty", slot, name))
 
 
 @TABLE.primitive("hasProperty")
-def has_property(world: World, this: GroupObject, slot: Any, name: Any) -> Any:
-    """The Group of whether a slot of each member has a property."""
+def has_property(world: World, this: GroupObject, slot: Value, name: Value) -> Value:
+    """The Group of Booleans that tell whether a slot of each member has a property."""
     return this.bounce(lambda member: world.send(member, "hasProperty", slot, name))
 
 
 @TABLE.primitive("setProperty")
-def set_property(world: World, this: GroupObject, slot: Any, name: Any, value: Any) -> Any:
-    """Set a property of a slot of all members; the Group of the values."""
+def set_property(world: World, this: GroupObject, slot: Value, name: Value, value: Value) -> Value:
+    """Set a property of a slot of all members; returns the Group of the values."""
     return this.bounce(lambda member: world.send(member, "setProperty", slot, name, value))

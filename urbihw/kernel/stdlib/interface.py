@@ -1,13 +1,14 @@
-"""Interface: what the kinds of devices promise (manual, chapter 22, "Interface").
+"""Interface: the slots that kinds of devices must have (manual, chapter 22, "Interface").
 
-A kind is an object such as ``Interface.RotationalMotor``; a device takes part by having it as a prototype.  Its slots
-are *promises*, each an accessor.  Since ``addProto`` puts a kind in front of the device's own class, a promise steps
-aside for whatever else the device or its other prototypes have under that name.  If there is nothing, it answers:
+A kind is an object such as ``Interface.RotationalMotor``; a device implements it by having it as a prototype.  The
+slots of a kind are *promises*, each an accessor.  Since ``addProto`` puts a kind in front of the device's own class, a
+promise yields to any other slot of that name in the device or its other prototypes.  If there is none, the promise
+returns:
 
-- what is said in urbiscript for it (``rule``, a pair of functions to read and to write);
-- the slot it points to or that points to it (``val`` and ``angle`` are one), if the device has that one;
-- its default, if the manual knows one, or nil, for an optional slot that is read;
-- an error that names the slot and the kind.
+- the result of its rule in urbiscript (``rule``: a pair of functions to read and to write);
+- the slot that it points to, or that points to it (``val`` and ``angle`` are the same), if the device has that slot;
+- for a read of an optional slot, its default value in the manual, or nil;
+- otherwise an error with the names of the slot and the kind.
 
 The kinds themselves are declared in ``interface.u``.
 """
@@ -25,6 +26,7 @@ from urbihw.kernel.runtime.slot import meta_of, peek_meta
 from urbihw.kernel.runtime.values import Dictionary, List
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib import prototype
+from urbihw.kernel.value import Value
 
 TABLE = Table("Interface")
 MAKER = Table("Interface.Promises")
@@ -32,11 +34,11 @@ TABLES = [TABLE, MAKER]
 
 
 class Promise(Executable):
-    """A slot that a kind of device promises."""
+    """A slot that devices of a kind must or may have."""
 
     __slots__ = ("basis", "default", "getter", "kind", "name", "needed", "other", "setter")
 
-    def __init__(self, world: World, kind: str, name: str, *, needed: bool, default: Any) -> None:
+    def __init__(self, world: World, kind: str, name: str, *, needed: bool, default: Value) -> None:
         super().__init__(world, [world.primitive_proto])
         self.kind = kind
         self.name = name
@@ -47,63 +49,63 @@ class Promise(Executable):
         self.getter: Any = None
         self.setter: Any = None
 
-    def call(self, this: Any, args: tuple[Any, ...]) -> Any:
-        """The slot is read, or called with arguments."""
+    def call(self, this: Value, args: tuple[Value, ...]) -> Value:
+        """Called when the slot is read, or called with arguments."""
         holder = provider(self.world, this, self.name)
         if holder is not None:
-            return self._take(holder, self.name, this, args)
-        if self.getter is not None and self._based(this):
+            return self._call_slot(holder, self.name, this, args)
+        if self.getter is not None and self._has_basis(this):
             return self.world.invoke(self.getter, this, args, self.name)
         holder = provider(self.world, this, self.other) if self.other else None
         if holder is not None:
-            return self._take(holder, self.other, this, args)
+            return self._call_slot(holder, self.other, this, args)
         if self.needed or self.getter is not None or args:
-            raise self._broken()
+            raise self._missing_slot_error()
         return self.default
 
-    def read(self, target: Any) -> Any:
-        """The slot is read."""
+    def read(self, target: Value) -> Value:
+        """Called when the slot is read."""
         return self.call(target, ())
 
-    def write(self, target: Any, value: Any) -> Any:
-        """The slot is assigned."""
+    def write(self, target: Value, value: Value) -> Value:
+        """Called when the slot is assigned."""
         name = self.name
         holder = provider(self.world, target, name)
-        if holder is None and self.setter is not None and self._based(target):
+        if holder is None and self.setter is not None and self._has_basis(target):
             self.world.invoke(self.setter, target, (value,), name)
             return value
         if holder is None and self.other:
             name = self.other
             holder = provider(self.world, target, name)
         if holder is None:
-            if self.getter is not None and self._based(target):
+            if self.getter is not None and self._has_basis(target):
                 raise errors.primitive("this slot can only be read", name)
-            raise self._broken()
+            raise self._missing_slot_error()
         meta = peek_meta(holder, name)
         if holder is target or (meta is not None and (meta.accessor is not None or meta.constant)):
             return self._write(holder, name, target, value)
-        self.world.ops.put(self.world.as_obj(target), name, value)
+        self.world.ops.put_slot(self.world.as_obj(target), name, value)
         return value
 
-    def kept(self, target: Any) -> bool:
+    def is_provided(self, target: Value) -> bool:
         """Whether a device has the slot."""
         world = self.world
         if provider(world, target, self.name) is not None:
             return True
         if self.getter is not None:
-            return self._based(target)
+            return self._has_basis(target)
         return bool(self.other) and provider(world, target, self.other) is not None
 
-    def _based(self, target: Any) -> bool:
+    def _has_basis(self, target: Value) -> bool:
         """Whether a device has the slot that the rule uses."""
         holder = self.world.peek_obj(target).find(self.basis)
         basis = None if holder is None else holder.slots[self.basis]
-        return basis.kept(target) if isinstance(basis, Promise) else holder is not None
+        return basis.is_provided(target) if isinstance(basis, Promise) else holder is not None
 
-    def _take(self, holder: Obj, name: str, this: Any, args: tuple[Any, ...]) -> Any:
+    def _call_slot(self, holder: Obj, name: str, this: Value, args: tuple[Value, ...]) -> Value:
         return self.world.invoke(self.world.ops.get_slot(holder, name), this, args, name)
 
-    def _write(self, holder: Obj, name: str, target: Any, value: Any) -> Any:
+    def _write(self, holder: Obj, name: str, target: Value, value: Value) -> Value:
         meta = peek_meta(holder, name)
         if meta is not None and meta.constant:
             raise errors.constness()
@@ -111,14 +113,16 @@ class Promise(Executable):
             return meta.accessor.write(target, value)
         return self.world.update_slot(holder, name, value)
 
-    def _broken(self) -> errors.Raised:
+    def _missing_slot_error(self) -> errors.Raised:
         if self.needed:
             return errors.primitive(f"this {self.kind} does not provide the slot", self.name)
         return errors.primitive(f"this {self.kind} does not have the optional slot", self.name)
 
 
-def provider(world: World, target: Any, name: str) -> Obj | None:
-    """The object among a device and its ancestors that holds a slot which is no promise, or None."""
+def provider(world: World, target: Value, name: str) -> Obj | None:
+    """The object among a device and its ancestors that has a slot of this name which is no promise; None if there is
+    none.
+    """
     seen: set[int] = set()
 
     def search(obj: Obj) -> Obj | None:
@@ -136,7 +140,7 @@ def provider(world: World, target: Any, name: str) -> Obj | None:
 
 
 class KindObject(Obj):
-    """A kind of device; what derives from it is an ordinary object."""
+    """A kind of device; objects that derive from it are ordinary objects."""
 
     __slots__ = ("name",)
 
@@ -147,26 +151,26 @@ class KindObject(Obj):
         self.slots["as" + name] = world.object.slots["acceptVoid"]
 
     def clone(self) -> Obj:
-        """A device of this kind."""
+        """Make a device of this kind."""
         return Plain(self.world, [self])
 
     def promised(self, name: str) -> Promise:
-        """The promise of a slot that this kind itself makes."""
+        """The promise of a slot that this kind itself declares."""
         slot = self.slots.get(name)
         if not isinstance(slot, Promise):
             raise errors.primitive(f"{self.name} itself promises no slot {name}")
         return slot
 
     def promise(self, promise: Promise, unit: Any) -> None:
-        """Make a promise."""
-        self.world.ops.put(self, promise.name, promise)
+        """Declare a promise."""
+        self.world.ops.put_slot(self, promise.name, promise)
         meta = meta_of(self, promise.name)
         meta.accessor = promise
         meta.properties = {"unit": unit}
 
 
-def kinds_of(world: World, target: Any) -> list[KindObject]:
-    """The kinds a device derives from, the nearest first; each kind before those it derives from."""
+def kinds_of(world: World, target: Value) -> list[KindObject]:
+    """The kinds of a device, the nearest first; each kind before its own prototypes."""
     found: dict[int, KindObject] = {}
     seen: set[int] = set()
 
@@ -185,11 +189,11 @@ def kinds_of(world: World, target: Any) -> list[KindObject]:
 
 
 @MAKER.primitive("kind")
-def kind(world: World, this: Any, parent: Obj, name: str, needs: Dictionary, offers: Any = None) -> Any:
-    """Make a kind of device that derives from ``parent``, and a slot of Interface for it.
+def kind(world: World, this: Value, parent: Obj, name: str, needs: Dictionary, offers: Any = None) -> Value:
+    """Make a kind of device that derives from ``parent``, as a slot of Interface.
 
-    ``needs`` are the slots that each such device has, name => unit; ``offers`` the optional ones, name => [unit,
-    default].  The unit is a property of the slot: ``Interface.Battery.voltage->unit``.
+    ``needs`` are the required slots of each such device, name => unit; ``offers`` are the optional slots, name =>
+    [unit, default].  The unit is a property of the slot: ``Interface.Battery.voltage->unit``.
     """
     made = KindObject(world, parent, name)
     for slot, unit in needs.d.items():
@@ -199,13 +203,13 @@ def kind(world: World, this: Any, parent: Obj, name: str, needs: Dictionary, off
             raise errors.primitive(f"{name}: {slot} => [unit, default] expected")
         unit, default = row.l
         made.promise(Promise(world, name, slot, needed=False, default=default), unit)
-    world.ops.put(prototype(world, "Interface"), name, made)
+    world.ops.put_slot(prototype(world, "Interface"), name, made)
     return made
 
 
 @MAKER.primitive("points")
-def points(world: World, this: Any, kind: KindObject, specific: str) -> None:
-    """Say that ``val`` points to another slot of a kind: a device that has either has both."""
+def points(world: World, this: Value, kind: KindObject, specific: str) -> None:
+    """Declare that ``val`` points to another slot of a kind: a device with one of them has both."""
     pointed = kind.promised(specific)
     unit = meta_of(kind, specific).properties or {}
     pointer = Promise(world, kind.name, "val", needed=True, default=None)
@@ -214,32 +218,34 @@ def points(world: World, this: Any, kind: KindObject, specific: str) -> None:
 
 
 @MAKER.primitive("rule")
-def rule(world: World, this: Any, kind: KindObject, name: str, basis: str, getter: Any, setter: Any = None) -> None:
-    """Say how a promised slot of a kind is read, and written, where a device does not have it but has ``basis``."""
+def rule(world: World, this: Value, kind: KindObject, name: str, basis: str, getter: Any, setter: Any = None) -> None:
+    """Define functions that read and write a promised slot of a kind, for devices that have ``basis`` instead of the
+    slot.
+    """
     promise = kind.promised(name)
     promise.basis, promise.getter, promise.setter = basis, getter, setter
 
 
 @MAKER.primitive("missing")
-def missing(world: World, this: Any, device: Any) -> Any:
-    """The names of the slots that the kinds of a device need and that it does not have, in alphabetical order."""
-    return _names(world, device, lambda promise: promise.needed and not promise.kept(device))
+def missing(world: World, this: Value, device: Any) -> Value:
+    """The names of the required slots that a device does not have, in alphabetical order."""
+    return _names(world, device, lambda promise: promise.needed and not promise.is_provided(device))
 
 
 @MAKER.primitive("needs")
-def needs(world: World, this: Any, device: Any) -> Any:
-    """The names of the slots that a kind, or the kinds of a device, must have, in alphabetical order."""
+def needs(world: World, this: Value, device: Any) -> Value:
+    """The names of the required slots of a kind, or of the kinds of a device, in alphabetical order."""
     return _names(world, device, lambda promise: promise.needed)
 
 
 @MAKER.primitive("offers")
-def offers(world: World, this: Any, device: Any) -> Any:
+def offers(world: World, this: Value, device: Any) -> Value:
     """The names of the optional slots of a kind, or of the kinds of a device, in alphabetical order."""
     return _names(world, device, lambda promise: not promise.needed)
 
 
 def _names(world: World, device: Any, wanted: Callable[[Promise], bool]) -> Any:
-    """The promises that a device sees, those of nearer kinds before those of farther ones."""
+    """The promises of a device, those of nearer kinds first."""
     seen: dict[str, Promise] = {}
     for obj in kinds_of(world, device):
         for name, slot in obj.slots.items():
@@ -249,9 +255,9 @@ def _names(world: World, device: Any, wanted: Callable[[Promise], bool]) -> Any:
 
 
 @TABLE.primitive("interfaces")
-def interfaces(world: World, this: Any, *device: Any) -> Any:
-    """The kinds that a device implements, the nearest first: ``device.interfaces`` or ``Interface.interfaces(device)``;
-    ``Interface.interfaces`` alone gives all kinds there are."""
+def interfaces(world: World, this: Value, *device: Any) -> Value:
+    """The kinds that a device implements, the nearest first: ``device.interfaces`` or ``Interface.interfaces(device)``.
+    ``Interface.interfaces`` without argument returns all kinds."""
     if len(device) > 1:
         raise errors.arity(len(device), 0, 1)
     if not device and this is prototype(world, "Interface"):

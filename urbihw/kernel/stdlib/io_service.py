@@ -1,7 +1,7 @@
-"""IoService: what happened at Sockets and Servers, kept until somebody polls; the default one needs no polling.
+"""IoService: the events of Sockets and Servers, queued until a program polls; the default service needs no polling.
 
-What happens is handled in jobs, and each job counts among those of one connection: of the one that polls, or else of
-the one that has opened the Socket or the Server.  So nobody waits for what others have to handle.
+Events are handled in jobs, and each job counts for one connection: the connection that polls, or else the one that has
+opened the Socket or the Server.  So no connection waits for the handlers of others.
 
 Source: manual, specs/ioservice.
 """
@@ -17,47 +17,48 @@ from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.errors import TooManyJobs
 from urbihw.kernel.sched.job import Job
+from urbihw.kernel.sched.waiting import WaitQueue
 
 TABLE = Table("IoService")
 
 Action = Callable[[], None]
 
 
-RETRY = 0.1
-"""Seconds until what happened is handled, if the connection it belongs to may have no further job at present."""
+RETRY_DELAY_S = 0.1
+"""Delay in seconds before another attempt to handle an event, if its connection has reached its limit of jobs."""
 
 
 class ServiceObject(Obj):
-    """An urbiscript IoService: what happened and was not handled yet."""
+    """An urbiscript IoService: a queue of unhandled events."""
 
-    __slots__ = ("_queues", "automatic", "pending", "sleepers")
+    __slots__ = ("_pollers", "_queues", "automatic", "pending")
 
     def __init__(self, world: World, protos: list[Obj], automatic: bool = False) -> None:
         super().__init__(world, protos)
         self.automatic = automatic
         self.pending: deque[tuple[Any, Action]] = deque()
-        """The lobby that each belongs to (None for none), and what is to be done."""
-        self.sleepers: dict[Job, None] = {}
+        """The events, each with its lobby (None for none) and its action."""
+        self._pollers = WaitQueue(world.scheduler)
+        """Jobs that wait for an event."""
         self._queues: dict[Any, deque[Action]] = {}
-        """What is handled without a poll, of each lobby; a job handles each of them."""
+        """The queues of automatically handled events, per lobby; one job handles each queue."""
 
     def clone(self) -> ServiceObject:
-        """A service of its own, which has to be polled."""
+        """Make a new service, which must be polled."""
         return ServiceObject(self.world, [self])
 
-    def happened(self, owner: Any, action: Action) -> None:
-        """Something to be handled in a job, on account of a lobby; in the kernel's thread."""
+    def queue_event(self, owner: Any, action: Action) -> None:
+        """Queue an event for a lobby, to be handled in a job; must be called in the kernel's thread."""
         self.pending.append((owner, action))
-        for job in list(self.sleepers):
-            self.world.scheduler.wake(job)
-        self._share_out()
+        self._pollers.wake_all()
+        self._distribute_pending()
 
-    def look_after_itself(self, automatic: bool) -> None:
-        """Whether what happens is handled at once, or waits until somebody polls."""
+    def set_automatic(self, automatic: bool) -> None:
+        """Select whether events are handled at once or wait for a poll."""
         self.automatic = automatic
-        self._share_out()
+        self._distribute_pending()
 
-    def _share_out(self) -> None:
+    def _distribute_pending(self) -> None:
         while self.automatic and self.pending:
             owner, action = self.pending.popleft()
             queue = self._queues.get(owner)
@@ -69,7 +70,7 @@ class ServiceObject(Obj):
                 queue.append(action)
 
     def _serve(self, owner: Any) -> None:
-        """Handle the queue of a lobby in a job; what one that fails or is killed leaves, another handles."""
+        """Handle the queue of a lobby in a job; if the job fails or is killed, another job handles the rest."""
         queue, scheduler = self._queues[owner], self.world.scheduler
 
         def handle() -> None:
@@ -81,35 +82,29 @@ class ServiceObject(Obj):
             if not queue:
                 del self._queues[owner]
             elif isinstance(job.error, TooManyJobs):
-                scheduler.call_at(scheduler.clock.now() + RETRY, lambda: self._serve(owner))
+                scheduler.call_at(scheduler.clock.now() + RETRY_DELAY_S, lambda: self._serve(owner))
             else:
                 self._serve(owner)
 
         scheduler.spawn(handle, "network", context=owner).when_ended(over)
 
     def poll(self) -> None:
-        """Handle all that happened, in the running job; the next thing after the handlers of the last began."""
+        """Handle all queued events in the running job; each one starts after the handlers of the one before have
+        started.
+        """
         while self.pending:
             self.poll_one()
             self.world.scheduler.yield_()
 
     def poll_one(self) -> None:
-        """Handle the first thing that happened."""
+        """Handle the first queued event."""
         _, action = self.pending.popleft()
         action()
 
     def wait(self, deadline: float) -> None:
-        """Park the running job until something happens, or until a time."""
-        scheduler = self.world.scheduler
-        job = scheduler.running()
-        timer = scheduler.call_at(deadline, lambda: scheduler.wake(job))
-        self.sleepers[job] = None
-        try:
-            while not self.pending and scheduler.clock.now() < deadline:
-                scheduler.suspend(None)
-        finally:
-            timer.cancel()
-            self.sleepers.pop(job, None)
+        """Suspend the running job until an event arrives, or until ``deadline``."""
+        while not self.pending and self.world.scheduler.clock.now() < deadline:
+            self._pollers.wait_until(deadline)
 
 
 CLASSES = {"IoService": ServiceObject}
@@ -117,14 +112,14 @@ CLASSES = {"IoService": ServiceObject}
 
 @TABLE.primitive("poll")
 def poll(world: World, this: ServiceObject) -> None:
-    """Handle all that happened so far."""
+    """Handle all events that have arrived so far."""
     if not this.automatic:
         this.poll()
 
 
 @TABLE.primitive("pollFor")
 def poll_for(world: World, this: ServiceObject, duration: float) -> None:
-    """Handle all that happens during so many seconds."""
+    """Handle all events during this number of seconds."""
     deadline = world.scheduler.clock.now() + duration
     while world.scheduler.clock.now() < deadline:
         this.wait(deadline)
@@ -134,7 +129,7 @@ def poll_for(world: World, this: ServiceObject, duration: float) -> None:
 
 @TABLE.primitive("pollOneFor")
 def poll_one_for(world: World, this: ServiceObject, duration: float) -> None:
-    """Handle the first thing that happens during so many seconds."""
+    """Handle the first event within this number of seconds."""
     this.wait(world.scheduler.clock.now() + duration)
     if this.pending and not this.automatic:
         this.poll_one()

@@ -1,4 +1,4 @@
-"""Job and Control: flows of execution as values, and what starts them."""
+"""Job and Control: jobs as values, and functions that start jobs."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ from typing import Any
 
 from urbihw.kernel.runtime.backtrace import LINE_MAP, NO_STACK, Frame, Stack, current_stack, entry_of
 from urbihw.kernel.runtime.event import wait_for
+from urbihw.kernel.runtime.location import make_frames
 from urbihw.kernel.runtime.object import Obj
-from urbihw.kernel.runtime.passage import TagObject
 from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.tagscope import TagObject
 from urbihw.kernel.runtime.values import CallMessage
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.stdlib import prototype
-from urbihw.kernel.stdlib.location import make_frames
-from urbihw.kernel.stdlib.support import native, say
+from urbihw.kernel.stdlib.support import native, send_line
+from urbihw.kernel.value import Value
 
 TABLE = Table("Job")
 CONTROL = Table("Control")
@@ -23,18 +24,18 @@ TABLES = (TABLE, CONTROL)
 PROTOS = {"Job": ("Object", "Traceable"), "Control": ("Object",)}
 
 NOTES = {
-    "Job": "A flow of execution as a value.",
-    "Control": "Functions that start jobs or look after what they do.",
+    "Job": "A job, a sequence of statements in execution, as a value.",
+    "Control": "Functions that start and control jobs.",
     "System.spawn": (
-        "Run a function in a job of its own, under no tags if the second argument is true, else under those of who "
-        "calls; gives the Job."
+        "Run a function in a job of its own, without tags if the second argument is true, else under the caller's "
+        "tags; returns the Job."
     ),
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 class JobObject(Obj):
-    """An urbiscript Job; ``job`` is None for the prototype, ``origin`` are the calls that led to the job."""
+    """An urbiscript Job; ``job`` is None for the prototype; ``origin`` is the call stack at the start of the job."""
 
     __slots__ = ("job", "origin")
 
@@ -44,7 +45,7 @@ class JobObject(Obj):
         self.origin: tuple[Any, ...] = ()
 
     def known(self) -> Job:
-        """The job; raises the type error for the prototype."""
+        """The job.  Raises the type error for the prototype."""
         if self.job is None:
             raise self.world.type_error(None, self, "Job")
         return self.job
@@ -54,7 +55,7 @@ CLASSES = {"Job": JobObject}
 
 
 def job_value(world: World, job: Job) -> JobObject:
-    """The Job object of a job, always the same."""
+    """The Job object of a job; there is one per job."""
     if job.face is None:
         proto: Any = world.classes["Job"]
         job.face = JobObject(world, [proto], job)
@@ -67,14 +68,14 @@ def job_value(world: World, job: Job) -> JobObject:
 
 
 @TABLE.primitive("asJob")
-def as_job(world: World, this: Any) -> Any:
-    """This."""
+def as_job(world: World, this: Value) -> Value:
+    """This value."""
     return this
 
 
 @TABLE.primitive("clone", "new")
-def clone(world: World, this: Any) -> Any:
-    """This: a job cannot be cloned."""
+def clone(world: World, this: Value) -> Value:
+    """This value: a job cannot be cloned."""
     return this
 
 
@@ -92,13 +93,15 @@ def name(world: World, this: JobObject) -> str:
 
 @TABLE.primitive("status")
 def status(world: World, this: JobObject) -> str:
-    """``starting``, ``running``, ``sleeping``, ``waiting`` or ``terminated``; `` (frozen)`` when a tag holds it."""
+    """``starting``, ``running``, ``sleeping``, ``waiting`` or ``terminated``, with `` (frozen)`` when a tag freezes the
+    job.
+    """
     return this.known().status()
 
 
 @TABLE.primitive("tags")
-def tags(world: World, this: JobObject) -> Any:
-    """The tags under which the job runs, outermost first; none for a job of another connection, whose they are."""
+def tags(world: World, this: JobObject) -> Value:
+    """The tags under which the job runs, outermost first; empty for a job of another connection."""
     job = this.known()
     asking = world.scheduler.running().context
     faces = [entry.tag.face for entry in job.entries] if job.context in (asking, None) else []
@@ -106,13 +109,13 @@ def tags(world: World, this: JobObject) -> Any:
 
 
 @TABLE.primitive("backtrace")
-def backtrace(world: World, this: JobObject) -> Any:
-    """The calls the job is in, as a List of StackFrames, innermost first."""
+def backtrace(world: World, this: JobObject) -> Value:
+    """The call stack of the job, as a List of StackFrames, innermost first."""
     return make_frames(world, job_stack(this))
 
 
 def job_stack(this: JobObject) -> Stack:
-    """The call stack of a job that waits, down to the call that made it; empty if it is over."""
+    """The call stack of a waiting job, including the calls that started it; empty if the job has ended."""
     job = this.known()
     if job.done:
         return NO_STACK
@@ -128,25 +131,24 @@ def job_stack(this: JobObject) -> Stack:
 
 @TABLE.primitive("dumpState")
 def dump_state(world: World, this: JobObject) -> None:
-    """Say name, state, tags and calls of the job."""
+    """Print the name, state, tags and call stack of the job."""
     job = this.known()
     lines = [f"Job: {job.name}", f"  State: {job.status()}", "  Tags:"]
     lines += [f"    {world.text(tag)}" for tag in tags(world, this).l]
     lines.append("  Backtrace:")
     lines += [f"    {step.location}: {step.name}" for step in job_stack(this).calls]
     for line in lines:
-        say(world, f"*** {line}")
+        send_line(world, f"*** {line}")
 
 
 @TABLE.primitive("setSideEffectFree")
-def set_side_effect_free(world: World, this: JobObject, value: Any) -> None:
-    """Accepted and ignored: this scheduler looks at conditions only when what they read is written."""
+def set_side_effect_free(world: World, this: JobObject, value: Value) -> None:
+    """Accepted and ignored: this scheduler evaluates a condition only when a slot that it reads is written."""
 
 
 @TABLE.primitive("terminate")
 def terminate(world: World, this: JobObject) -> None:
-    """End the job; its finally clauses run.  What a client types is done by one job, which goes on with what is typed
-    next."""
+    """End the job; its finally clauses run.  The job that runs a client's input continues with the next statement."""
     job = this.known()
     if job.context is not None and job.context.shell.serves(job):
         job.context.shell.interrupt()
@@ -156,20 +158,20 @@ def terminate(world: World, this: JobObject) -> None:
 
 @TABLE.primitive("timeShift")
 def time_shift(world: World, this: JobObject) -> float:
-    """How long the job was frozen, in seconds."""
+    """The time in seconds during which the job was frozen."""
     job = this.known()
     return job.shift + (world.scheduler.clock.now() - job.frozen_at if job.frozen and not job.done else 0.0)
 
 
 @TABLE.primitive("waitForChanges")
-def wait_for_changes(world: World, this: Any) -> None:
+def wait_for_changes(world: World, this: Value) -> None:
     """Let the other jobs run."""
     world.scheduler.yield_()
 
 
 @TABLE.primitive("waitForTermination")
 def wait_for_termination(world: World, this: JobObject) -> None:
-    """Wait until the job is over."""
+    """Wait until the job has ended."""
     wait_for(world, this.known())
 
 
@@ -177,7 +179,7 @@ def wait_for_termination(world: World, this: JobObject) -> None:
 
 
 def starter(world: World) -> Callable[[Callable[[], Any], bool], JobObject]:
-    """What makes a job that ends alone, with the tags of its maker or (``clear``) without them."""
+    """A function that starts a job, with the tags of the running job or (``clear``) without them."""
     def start(body: Callable[[], Any], clear: bool) -> JobObject:
         maker = world.scheduler.running()
         entries: Iterable[Any] = () if clear else maker.entries
@@ -194,8 +196,8 @@ def starter(world: World) -> Callable[[Callable[[], Any], bool], JobObject]:
 
 
 @CONTROL.lazy("finally", least=2, most=2)
-def finally_(world: World, message: CallMessage) -> Any:
-    """Call the first function, and then, however it ended, the second one."""
+def finally_(world: World, message: CallMessage) -> Value:
+    """Call the first function and then, however it ended, the second one."""
     action, reaction = message.eval_at(0), message.eval_at(1)
     try:
         return world.invoke(action, message.target)
@@ -204,18 +206,18 @@ def finally_(world: World, message: CallMessage) -> Any:
 
 
 def install(world: World, programs: Any) -> None:
-    """``detach``, ``disown`` and ``spawn`` share the numbers that name their jobs."""
+    """Install ``detach``, ``disown`` and ``spawn``, which share the counter of job names."""
     start = starter(world)
     jobs = Table("Control")
 
     @jobs.lazy("detach", least=1, most=1)
-    def detach(world: World, message: CallMessage) -> Any:
-        """Evaluate an expression in a job of its own, under the same tags; the Job."""
+    def detach(world: World, message: CallMessage) -> Value:
+        """Evaluate an expression in a new job under the same tags; returns the Job."""
         return start(message.args[0].force, False)
 
     @jobs.lazy("disown", least=1, most=1)
-    def disown(world: World, message: CallMessage) -> Any:
-        """Evaluate an expression in a job of its own, without tags; the Job."""
+    def disown(world: World, message: CallMessage) -> Value:
+        """Evaluate an expression in a new job without tags; returns the Job."""
         return start(message.args[0].force, True)
 
     control = prototype(world, "Control")
@@ -223,7 +225,7 @@ def install(world: World, programs: Any) -> None:
     for name in ("detach", "disown"):
         world.global_.slots[name] = control.slots[name]
 
-    def spawn(this: Any, function: Any, clear: Any) -> Any:
+    def spawn(this: Value, function: Value, clear: Any) -> Value:
         return start(lambda: world.invoke(function, this), bool(clear))
 
     prototype(world, "System").slots["spawn"] = native(world, "spawn", spawn, 2)

@@ -1,8 +1,6 @@
-"""Lazy: a value not yet computed."""
+"""Lazy: a value that is computed on demand."""
 
 from __future__ import annotations
-
-from typing import Any
 
 from urbihw.kernel.compiler import print_node
 from urbihw.kernel.runtime.code import Code
@@ -10,20 +8,21 @@ from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import Lazy
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.executable import body_text
+from urbihw.kernel.value import Value
 
 TABLE = Table("Lazy")
 PROTOS = {"Lazy": ("Comparable",), "PseudoLazy": ("Object",)}
 
 NOTES = {
-    "PseudoLazy": "Named by the manual without any slot; Lazy is what programs meet.",
-    "Lazy": "A value that is computed when it is first asked for.",
+    "PseudoLazy": "Named in the manual without slots; programs use Lazy.",
+    "Lazy": "A value that is computed at its first use.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 @TABLE.primitive("new")
-def new(world: World, this: Any, function: Any) -> Any:
-    """A value that a function without arguments computes when it is asked for."""
+def new(world: World, this: Value, function: Value) -> Value:
+    """Make a value that a function without arguments computes on demand."""
     made = Lazy(world, lambda: world.void, None, function)
     made.thunk = lambda: world.invoke(function, made, (), "eval")
     made.protos = [this]
@@ -31,22 +30,22 @@ def new(world: World, this: Any, function: Any) -> Any:
 
 
 @TABLE.primitive("eval")
-def eval_(world: World, this: Lazy) -> Any:
-    """Compute the value, each time anew."""
+def eval_(world: World, this: Lazy) -> Value:
+    """Compute the value, at each call anew."""
     world.recorder.boxes(this.thunk)
     this.cached = this.thunk()
     return this.cached
 
 
 @TABLE.primitive("value")
-def value(world: World, this: Lazy) -> Any:
+def value(world: World, this: Lazy) -> Value:
     """The value, computed at most once."""
     return eval_(world, this) if this.cached is None else this.cached
 
 
 @TABLE.primitive("==")
-def equal(world: World, this: Any, that: Any) -> bool:
-    """Whether both have the same source, and the same value or none yet."""
+def equal(world: World, this: Value, that: Value) -> bool:
+    """Whether both have the same source, and the same value or no value yet."""
     if this is that or not (isinstance(this, Lazy) and isinstance(that, Lazy)):
         return this is that
     if (this.cached is None) != (that.cached is None):
@@ -57,8 +56,8 @@ def equal(world: World, this: Any, that: Any) -> bool:
 
 
 @TABLE.primitive("asString")
-def as_string(world: World, this: Any) -> str:
-    """The source of what is to be computed."""
+def as_string(world: World, this: Value) -> str:
+    """The source of the expression."""
     return _source(world, this) if isinstance(this, Lazy) else "Lazy"
 
 

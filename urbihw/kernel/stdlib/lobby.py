@@ -1,7 +1,7 @@
-"""Lobby: the urbiscript face of a connection.
+"""Lobby: a connection as an urbiscript object.
 
-Source: manual, specs/lobby; server protocol, sections 1 and 5.  The object itself belongs to ``kernel/lobby``; what is
-used of it here is written down as ``Lobby``.
+Source: manual, specs/lobby; server protocol, sections 1 and 5.  The object is implemented in ``kernel/lobby``; the
+protocol class ``Lobby`` declares the members used here.
 """
 
 from __future__ import annotations
@@ -16,26 +16,27 @@ from urbihw.kernel.runtime.values import List
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.channel import starred
 from urbihw.kernel.stdlib.members import members_of
+from urbihw.kernel.value import Value
 
 TABLE = Table("Lobby")
 GLOBAL = Table("Global")
 TABLES = [TABLE, GLOBAL]
 
-MOST_WAITING: Final = 8 * 1024 * 1024
-"""How many bytes may wait in a lobby to be read."""
-MOST_CREATED: Final = 64
-"""How many lobbies made by ``Lobby.create`` a connection may have."""
+MAX_UNREAD_SIZE: Final = 8 * 1024 * 1024
+"""Maximum number of unread bytes in the input of a lobby."""
+MAX_CREATED_LOBBIES: Final = 64
+"""Maximum number of lobbies made by ``Lobby.create`` per connection."""
 
 NOTES = {
-    "Lobby.connectionTag": "The tag of all that the connection runs; stopping it leaves the connection usable.",
-    "Lobby.remoteIP": "The address of the client; only of a connection by TCP.",
-    "Lobby.onDisconnect": "The event emitted with the lobby of a connection that is gone.",
+    "Lobby.connectionTag": "The tag of all jobs of the connection; after it is stopped, the connection remains usable.",
+    "Lobby.remoteIP": "The address of the client; only for a TCP connection.",
+    "Lobby.onDisconnect": "The event that is emitted with the lobby of a connection that has ended.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 class Output(Protocol):
-    """What is needed of a lobby's output."""
+    """The members of a lobby's output that are used here."""
 
     sent: int
     root: Any
@@ -48,13 +49,13 @@ class Output(Protocol):
         """Send bytes."""
         ...
 
-    def take(self) -> bytes:
-        """What waits to be sent."""
+    def take_bytes(self) -> bytes:
+        """Return and remove the bytes that wait to be sent."""
         ...
 
 
 class Lobby(Protocol):
-    """What is needed of the lobby of a connection."""
+    """The members of a connection's lobby that are used here."""
 
     output: Output
     connected: bool
@@ -64,7 +65,7 @@ class Lobby(Protocol):
     holdings: Holdings
 
     def feed(self, data: bytes) -> None:
-        """Bytes as if from the client."""
+        """Add bytes to the input, as if the client had sent them."""
         ...
 
     def quit(self) -> None:
@@ -73,30 +74,32 @@ class Lobby(Protocol):
 
 
 def current(world: World) -> Any:
-    """The lobby of the running job, or nil."""
+    """The lobby of the running job, nil if there is none."""
     context = world.scheduler.running().context
     return world.nil if context is None else context
 
 
-def real(this: Any) -> Lobby:
-    """A lobby that has a connection; raises for Lobby itself."""
+def connected_lobby(this: Value) -> Lobby:
+    """A lobby that has a connection.  Raises an error for Lobby itself."""
     if type(this).__name__ != "Lobby":
         raise errors.primitive("must be called on Lobby derivative")
     lobby: Lobby = this
     return lobby
 
 
-def mine(world: World, this: Any) -> Lobby:
-    """A lobby of the running job's own connection, or one that was created by it; raises for anybody else's."""
-    lobby = real(this)
+def own_lobby(world: World, this: Value) -> Lobby:
+    """A lobby of the running job's own connection, or one that it has created.  Raises an error for the lobby of
+    another connection.
+    """
+    lobby = connected_lobby(this)
     context = current(world)
     if context is not world.nil and lobby.output.root is not context.output.root:
         raise errors.primitive(f"{world.text(this)} belongs to another connection: only that one may do this")
     return lobby
 
 
-def echo_to(world: World, lobby: Lobby, value: Any, channel: str) -> None:
-    """One line behind three stars."""
+def echo_to(world: World, lobby: Lobby, value: Value, channel: str) -> None:
+    """Send one line after three stars."""
     lobby.output.line(starred(world.text(value)), channel)
 
 
@@ -104,102 +107,103 @@ def echo_to(world: World, lobby: Lobby, value: Any, channel: str) -> None:
 
 
 @TABLE.primitive("echo")
-def echo(world: World, this: Any, value: Any, channel: str = "") -> None:
-    """Send the text of a value behind three stars, under a label if one is given."""
-    echo_to(world, real(this), value, channel)
+def echo(world: World, this: Value, value: Value, channel: str = "") -> None:
+    """Send the text of a value after three stars, with a label if one is given."""
+    echo_to(world, connected_lobby(this), value, channel)
 
 
 @TABLE.primitive("echoEach")
-def echo_each(world: World, this: Any, values: Any, channel: str = "") -> None:
-    """``echo`` every member of a list."""
+def echo_each(world: World, this: Value, values: Value, channel: str = "") -> None:
+    """Call ``echo`` for every member of a list."""
     for value in members_of(world, values):
-        echo_to(world, real(this), value, channel)
+        echo_to(world, connected_lobby(this), value, channel)
 
 
 @TABLE.primitive("send")
-def send(world: World, this: Any, text: str, channel: str = "") -> None:
-    """Send one line with a time stamp, as it is, under a label if one is given."""
-    real(this).output.line(text, channel)
+def send(world: World, this: Value, text: str, channel: str = "") -> None:
+    """Send one line with a time stamp, unchanged, with a label if one is given."""
+    connected_lobby(this).output.line(text, channel)
 
 
 @TABLE.primitive("write")
-def write(world: World, this: Any, text: str) -> None:
-    """Send the bytes of a string and nothing else."""
-    real(this).output.write(text.encode("latin-1", "replace"))
+def write(world: World, this: Value, text: str) -> None:
+    """Send the bytes of a string without a time stamp or a line end."""
+    connected_lobby(this).output.write(text.encode("latin-1", "replace"))
 
 
 @TABLE.primitive("receive")
-def receive(world: World, this: Any, text: str) -> None:
-    """Take a string as if the client had typed it; a lobby whose connection is gone takes nothing.
+def receive(world: World, this: Value, text: str) -> None:
+    """Process a string as if the client had sent it; no effect if the connection has ended.
 
-    For a lobby of one's own connection only: nobody speaks in somebody else's name.  An error if more than 8 MiB would
-    wait there to be read: what was taken is read when the statement in the foreground is over.
+    Only for a lobby of one's own connection: no client can send input for another one.  Raises an error if more than 8
+    MiB would wait to be read: the input is read when the statement in the foreground has ended.
     """
-    lobby = mine(world, this)
+    lobby = own_lobby(world, this)
     waiting = lobby.shell.waiting
-    if waiting + len(text) > MOST_WAITING:
+    if waiting + len(text) > MAX_UNREAD_SIZE:
         raise errors.primitive(f"too much to be read: {waiting} bytes wait already, {len(text)} more are too many")
     lobby.feed(text.encode("latin-1", "replace"))
 
 
 @TABLE.primitive("interrupt")
-def interrupt(world: World, this: Any) -> None:
-    """Kill what the client runs in the foreground, and drop what waits behind it.  Not in the manual.
+def interrupt(world: World, this: Value) -> None:
+    """Kill the client's foreground statement, and discard its waiting input.  Not in the manual.
 
-    For any lobby: the console asks for it on a connection of its own, and stopping ``connectionTag`` does as much.
+    Allowed for any lobby: the console calls it on a connection of its own, and stopping ``connectionTag`` has the same
+    effect.
     """
-    world.scheduler.post(real(this).shell.interrupt)
+    world.scheduler.post(connected_lobby(this).shell.interrupt)
 
 
 @TABLE.primitive("quit")
-def quit_(world: World, this: Any) -> None:
-    """Close the connection, one's own; the server goes on."""
-    mine(world, this).quit()
+def quit_(world: World, this: Value) -> None:
+    """Close one's own connection; the server continues."""
+    own_lobby(world, this).quit()
 
 
 # ---------------------------------------------------------------- asking
 
 
 @TABLE.primitive("lobby")
-def lobby(world: World, this: Any) -> Any:
+def lobby(world: World, this: Value) -> Value:
     """The lobby of the connection whose code is running."""
     return current(world)
 
 
 @TABLE.primitive("connected")
-def connected(world: World, this: Any) -> bool:
-    """Whether the connection is still there."""
-    return real(this).connected
+def connected(world: World, this: Value) -> bool:
+    """Whether the connection is open."""
+    return connected_lobby(this).connected
 
 
-def _alive(this: Any) -> Lobby:
-    lobby = real(this)
+def _alive(this: Value) -> Lobby:
+    lobby = connected_lobby(this)
     if not lobby.connected:
         raise errors.primitive("Lobby is not connected")
     return lobby
 
 
 @TABLE.primitive("bytesSent")
-def bytes_sent(world: World, this: Any) -> float:
-    """How many bytes were sent to the client."""
+def bytes_sent(world: World, this: Value) -> float:
+    """The number of bytes sent to the client."""
     return float(_alive(this).output.sent)
 
 
 @TABLE.primitive("bytesReceived")
-def bytes_received(world: World, this: Any) -> float:
-    """How many bytes came from the client."""
+def bytes_received(world: World, this: Value) -> float:
+    """The number of bytes received from the client."""
     return float(_alive(this).received)
 
 
 @TABLE.primitive("asString", "asPrintable")
-def as_string(world: World, this: Any) -> str:
-    """``Lobby`` itself, or ``Lobby_`` and the identity."""
+def as_string(world: World, this: Value) -> str:
+    """``Lobby`` itself, or ``Lobby_`` and the uid."""
     return "Lobby" if this is world.lobby_proto else f"Lobby_{world.uid(this)}"
 
 
 @TABLE.primitive("clone", "new")
-def clone(world: World, this: Any) -> None:
-    """Always an error: see ``create``."""
+def clone(world: World, this: Value) -> None:
+    """Always raises an error: use ``create``."""
     raise errors.primitive("`Lobby' objects cannot be cloned")
 
 
@@ -207,33 +211,33 @@ def clone(world: World, this: Any) -> None:
 
 
 @GLOBAL.primitive("echo")
-def global_echo(world: World, this: Any, value: Any, channel: str = "") -> None:
-    """Send the text of a value behind three stars to the running job's connection, labelled if a label is given."""
+def global_echo(world: World, this: Value, value: Value, channel: str = "") -> None:
+    """Send the text of a value after three stars to the running job's connection, with a label if one is given."""
     context = world.scheduler.running().context
     if context is not None:
         echo_to(world, context, value, channel)
 
 
 def install(world: World, programs: Any) -> None:
-    """What needs to know all lobbies."""
+    """Install the functions that use the list of all lobbies."""
     table = Table("Lobby")
     shared = Table("Global")
 
     @table.primitive("instances")
-    def instances(world: World, this: Any) -> Any:
+    def instances(world: World, this: Value) -> Value:
         """The list of Lobby itself and the lobbies of all connections."""
         return _all(world, programs)
 
     @table.primitive("create")
-    def create(world: World, this: Any) -> Any:
-        """A fresh lobby without connection; what it says goes where the running job's lobby speaks to.  It ends with
-        the connection of that lobby, if not before by ``quit``."""
+    def create(world: World, this: Value) -> Value:
+        """Make a lobby without a connection; its output goes to the output of the running job's lobby.  It ends with
+        the connection of that lobby, or by ``quit``."""
         return _created(world, current(world))
 
     @table.primitive("wall")
     @shared.primitive("wall")
-    def wall(world: World, this: Any, value: Any, channel: str = "") -> None:
-        """``echo`` to every connection, under a label if one is given."""
+    def wall(world: World, this: Value, value: Value, channel: str = "") -> None:
+        """Call ``echo`` for every connection, with a label if one is given."""
         for lobby in _all(world, programs).l[1:]:
             echo_to(world, lobby, value, channel)
 
@@ -247,19 +251,19 @@ def _all(world: World, programs: Any) -> List:
 
 
 def _created(world: World, maker: Any) -> Any:
-    """A lobby of the maker's class that speaks through the maker's output."""
-    speaker = real(maker)
-    speaker.holdings.check("lobbies", MOST_CREATED)
+    """A lobby of the maker's class that writes to the maker's output."""
+    speaker = connected_lobby(maker)
+    speaker.holdings.check("lobbies", MAX_CREATED_LOBBIES)
     make: Callable[..., Any] = type(maker)
     made = make(world, speaker.programs, lambda lobby: None)
     made.output = Relay(speaker.output)
-    made.belong_to(speaker)
-    speaker.holdings.own(made, "lobbies", MOST_CREATED)
+    made.set_maker(speaker)
+    speaker.holdings.register(made, "lobbies", MAX_CREATED_LOBBIES)
     return made
 
 
 class Relay:
-    """An output that hands everything on to another one until it is closed."""
+    """An output that forwards everything to another one until it is closed."""
 
     def __init__(self, output: Output) -> None:
         self._output = output
@@ -279,13 +283,13 @@ class Relay:
             self.sent += len(data)
             self._output.write(data)
 
-    def take(self) -> bytes:
-        """Nothing waits here."""
+    def take_bytes(self) -> bytes:
+        """Return nothing: no bytes wait here."""
         return b""
 
     def close(self) -> None:
-        """Nothing more is handed on."""
+        """Stop forwarding."""
         self.open = False
 
-    def let_go(self) -> None:
-        """Who waits for room waits at the other output."""
+    def release_writers(self) -> None:
+        """No operation: writers wait at the other output."""

@@ -1,7 +1,8 @@
-"""Localizer: parts of a robot told apart by where they are, ``wheel[left]`` (manual, chapter 22, "Localization").
+"""Localizer: components of a robot selected by their position, ``wheel[left]`` (manual, chapter 22, "Localization").
 
-The native half is what urbiscript cannot say without making ``[]`` slower for everybody: an index that is looked up as
-a slot of Localizer before it is evaluated; and messages to all parts at once, ``wheel.speed = 0``, as to a Group.
+The native half implements what urbiscript could express only by making ``[]`` slower for all objects: an index that is
+looked up as a slot of Localizer before it is evaluated.  It also sends messages to all components at once,
+``wheel.speed = 0``, like a Group.
 """
 
 from __future__ import annotations
@@ -17,36 +18,37 @@ from urbihw.kernel.runtime.values import CallMessage
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib import prototype
 from urbihw.kernel.stdlib.group import GroupObject
+from urbihw.kernel.value import Value
 
 TABLE = Table("Localizer")
 
 
 class LocalizerObject(Obj):
-    """An urbiscript Localizer; ``parts`` are in the order in which they were set."""
+    """An urbiscript Localizer; ``parts`` are in the order in which they were added."""
 
     __slots__ = ("parts",)
-    bounces = True
+    assigns_to_members = True
 
     def __init__(self, world: World, protos: list[Obj]) -> None:
         super().__init__(world, protos)
         self.parts: list[tuple[Any, Any]] = []
 
     def clone(self) -> LocalizerObject:
-        """A Localizer without parts."""
+        """A Localizer without components."""
         return LocalizerObject(self.world, [self])
 
-    def distribute(self, value: Any, action: Callable[[Any, Any], Any]) -> Any:
-        """Do something with all parts at the same time."""
+    def distribute(self, value: Value, action: Callable[[Any, Any], Any]) -> Value:
+        """Call ``action(member, share)`` for all components in parallel."""
         return self.group().distribute(value, action)
 
     def group(self) -> GroupObject:
-        """The parts as a Group."""
+        """The components as a Group."""
         made = GroupObject(self.world, [self.world.classes["Group"]])
         made.members = [part for _, part in self.parts]
         return made
 
     def find_part(self, place: Any) -> int:
-        """The index of the part at a place, -1 if there is none."""
+        """The index of the component at a position, -1 if there is none."""
         for index, (known, _) in enumerate(self.parts):
             if known is place or (known.__class__ is float and place.__class__ is float and known == place):
                 return index
@@ -57,8 +59,10 @@ CLASSES = {"Localizer": LocalizerObject}
 PROTOS = {"Localizer": ("Component",)}
 
 
-def _place(world: World, message: CallMessage) -> Any:
-    """The place meant by an index: a constant of Localization by its name, else what it evaluates to."""
+def _place(world: World, message: CallMessage) -> Value:
+    """The position for an index expression: a constant of Localization by its name, otherwise the value of the
+    expression.
+    """
     argument = message.args[0]
     node = argument.node
     if type(node).__name__ == "Call" and node.target is None and node.args is None:
@@ -69,7 +73,7 @@ def _place(world: World, message: CallMessage) -> Any:
 
 
 def _checked(world: World, place: Any) -> Any:
-    """A place: a Localization or a number from 0."""
+    """Check that a value is a position: a Localization, or a number from 0 on."""
     if place.__class__ is float:
         if place < 0 or place != int(place):
             raise errors.primitive(f"expected a number from 0, given {world.printable(place)}")
@@ -86,8 +90,8 @@ def _names(world: World) -> list[str]:
 
 
 @TABLE.primitive("get")
-def get(world: World, this: LocalizerObject, place: Any) -> Any:
-    """The part at a place, a Localization or a number."""
+def get(world: World, this: LocalizerObject, place: Any) -> Value:
+    """The component at a position, a Localization or a number."""
     index = this.find_part(_checked(world, place))
     if index < 0:
         known = " ".join(f"[{world.text(place)}]" for place, _ in this.parts) or "none"
@@ -98,13 +102,13 @@ def get(world: World, this: LocalizerObject, place: Any) -> Any:
 
 @TABLE.primitive("has")
 def has(world: World, this: LocalizerObject, place: Any) -> bool:
-    """Whether there is a part at a place."""
+    """Whether there is a component at a position."""
     return this.find_part(_checked(world, place)) >= 0
 
 
 @TABLE.primitive("put")
-def put(world: World, this: LocalizerObject, place: Any, part: Any) -> Any:
-    """Set the part at a place, without the checks of ``set``; gives the part."""
+def put(world: World, this: LocalizerObject, place: Any, part: Any) -> Value:
+    """Store the component for a position without the checks of ``set``; returns the component."""
     index = this.find_part(_checked(world, place))
     if index < 0:
         this.parts.append((place, part))
@@ -114,28 +118,30 @@ def put(world: World, this: LocalizerObject, place: Any, part: Any) -> Any:
 
 
 @TABLE.primitive("places")
-def places(world: World, this: LocalizerObject) -> Any:
-    """The places where there is a part, in the order in which they were set."""
+def places(world: World, this: LocalizerObject) -> Value:
+    """The positions with a component, in the order in which they were added."""
     return world.new_list([place for place, _ in this.parts])
 
 
 @TABLE.primitive("asGroup")
-def as_group(world: World, this: LocalizerObject) -> Any:
-    """The parts as a Group."""
+def as_group(world: World, this: LocalizerObject) -> Value:
+    """The components as a Group."""
     return this.group()
 
 
 def install(world: World, programs: Any) -> None:
-    """``[]``, its assignment and ``fallback``, of which only ``fallback`` counts as a lazy name: see above."""
+    """Install ``[]``, its assignment and ``fallback``.  Only ``fallback`` counts as a lazy name (see the module's
+    description).
+    """
     proto = prototype(world, "Localizer")
 
-    def read(message: CallMessage) -> Any:
+    def read(message: CallMessage) -> Value:
         return get(world, message.target, _place(world, message))
 
-    def write(message: CallMessage) -> Any:
+    def write(message: CallMessage) -> Value:
         return world.send(message.target, "set", _place(world, message), message.args[1].force())
 
-    def fallback(message: CallMessage) -> Any:
+    def fallback(message: CallMessage) -> Value:
         this = message.target
         if not this.parts:
             raise errors.lookup_failed(message.message)

@@ -1,8 +1,8 @@
-"""The process that looks for a regular expression in a text; run as a program by ``matcher``, never imported.
+"""The worker process for regular expressions: ``matcher`` runs this module as a program; it is never imported.
 
-On both pipes: the length of what follows in four bytes, and a value as ``marshal`` writes it.  A request is
-(expression, text, seconds); the answer is [whole match, group, ...], or None, or how it failed, as a string.  The
-operating system ends the process when the seconds have passed.
+Messages on both pipes: a length in four bytes, then a value written by ``marshal``.  A request is (expression, text,
+seconds); the answer is [whole match, group, ...], None, or an error message as a string.  The operating system ends the
+process after that number of seconds.
 """
 
 import marshal
@@ -11,12 +11,12 @@ import resource
 import signal
 import sys
 
-MEMORY = 512 * 1024 * 1024
-"""Bytes of memory that the process may take."""
+MEMORY_LIMIT = 512 * 1024 * 1024
+"""Maximum memory of the process, in bytes."""
 
 
 def answer(expression: str, text: str) -> list[str] | str | None:
-    """The groups of the first match, None if there is none, or what went wrong."""
+    """The groups of the first match, None if there is none, or an error message."""
     try:
         match = re.compile(expression, re.ASCII).search(text)
     except MemoryError:
@@ -27,10 +27,10 @@ def answer(expression: str, text: str) -> list[str] | str | None:
 
 
 def main() -> None:
-    """Answer until the other end closes."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C is for the other end
+    """Answer requests until the other end closes the pipe."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent process
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, MEMORY_LIMIT))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     source, target = sys.stdin.buffer, sys.stdout.buffer
     while len(head := source.read(4)) == 4:

@@ -1,7 +1,7 @@
-"""Regular expressions that may take long: a process of their own looks for them, which is ended when it takes too long.
+"""Regular expressions that may take long: a worker process searches for them and is killed after a time limit.
 
-Python's ``re`` cannot be told to give up and lets no other thread run meanwhile, and what an expression costs, in time
-and in memory, may double with each character of the text.
+A search by Python's ``re`` cannot be cancelled and blocks all other threads, and its time and memory may double with
+each character of the text.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ FAILED: Final = "could not be looked for"
 
 
 class Matcher:
-    """The process; it begins when it is first needed.  Calls may come from any thread, one at a time."""
+    """The worker process, started on demand.  Calls may come from any thread, one at a time."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
 
     def search(self, expression: str, text: str, seconds: float) -> list[str] | None:
-        """The first match and its groups, or None.  Raises TimeoutError, and ValueError for how else it failed."""
+        """The first match and its groups, or None.  Raises TimeoutError, and ValueError for other failures."""
         process = self._process if self._process is not None else self._begin()
         assert process.stdin is not None and process.stdout is not None
         data = marshal.dumps((expression, text, seconds))
@@ -52,7 +52,7 @@ class Matcher:
         return made
 
     def close(self) -> None:
-        """End the process; the next search begins another one."""
+        """End the process; the next search starts another one."""
         process, self._process = self._process, None
         if process is not None:
             process.kill()

@@ -1,4 +1,4 @@
-"""Math: the functions of Float in the usual notation."""
+"""Math: the functions of Float in mathematical notation."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.float_loops import best
+from urbihw.kernel.value import Value
 
 TABLE = Table("Math")
 PROTOS = {"Math": ("Singleton",)}
@@ -42,18 +43,18 @@ for _name in ("inf", "nan", "pi"):
 
 
 @TABLE.primitive("atan2")
-def atan2(world: World, this: Any, y: Any, x: Any) -> Any:
+def atan2(world: World, this: Value, y: Value, x: Value) -> Value:
     """``y.atan2(x)``: the angle of the point (x, y), in radians."""
     return world.send(y, "atan2", x)
 
 
 @TABLE.primitive("max")
-def max_(world: World, this: Any, first: Any, *others: Any) -> Any:
-    """The greatest of the arguments."""
+def max_(world: World, this: Value, first: Value, *others: Value) -> Value:
+    """The maximum of the arguments."""
     return best(world, [first, *others], True)
 
 
 @TABLE.primitive("min")
-def min_(world: World, this: Any, first: Any, *others: Any) -> Any:
-    """The least of the arguments."""
+def min_(world: World, this: Value, first: Value, *others: Value) -> Value:
+    """The minimum of the arguments."""
     return best(world, [first, *others], False)

@@ -1,7 +1,7 @@
-"""What the containers share: equality and order of members, calling functions on members, indexes.
+"""Functions shared by the containers: equality and order of members, calls with each member, indexes.
 
-``each`` yields between calls like the ``;`` of a for-each, ``each_tight`` does not, ``each_apart`` gives every member
-a job of its own.
+``each`` gives other jobs turns between calls like the ``;`` of a for-each; ``each_tight`` does not; ``each_apart`` runs
+each call in a job of its own.
 """
 
 from __future__ import annotations
@@ -16,17 +16,19 @@ from urbihw.kernel.runtime.values import List, String
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.group import Group
 from urbihw.kernel.stdlib.slices import in_slices
+from urbihw.kernel.value import Value
 
 Less = Callable[[Any, Any], bool]
 
 __breakable__ = True
+__calls__ = {"each": ("f",), "each_tight": ("f",)}
 
-MANY = 1e7
-"""How many members a built-in function may be asked to make of a number."""
+MAX_GENERATED_MEMBERS = 1e7
+"""Maximum number of members that a primitive makes from a number."""
 
 
-def equal(world: World, a: Any, b: Any) -> bool:
-    """Whether ``a == b`` as urbiscript has it."""
+def equal(world: World, a: Value, b: Value) -> bool:
+    """Whether ``a == b`` in urbiscript."""
     if a.__class__ is float and b.__class__ is float:
         return bool(a == b)
     if a.__class__ is String and b.__class__ is String and "==" not in a.slots:
@@ -34,15 +36,17 @@ def equal(world: World, a: Any, b: Any) -> bool:
     return bool(world.ops.equal(a, b))
 
 
-def same_members(world: World, a: Sequence[Any], b: Sequence[Any]) -> bool:
-    """Whether two sequences are equal member by member."""
+def same_members(world: World, a: Sequence[Value], b: Sequence[Value]) -> bool:
+    """Whether two sequences have the same size and equal members."""
     if len(a) != len(b):
         return False
     return all(equal(world, x, y) for x, y in zip(in_slices(world, a), in_slices(world, b), strict=True))
 
 
-def less(world: World, a: Any, b: Any) -> bool:
-    """Whether ``a < b``; a member that cannot be compared with another of a built-in type is argument 2."""
+def less(world: World, a: Value, b: Value) -> bool:
+    """Whether ``a < b``.  If a member of a built-in type cannot be compared with the other, the error names
+    argument 2.
+    """
     if a.__class__ is float:
         return bool(a < (b if b.__class__ is float else world.as_float(b, 2, "")))
     if a.__class__ is String and "<" not in a.slots:
@@ -52,16 +56,16 @@ def less(world: World, a: Any, b: Any) -> bool:
     return bool(world.send(a, "<", b))
 
 
-def comparison(world: World, this: Any, function: Any) -> Less:
-    """The order meant by an optional comparison function."""
+def comparison(world: World, this: Value, function: Value) -> Less:
+    """The order defined by an optional comparison function."""
     if function is None:
         return partial(less, world)
     wanted = callable_of(world, function)
     return lambda a, b: bool(world.invoke(wanted, this, (a, b)))
 
 
-def less_members(world: World, a: Sequence[Any], b: Sequence[Any]) -> bool:
-    """Whether a sequence comes before another in lexicographic order."""
+def less_members(world: World, a: Sequence[Value], b: Sequence[Value]) -> bool:
+    """Whether a sequence comes before another one in lexicographic order."""
     for x, y in zip(in_slices(world, a), in_slices(world, b), strict=False):
         if bool(world.send(x, "<", y)):
             return True
@@ -71,11 +75,11 @@ def less_members(world: World, a: Sequence[Any], b: Sequence[Any]) -> bool:
 
 
 class Ranked:
-    """A member under an order given by a function, for Python's sort."""
+    """A member with an order defined by a function, for Python's sort."""
 
     __slots__ = ("less", "value")
 
-    def __init__(self, order: Less, value: Any) -> None:
+    def __init__(self, order: Less, value: Value) -> None:
         self.less = order
         self.value = value
 
@@ -83,15 +87,15 @@ class Ranked:
         return self.less(self.value, other.value)
 
 
-def callable_of(world: World, value: Any, index: int = 1) -> Executable:
-    """An argument that must be a function."""
+def callable_of(world: World, value: Value, index: int = 1) -> Executable:
+    """Check that an argument is a function."""
     if not isinstance(value, Executable):
         raise world.type_error(index, value, "Code")
     return value
 
 
-def each(world: World, this: Any, members: Iterable[Any], function: Any) -> None:
-    """Call a function on members in turn, giving way to others in between."""
+def each(world: World, this: Value, members: Iterable[Value], function: Value) -> None:
+    """Call a function with each member in turn, with turns for other jobs in between."""
     wanted = callable_of(world, function)
     scheduler = world.scheduler
     first = True
@@ -102,23 +106,23 @@ def each(world: World, this: Any, members: Iterable[Any], function: Any) -> None
         world.invoke(wanted, this, (member,))
 
 
-def each_tight(world: World, this: Any, members: Iterable[Any], function: Any) -> None:
-    """Call a function on members in turn."""
+def each_tight(world: World, this: Value, members: Iterable[Value], function: Value) -> None:
+    """Call a function with each member in turn."""
     wanted = callable_of(world, function)
     for member in members:
         world.invoke(wanted, this, (member,))
 
 
-def each_apart(world: World, this: Any, members: Iterable[Any], function: Any) -> None:
-    """Call a function on all members at the same time; wait until all calls are over."""
+def each_apart(world: World, this: Value, members: Iterable[Value], function: Value) -> None:
+    """Call a function with all members in parallel; wait until all calls have ended."""
     wanted = callable_of(world, function)
     with Group(world.scheduler) as group:
         for member in members:
             group.launch(partial(world.invoke, wanted, this, (member,)), "each&")
 
 
-def index_in(size: int, value: Any, world: World, negative: bool = True) -> int:
-    """A valid index into ``size`` members; negative ones count from the end.  Raises ``invalid index: N``."""
+def index_in(size: int, value: Value, world: World, negative: bool = True) -> int:
+    """A valid index into ``size`` members; negative indexes count from the end.  Raises ``invalid index: N``."""
     number = world.as_float(value, 1, "") if value.__class__ is not float else value
     low = -size if negative else 0
     if not low <= number < size or number != int(number):
@@ -127,16 +131,18 @@ def index_in(size: int, value: Any, world: World, negative: bool = True) -> int:
     return index + size if index < 0 else index
 
 
-def count(world: World, value: Any, index: int = 1) -> int:
-    """The argument number ``index``, which must be a non-negative integer."""
+def count(world: World, value: Value, index: int = 1) -> int:
+    """Check that argument number ``index`` is a non-negative integer, and return it."""
     number = world.as_float(value, index, "") if value.__class__ is not float else value
     if not 0 <= number < 2**63 or number != int(number):
         raise errors.bad_number("NegativeNumber", f"expected non-negative integer, got {world.text(value)}")
     return int(number)
 
 
-def repetitions(world: World, value: Any, size: int, most: int, what: str) -> int:
-    """How often something of this size is to be repeated; raises if it would be more than ``most`` in all."""
+def repetitions(world: World, value: Value, size: int, most: int, what: str) -> int:
+    """The number of repetitions of something of this size.  Raises an error if the result would be larger than
+    ``most``.
+    """
     number = count(world, value)
     if number * size > most:
         wanted = f"expected a result of at most {most} {what}, got {world.text(value)} times {size}"
@@ -144,15 +150,16 @@ def repetitions(world: World, value: Any, size: int, most: int, what: str) -> in
     return number
 
 
-def members_of(world: World, value: Any) -> Iterable[Any]:
-    """What ``each`` gives of an argument; not of a number so large that nobody means to wait for its end."""
-    if value.__class__ is float and value > MANY:
-        raise errors.bad_number("BadNumber", f"expected at most {MANY:.0f} members, got {world.text(value)}")
+def members_of(world: World, value: Value) -> Iterable[Any]:
+    """The members of an argument, as ``each`` enumerates them.  Raises an error for a number that is too large."""
+    if value.__class__ is float and value > MAX_GENERATED_MEMBERS:
+        message = f"expected at most {MAX_GENERATED_MEMBERS:.0f} members, got {world.text(value)}"
+        raise errors.bad_number("BadNumber", message)
     return world.iterate(value)
 
 
-def strings_of(world: World, value: Any, index: int) -> list[str]:
-    """An argument that is a String, or a List of them."""
+def strings_of(world: World, value: Value, index: int) -> list[str]:
+    """The strings of an argument that is a String or a List of Strings."""
     if isinstance(value, String):
         return [value.s]
     if not isinstance(value, List):

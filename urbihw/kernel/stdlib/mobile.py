@@ -1,4 +1,4 @@
-"""Mobility: how a robot that can drive gets the rest of ``Interface.Mobile``; all of it is said in urbiscript."""
+"""Mobility: the slots of ``Interface.Mobile`` that are derived from others, implemented in urbiscript."""
 
 from __future__ import annotations
 

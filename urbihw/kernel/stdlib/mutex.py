@@ -1,19 +1,18 @@
-"""Mutex: a tag under which one job runs at a time.
+"""Mutex: a tag whose code is executed by one job at a time.
 
-Source: manual, specs/mutex.  Jobs get it in the order in which they came; a job that holds it may enter again.
+Source: manual, specs/mutex.  Jobs get the mutex in the order of their requests; a job that holds it may enter again.
 """
 
 from __future__ import annotations
 
-from collections import deque
-from typing import Any
-
 from urbihw.kernel.runtime.object import Obj
-from urbihw.kernel.runtime.passage import TagObject, TagPassage
 from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.tagscope import TagObject, TagObjectScope
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.tag import Tag
+from urbihw.kernel.sched.waiting import HandoverQueue
+from urbihw.kernel.value import Value
 
 TABLE = Table("Mutex")
 
@@ -27,49 +26,37 @@ class MutexObject(TagObject):
         super().__init__(world, protos, Tag(world.scheduler, "mutex", parent))
         self._holder: Job | None = None
         self._depth = 0
-        self._waiting: deque[Job] = deque()
+        self._waiting: HandoverQueue[None] = HandoverQueue(world.scheduler)
 
     def clone(self) -> MutexObject:
-        """A free mutex."""
+        """A new mutex that no job holds."""
         return MutexObject(self.world, [self], self.tag)
 
-    def open(self) -> MutexPassage:
-        """A passage through code under this mutex."""
-        return MutexPassage(self)
+    def open(self) -> MutexScope:
+        """A scope for code under this mutex."""
+        return MutexScope(self)
 
     def acquire(self) -> None:
-        """Wait until the running job holds this mutex."""
-        scheduler = self.world.scheduler
-        job = scheduler.running()
+        """Wait until the running job holds the mutex."""
+        job = self.world.scheduler.running()
         if self._holder is None:
             self._holder = job
         elif self._holder is not job:
-            self._waiting.append(job)
-            try:
-                while self._holder is not job:
-                    scheduler.suspend(None)
-            except BaseException:
-                if self._holder is job:
-                    self._pass_on()
-                else:
-                    self._waiting.remove(job)
-                raise
+            self._waiting.wait(lambda _: self._pass_on())
         self._depth += 1
 
     def release(self) -> None:
-        """The running job holds it once less; the next in line gets it when it is free."""
+        """Release the mutex once for the running job; when it is free, the next waiting job gets it."""
         self._depth -= 1
         if self._depth == 0:
             self._pass_on()
 
     def _pass_on(self) -> None:
-        self._holder = self._waiting.popleft() if self._waiting else None
-        if self._holder is not None:
-            self.world.scheduler.wake(self._holder)
+        self._holder = self._waiting.hand_over(None)
 
 
-class MutexPassage(TagPassage):
-    """A passage through code under a mutex."""
+class MutexScope(TagObjectScope):
+    """The scope of a mutex: one job at a time may be in it."""
 
     __slots__ = ("_held", "_mutex")
 
@@ -79,13 +66,13 @@ class MutexPassage(TagPassage):
         self._held = False
 
     def enter(self) -> None:
-        """Wait for the mutex and go in."""
+        """Wait for the mutex and enter the scope."""
         self._mutex.acquire()
         self._held = True
         super().enter()
 
     def exit(self) -> None:
-        """Go out and give the mutex back."""
+        """Leave the scope and release the mutex."""
         try:
             super().exit()
         finally:
@@ -100,16 +87,16 @@ PROTOS = {"Mutex": ("Tag",)}
 
 @TABLE.primitive("init")
 def init(world: World, this: MutexObject) -> None:
-    """A free mutex; it takes no name."""
+    """Make a mutex without a name."""
 
 
 @TABLE.primitive("asMutex")
-def as_mutex(world: World, this: MutexObject) -> Any:
-    """This mutex itself."""
+def as_mutex(world: World, this: MutexObject) -> Value:
+    """This mutex."""
     return this
 
 
 @TABLE.primitive("asString", "asPrintable")
 def as_string(world: World, this: MutexObject) -> str:
-    """``Mutex_`` and the identity."""
+    """``Mutex_`` and the uid."""
     return f"{world.type_name(this)}_{world.uid(this)}"

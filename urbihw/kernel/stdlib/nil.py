@@ -1,4 +1,4 @@
-"""nil: an empty value, which can be read, and counts as false."""
+"""nil: an empty value that can be read and counts as false."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from urbihw.kernel.stdlib import prototype
 from urbihw.kernel.stdlib.support import native
 
 NOTES = {
-    "nil.isNil": "True.",
-    "nil.asString": "nil.",
+    "nil.isNil": "Always true.",
+    "nil.asString": "The string nil.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 def install(world: World, programs: Any) -> None:
-    """Make nil a Singleton that calls itself nil."""
+    """Make nil a Singleton whose type is its own name."""
     world.nil.set_protos([prototype(world, "Singleton")])
     world.nil.slots["type"] = world.string("nil")
     world.nil.slots["isNil"] = native(world, "isNil", lambda this: world.true, 0)

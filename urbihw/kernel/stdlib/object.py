@@ -1,40 +1,44 @@
-"""Object: slots, prototypes, identity, conversions.  Properties are in ``properties``, descriptions in ``describe``."""
+"""Object: slots, prototypes, identity, conversions.  ``properties`` has the properties of slots, ``describe`` the
+descriptions.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
 from urbihw.kernel import errors
+from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.record import lineage
 from urbihw.kernel.runtime.slot import meta_of
 from urbihw.kernel.runtime.values import CallMessage, FloatObject, List, ProtoList
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.support import Field, native
+from urbihw.kernel.value import Value
 
 TABLE = Table("Object")
 PROTOS = {"Object": ("Orderable", "Global")}
 
 NOTES = {
-    "Object": "What all objects come from: slots, prototypes, identity, conversions.",
+    "Object": "The ancestor of all objects: slots, prototypes, identity, conversions.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 # ---------------------------------------------------------------- making objects
 
 
 @TABLE.primitive("clone")
-def clone(world: World, this: Any) -> Any:
-    """A fresh object whose only prototype is this one."""
+def clone(world: World, this: Value) -> Value:
+    """A new object whose only prototype is this one."""
     return FloatObject(world, [this], this) if this.__class__ is float else this.clone()
 
 
 @TABLE.raw("new", least=0, most=-1)
 def new(world: World) -> Any:
-    """A clone of this, after its ``init`` was called with the arguments."""
+    """Clone this object and call ``init`` of the clone with the arguments."""
 
-    def run(this: Any, *args: Any) -> Any:
+    def run(this: Value, *args: Value) -> Value:
         made = world.send(this, "clone")
         if made is not this:
             world.send(made, "init", *args)
@@ -44,22 +48,22 @@ def new(world: World) -> Any:
 
 
 @TABLE.primitive("init")
-def init(world: World, this: Any) -> None:
-    """Nothing: what ``new`` calls unless a prototype defines its own."""
+def init(world: World, this: Value) -> None:
+    """No operation: the constructor called by ``new`` unless a prototype defines its own."""
 
 
 # ---------------------------------------------------------------- slots
 
 
 @TABLE.primitive("getSlot")
-def get_slot(world: World, this: Any, name: str) -> Any:
-    """The value of a slot, not called, its own or inherited; raises ``lookup failed``."""
+def get_slot(world: World, this: Value, name: str) -> Value:
+    """The value of a local or inherited slot, without calling it.  Raises ``lookup failed``."""
     return world.get_slot(this, name)
 
 
 @TABLE.primitive("getLocalSlot")
-def get_local_slot(world: World, this: Any, name: str) -> Any:
-    """The value of a slot of this object itself; raises ``lookup failed``."""
+def get_local_slot(world: World, this: Value, name: str) -> Value:
+    """The value of a slot of this object itself.  Raises ``lookup failed``."""
     slots = world.peek_obj(this).slots if _has_own_slots(world, this) else {}
     if name not in slots:
         raise errors.lookup_failed(name)
@@ -67,13 +71,13 @@ def get_local_slot(world: World, this: Any, name: str) -> Any:
 
 
 @TABLE.primitive("setSlot")
-def set_slot(world: World, this: Any, name: str, value: Any) -> Any:
-    """Create a slot; raises ``slot redefinition`` if this object has it already."""
+def set_slot(world: World, this: Value, name: str, value: Value) -> Value:
+    """Create a slot.  Raises ``slot redefinition`` if this object already has it."""
     return world.set_slot(this, name, value)
 
 
 @TABLE.primitive("setConstSlot")
-def set_const_slot(world: World, this: Any, name: str, value: Any) -> Any:
+def set_const_slot(world: World, this: Value, name: str, value: Value) -> Value:
     """Create a slot that cannot be assigned."""
     world.set_slot(this, name, value)
     meta_of(world.as_obj(this), name).constant = True
@@ -81,60 +85,60 @@ def set_const_slot(world: World, this: Any, name: str, value: Any) -> Any:
 
 
 @TABLE.primitive("updateSlot")
-def update_slot(world: World, this: Any, name: str, value: Any) -> Any:
-    """Assign an existing slot, copying an inherited one first; raises ``lookup failed``."""
+def update_slot(world: World, this: Value, name: str, value: Value) -> Value:
+    """Assign an existing slot; an inherited slot is copied first.  Raises ``lookup failed``."""
     return world.update_slot(this, name, value)
 
 
 @TABLE.primitive("createSlot")
-def create_slot(world: World, this: Any, name: str) -> None:
-    """Create a slot without a value; raises ``slot redefinition``."""
+def create_slot(world: World, this: Value, name: str) -> None:
+    """Create a slot without a value.  Raises ``slot redefinition``."""
     world.set_slot(this, name, world.void)
 
 
 @TABLE.primitive("removeSlot", "removeLocalSlot")
-def remove_slot(world: World, this: Any, name: str) -> Any:
-    """Remove a slot of this object, if it has it; returns this."""
+def remove_slot(world: World, this: Value, name: str) -> Value:
+    """Remove a slot of this object, if it exists; returns this object."""
     if _has_own_slots(world, this):
         world.ops.remove_slot(this, name)
     return this
 
 
 @TABLE.primitive("copySlot")
-def copy_slot(world: World, this: Any, source: str, name: str) -> None:
-    """Make a slot with the same value as another one."""
+def copy_slot(world: World, this: Value, source: str, name: str) -> None:
+    """Create a slot with the same value as another slot."""
     world.set_slot(this, name, _source(world, this, source, "copySlot"))
 
 
 @TABLE.primitive("cloneSlot")
-def clone_slot(world: World, this: Any, source: str, name: str) -> None:
-    """Make a slot with a clone of the value of another one."""
+def clone_slot(world: World, this: Value, source: str, name: str) -> None:
+    """Create a slot with a clone of the value of another slot."""
     world.set_slot(this, name, world.send(_source(world, this, source, "cloneSlot"), "clone"))
 
 
-def _source(world: World, this: Any, name: str, routine: str) -> Any:
+def _source(world: World, this: Value, name: str, routine: str) -> Value:
     if world.peek_obj(this).find(name) is None:
         raise errors.Raised("Lookup", f"lookup failed: {name}", routine, name=name)
     return world.get_slot(this, name)
 
 
 @TABLE.primitive("hasSlot")
-def has_slot(world: World, this: Any, name: str) -> bool:
-    """Whether this object has the slot, its own or inherited."""
+def has_slot(world: World, this: Value, name: str) -> bool:
+    """Whether this object has the slot, local or inherited."""
     world.recorder.read(this, name)
     return world.peek_obj(this).find(name) is not None
 
 
 @TABLE.primitive("hasLocalSlot")
-def has_local_slot(world: World, this: Any, name: str) -> bool:
+def has_local_slot(world: World, this: Value, name: str) -> bool:
     """Whether this object itself has the slot."""
     world.recorder.read(this, name)
     return _has_own_slots(world, this) and name in world.peek_obj(this).slots
 
 
 @TABLE.primitive("locateSlot")
-def locate_slot(world: World, this: Any, name: str) -> Any:
-    """The object from which a slot comes, nil if there is none."""
+def locate_slot(world: World, this: Value, name: str) -> Value:
+    """The object in which the slot is found, nil if there is none."""
     holder = world.peek_obj(this).find(name)
     if holder is None:
         return world.nil
@@ -142,20 +146,20 @@ def locate_slot(world: World, this: Any, name: str) -> Any:
 
 
 @TABLE.primitive("localSlotNames")
-def local_slot_names(world: World, this: Any) -> Any:
-    """The names of this object's own slots, in alphabetical order."""
+def local_slot_names(world: World, this: Value) -> Value:
+    """The names of this object's local slots, in alphabetical order."""
     names = sorted(world.peek_obj(this).slots) if _has_own_slots(world, this) else []
     return world.new_list([world.string(name) for name in names])
 
 
 @TABLE.primitive("slotNames", "allSlotNames")
-def slot_names(world: World, this: Any) -> Any:
-    """The names of all slots, inherited ones too, in alphabetical order."""
+def slot_names(world: World, this: Value) -> Value:
+    """The names of all slots, including inherited ones, in alphabetical order."""
     names = {name for value in lineage(world, this) for name in world.peek_obj(value).slots}
     return world.new_list([world.string(name) for name in sorted(names)])
 
 
-def _has_own_slots(world: World, this: Any) -> bool:
+def _has_own_slots(world: World, this: Value) -> bool:
     return this.__class__ is not float or id(this) in world.float_slots
 
 
@@ -163,20 +167,20 @@ def _has_own_slots(world: World, this: Any) -> bool:
 
 
 @TABLE.primitive("protos")
-def protos(world: World, this: Any) -> Any:
-    """The list of prototypes; change it or assign it to change them."""
+def protos(world: World, this: Value) -> Value:
+    """The list of prototypes; modify or assign it to change the prototypes."""
     return ProtoList(world, world.list_protos, this)
 
 
 @TABLE.primitive("setProtos")
-def set_protos(world: World, this: Any, wanted: list) -> None:  # type: ignore[type-arg]
-    """Replace the prototypes by those of a list."""
+def set_protos(world: World, this: Value, wanted: list) -> None:  # type: ignore[type-arg]
+    """Replace the prototypes by the members of a list."""
     world.as_obj(this).set_protos(list(wanted))
 
 
 @TABLE.primitive("addProto")
-def add_proto(world: World, this: Any, proto: Any) -> Any:
-    """Put a prototype in front of the others, unless it is one already; returns this."""
+def add_proto(world: World, this: Value, proto: Value) -> Value:
+    """Add a prototype before the others, unless it is already one; returns this object."""
     obj = world.as_obj(this)
     if not any(known is proto for known in obj.protos):
         obj.set_protos([proto, *obj.protos])
@@ -184,28 +188,28 @@ def add_proto(world: World, this: Any, proto: Any) -> Any:
 
 
 @TABLE.primitive("removeProto")
-def remove_proto(world: World, this: Any, proto: Any) -> Any:
-    """Take a prototype away, if it is one; returns this."""
+def remove_proto(world: World, this: Value, proto: Value) -> Value:
+    """Remove a prototype, if it is one; returns this object."""
     obj = world.as_obj(this)
     obj.set_protos([known for known in obj.protos if known is not proto])
     return this
 
 
 @TABLE.primitive("allProtos")
-def all_protos(world: World, this: Any) -> Any:
-    """This object, its prototypes, theirs, and so on, each once, in the order of look-up."""
+def all_protos(world: World, this: Value) -> Value:
+    """This object and all its ancestors, each once, in the order of lookup."""
     return world.new_list(lineage(world, this))
 
 
 @TABLE.primitive("isA")
-def is_a(world: World, this: Any, proto: Any) -> bool:
-    """Whether the argument is this or one of its ancestors."""
+def is_a(world: World, this: Value, proto: Value) -> bool:
+    """Whether the argument is this object or one of its ancestors."""
     return world.is_a(this, proto)
 
 
 @TABLE.primitive("isProto")
-def is_proto(world: World, this: Any) -> bool:
-    """Whether this object is a prototype: it has a ``type`` of its own."""
+def is_proto(world: World, this: Value) -> bool:
+    """Whether this object is a prototype, i.e. has a ``type`` slot of its own."""
     return _has_own_slots(world, this) and "type" in world.peek_obj(this).slots
 
 
@@ -213,44 +217,44 @@ def is_proto(world: World, this: Any) -> bool:
 
 
 @TABLE.primitive("isNil")
-def is_nil(world: World, this: Any) -> bool:
-    """Whether this is nil."""
+def is_nil(world: World, this: Value) -> bool:
+    """Whether this value is nil."""
     return this is world.nil
 
 
 @TABLE.primitive("isVoid")
-def is_void(world: World, this: Any) -> bool:
-    """Whether this is void: never, for an Object."""
+def is_void(world: World, this: Value) -> bool:
+    """Whether this value is void; always false for an Object."""
     return False
 
 
 @TABLE.primitive("uid", "$id")
-def uid(world: World, this: Any) -> str:
-    """What tells this object from all others."""
+def uid(world: World, this: Value) -> str:
+    """A string that identifies this object uniquely."""
     return world.uid(this)
 
 
 @TABLE.primitive("===")
-def same(world: World, this: Any, that: Any) -> bool:
+def same(world: World, this: Value, that: Value) -> bool:
     """Whether both are the same object."""
     return this is that
 
 
 @TABLE.primitive("!==")
-def not_same(world: World, this: Any, that: Any) -> bool:
-    """Whether they are two objects."""
+def not_same(world: World, this: Value, that: Value) -> bool:
+    """Whether both are different objects."""
     return this is not that
 
 
 @TABLE.primitive("==")
-def equal(world: World, this: Any, that: Any) -> bool:
+def equal(world: World, this: Value, that: Value) -> bool:
     """Whether both are the same object, unless redefined."""
     return this is that
 
 
 @TABLE.primitive("!=")
-def unequal(world: World, this: Any, that: Any) -> bool:
-    """The contrary of ``==``."""
+def unequal(world: World, this: Value, that: Value) -> bool:
+    """The negation of ``==``."""
     return not world.send(this, "==", that)
 
 
@@ -258,39 +262,40 @@ def unequal(world: World, this: Any, that: Any) -> bool:
 
 
 @TABLE.primitive("asBool")
-def as_bool(world: World, this: Any) -> bool:
-    """Whether this counts as true."""
-    return bool(this)
+def as_bool(world: World, this: Value) -> bool:
+    """Whether this value counts as true: any value but false, nil, 0 and empty containers.  Conditions call it if a
+    program redefines it."""
+    return this.default_truth() if isinstance(this, Obj) else bool(this)
 
 
 @TABLE.primitive("as")
-def as_(world: World, this: Any, kind: Any) -> Any:
-    """``this.asType``, where Type is the type of the argument."""
+def as_(world: World, this: Value, kind: Any) -> Value:
+    """The result of ``this.asType``, where Type is the type of the argument."""
     return world.send(this, "as" + world.type_name(kind))
 
 
 @TABLE.primitive("asString")
-def as_string(world: World, this: Any) -> str:
-    """The type of a prototype, ``Type_0x...`` for others."""
+def as_string(world: World, this: Value) -> str:
+    """The type name of a prototype; ``Type_0x...`` for other objects."""
     name = world.type_name(this)
     return name if is_proto(world, this) else f"{name}_{world.uid(this)}"
 
 
 @TABLE.primitive("asObject")
-def as_object(world: World, this: Any) -> Any:
-    """This: everything is an Object."""
+def as_object(world: World, this: Value) -> Value:
+    """This value: everything is an Object."""
     return this
 
 
 @TABLE.primitive("asPrintable")
-def as_printable(world: World, this: Any) -> Any:
+def as_printable(world: World, this: Value) -> Value:
     """``asString``, unless redefined."""
     return world.send(this, "asString")
 
 
 @TABLE.primitive("asToplevelPrintable")
-def as_toplevel_printable(world: World, this: Any) -> Any:
-    """What the top level prints: ``asPrintable``, unless redefined."""
+def as_toplevel_printable(world: World, this: Value) -> Value:
+    """The text that the top level prints: ``asPrintable``, unless redefined."""
     return world.send(this, "asPrintable")
 
 
@@ -298,27 +303,27 @@ def as_toplevel_printable(world: World, this: Any) -> Any:
 
 
 @TABLE.primitive("!")
-def not_(world: World, this: Any) -> bool:
-    """Whether this counts as false."""
+def not_(world: World, this: Value) -> bool:
+    """Whether this value counts as false."""
     return not this
 
 
 @TABLE.lazy("&&", least=1, most=1)
-def and_(world: World, message: CallMessage) -> Any:
-    """The argument, evaluated only if this counts as true; else this."""
+def and_(world: World, message: CallMessage) -> Value:
+    """This value if it counts as false; otherwise the argument, which is evaluated only then."""
     return message.eval_at(0) if message.target else message.target
 
 
 @TABLE.lazy("||", least=1, most=1)
-def or_(world: World, message: CallMessage) -> Any:
-    """This if it counts as true; else the argument, evaluated only then."""
+def or_(world: World, message: CallMessage) -> Value:
+    """This value if it counts as true; otherwise the argument, which is evaluated only then."""
     return message.target or message.eval_at(0)
 
 
 def _in_place(operator: str) -> None:
     @TABLE.raw(operator + "=", least=1)
     def in_place(world: World) -> Any:
-        """``this operator that``."""
+        """The result of ``this operator that``."""
         return lambda this, that: world.send1(this, operator, that)
 
 
@@ -330,30 +335,30 @@ for _operator in "+-*/^%":
 
 
 @TABLE.primitive("apply")
-def apply(world: World, this: Any, args: list) -> Any:  # type: ignore[type-arg]
-    """This, for the likeness with ``Code.apply``: the list has one member, which is ignored."""
+def apply(world: World, this: Value, args: list) -> Value:  # type: ignore[type-arg]
+    """This value, for uniformity with ``Code.apply``: the list has one member, which is ignored."""
     if len(args) != 1:
         raise errors.arity(len(args), 1)
     return this
 
 
 @TABLE.primitive("bounce")
-def bounce(world: World, this: Any, name: str) -> Any:
+def bounce(world: World, this: Value, name: str) -> Value:
     """A function of one argument that calls the argument's method ``name`` without arguments."""
     return native(world, name, lambda _, target: world.send(target, name), 1)
 
 
 @TABLE.primitive("callMessage")
-def call_message(world: World, this: Any, message: Any) -> Any:
-    """Send a call message to this instead of to its target."""
+def call_message(world: World, this: Value, message: Value) -> Value:
+    """Send a call message to this object instead of its target."""
     args = world.get_slot(message, "args")
     if not isinstance(args, List):
         raise world.type_error(1, args, "List")
     return send_lazies(world, this, world.text(world.get_slot(message, "message")), this, args.l)
 
 
-def send_lazies(world: World, target: Any, name: str, sender: Any, lazies: list[Any]) -> Any:
-    """``target.name`` with unevaluated arguments: strict functions get them evaluated."""
+def send_lazies(world: World, target: Value, name: str, sender: Value, lazies: list[Value]) -> Value:
+    """Call ``target.name`` with unevaluated arguments; they are evaluated for functions with strict parameters."""
     code = world.ops.method(target, name)
     if not code.strict:
         return code.call_lazy(world.lazy_message(code, target, name, sender, lazies))
@@ -370,15 +375,15 @@ def send_lazies(world: World, target: Any, name: str, sender: Any, lazies: list[
 
 
 @TABLE.primitive("getPeriod")
-def get_period(world: World, this: Any) -> float:
-    """Deprecated: use ``System.period``.  In seconds."""
+def get_period(world: World, this: Value) -> float:
+    """Deprecated: use ``System.period``.  Period in seconds."""
     return world.period
 
 
 def install(world: World, programs: Any) -> None:
-    """``protos`` can be assigned."""
+    """Make ``protos`` assignable."""
 
-    def write(target: Any, value: Any) -> None:
+    def write(target: Value, value: Value) -> None:
         if not isinstance(value, List):
             raise world.type_error(1, value, "List", "protos")
         world.as_obj(target).set_protos([*value.l])

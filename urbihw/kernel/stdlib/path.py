@@ -1,4 +1,4 @@
-"""Path: the name of something in the file system.
+"""Path: the name of a file or a directory.
 
 Source: manual, specs/path.
 """
@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import posixpath
-from typing import Any
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.object import Obj
@@ -15,6 +14,7 @@ from urbihw.kernel.runtime.plain import escaped
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import String
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.value import Value
 
 TABLE = Table("Path")
 PROTOS = {"Path": ("Comparable", "Orderable")}
@@ -30,7 +30,7 @@ class PathObject(Obj):
         self.path = path
 
     def clone(self) -> PathObject:
-        """The same path."""
+        """A Path with the same name."""
         return PathObject(self.world, [self], self.path)
 
 
@@ -38,18 +38,18 @@ CLASSES = {"Path": PathObject}
 
 
 def simplified(text: str) -> str:
-    """A path without superfluous ``./`` and ``/``."""
+    """A path without redundant ``./`` and ``/``."""
     parts = [part for part in text.split("/") if part not in ("", ".")]
     return ("/" if text.startswith("/") else "") + "/".join(parts) or "."
 
 
 def path(world: World, text: str) -> PathObject:
-    """A Path."""
+    """Make a Path."""
     return PathObject(world, [world.classes["Path"]], simplified(text))
 
 
-def name_of(world: World, value: Any, index: int = 1) -> str:
-    """An argument that names something in the file system: a String or a Path."""
+def name_of(world: World, value: Value, index: int = 1) -> str:
+    """The name of a file or a directory, from an argument that is a String or a Path."""
     if isinstance(value, PathObject):
         return value.path
     if not isinstance(value, String):
@@ -58,25 +58,25 @@ def name_of(world: World, value: Any, index: int = 1) -> str:
 
 
 def system(name: str) -> bytes:
-    """A name for the operating system: urbiscript strings are bytes.  An error for a name that none can have."""
+    """A name as bytes for the operating system.  Raises an error for an invalid name."""
     if "\0" in name:
         raise errors.primitive("names cannot have a null character in them")
     return name.encode("latin-1", "replace")
 
 
 def from_system(name: bytes) -> str:
-    """A name that comes from the operating system."""
+    """A name that the operating system returned, as a string."""
     return name.decode("latin-1")
 
 
 def failure(error: OSError, name: str) -> errors.Raised:
-    """``message: name`` of a call of the operating system that failed."""
+    """The error ``message: name`` for a failed call of the operating system."""
     return errors.primitive(f"{error.strerror or error}: {name}")
 
 
 @TABLE.primitive("init")
-def init(world: World, this: PathObject, text: Any) -> None:
-    """The path that a string (or a Path) names."""
+def init(world: World, this: PathObject, text: Value) -> None:
+    """Make a Path from a String or a Path."""
     name = name_of(world, text)
     if not name:
         raise errors.primitive("invalid path: ")
@@ -85,19 +85,19 @@ def init(world: World, this: PathObject, text: Any) -> None:
 
 @TABLE.primitive("asString")
 def as_string(world: World, this: PathObject) -> str:
-    """The path."""
+    """The path, as a String."""
     return this.path
 
 
 @TABLE.primitive("asPrintable")
 def as_printable(world: World, this: PathObject) -> str:
-    """``Path`` and the path as a literal."""
+    """``Path`` and the path, as a literal."""
     return f"Path({escaped(this.path)})"
 
 
 @TABLE.primitive("asList")
-def as_list(world: World, this: PathObject) -> Any:
-    """The names of the directories, and of the file, from the root down."""
+def as_list(world: World, this: PathObject) -> Value:
+    """The names of the directories from the root down, and of the file."""
     return world.new_list([world.string(part) for part in this.path.split("/") if part])
 
 
@@ -109,25 +109,25 @@ def absolute(world: World, this: PathObject) -> bool:
 
 @TABLE.primitive("basename")
 def basename(world: World, this: PathObject) -> str:
-    """The last name in the path; the root's is ``/``."""
+    """The last name of the path; ``/`` for the root."""
     return posixpath.basename(this.path) or "/"
 
 
 @TABLE.primitive("dirname")
-def dirname(world: World, this: PathObject) -> Any:
-    """The Path of the directory this one is in."""
+def dirname(world: World, this: PathObject) -> Value:
+    """The Path of the parent directory."""
     return path(world, posixpath.dirname(this.path) or ".")
 
 
 @TABLE.primitive("cwd")
-def cwd(world: World, this: PathObject) -> Any:
+def cwd(world: World, this: PathObject) -> Value:
     """The Path of the current directory."""
     return path(world, from_system(os.getcwdb()))
 
 
 @TABLE.primitive("cd")
-def cd(world: World, this: PathObject) -> Any:
-    """Make this the current directory; gives its Path."""
+def cd(world: World, this: PathObject) -> Value:
+    """Change the current directory to this path; returns its Path."""
     try:
         os.chdir(system(this.path))
     except OSError as error:
@@ -137,19 +137,19 @@ def cd(world: World, this: PathObject) -> Any:
 
 @TABLE.primitive("exists")
 def exists(world: World, this: PathObject) -> bool:
-    """Whether something is there."""
+    """Whether a file or a directory with this path exists."""
     return os.path.lexists(system(this.path))
 
 
 @TABLE.primitive("isDir")
 def is_dir(world: World, this: PathObject) -> bool:
-    """Whether it is a directory."""
+    """Whether the path is a directory."""
     return os.path.isdir(system(this.path))
 
 
 @TABLE.primitive("isReg")
 def is_reg(world: World, this: PathObject) -> bool:
-    """Whether it is a regular file."""
+    """Whether the path is a regular file."""
     return os.path.isfile(system(this.path))
 
 
@@ -163,26 +163,26 @@ def _may(this: PathObject, mode: int) -> bool:
 
 @TABLE.primitive("readable")
 def readable(world: World, this: PathObject) -> bool:
-    """Whether it may be read; an error if nothing is there."""
+    """Whether the file may be read.  Raises an error if it does not exist."""
     return _may(this, os.R_OK)
 
 
 @TABLE.primitive("writable")
 def writable(world: World, this: PathObject) -> bool:
-    """Whether it may be written; an error if nothing is there."""
+    """Whether the file may be written.  Raises an error if it does not exist."""
     return _may(this, os.W_OK)
 
 
 @TABLE.primitive("open")
-def open_(world: World, this: PathObject) -> Any:
-    """The Directory or the File that is there."""
+def open_(world: World, this: PathObject) -> Value:
+    """The Directory or the File with this path."""
     kind = "Directory" if os.path.isdir(system(this.path)) else "File"
     return world.send(world.classes[kind], "new", this)
 
 
 @TABLE.primitive("/")
-def join(world: World, this: PathObject, other: Any) -> Any:
-    """The path of something under this one, named by a relative String or Path."""
+def join(world: World, this: PathObject, other: Value) -> Value:
+    """Join this path and a relative path (a String or a Path)."""
     name = name_of(world, other)
     if name.startswith("/"):
         raise errors.primitive(f"Rhs of concatenation is absolute: {name}")
@@ -190,12 +190,12 @@ def join(world: World, this: PathObject, other: Any) -> Any:
 
 
 @TABLE.primitive("==")
-def equals(world: World, this: PathObject, other: Any) -> bool:
-    """Whether the other is a Path of the same name."""
+def equals(world: World, this: PathObject, other: Value) -> bool:
+    """Whether the other value is a Path with the same name."""
     return isinstance(other, PathObject) and this.path == other.path
 
 
 @TABLE.primitive("<")
 def before(world: World, this: PathObject, other: PathObject) -> bool:
-    """Whether the name comes before that of another Path."""
+    """Whether the name comes before the name of another Path, in alphabetical order."""
     return this.path < other.path

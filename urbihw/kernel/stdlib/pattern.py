@@ -1,4 +1,4 @@
-"""Pattern: structural matching as an object.  (Patterns written in a program are compiled and do not come here.)"""
+"""Pattern: structural matching as an object.  (Patterns in a program's text are compiled and do not use it.)"""
 
 from __future__ import annotations
 
@@ -8,36 +8,37 @@ from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import Dictionary
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.value import Value
 
 PATTERN = Table("Pattern")
 BINDING = Table("Pattern.Binding")
 TABLES = (PATTERN, BINDING)
 
 NOTES = {
-    "Pattern.Binding": "What matches anything, and remembers it under a name.",
-    "Pattern.pattern": "What values are compared with.",
-    "Pattern.bindings": "What stood where the Bindings are, by their names: a Dictionary, filled by a match.",
+    "Pattern.Binding": "Matches any value and stores it under a name.",
+    "Pattern.pattern": "The value with which values are compared.",
+    "Pattern.bindings": "A Dictionary, filled by a match: name of a Binding -> matched value.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 @PATTERN.primitive("init")
 def init(world: World, this: Obj, pattern: Any) -> None:
-    """A pattern: any value, with Bindings in it where anything may stand."""
+    """Make a pattern: any value; the Bindings in it match any part."""
     this.slots["pattern"] = pattern
     this.slots["bindings"] = world.dictionary({})
 
 
 @PATTERN.primitive("match")
-def match(world: World, this: Obj, value: Any) -> bool:
-    """Whether a value matches; if so, ``bindings`` holds what stands where the Bindings are."""
+def match(world: World, this: Obj, value: Value) -> bool:
+    """Whether a value matches; if so, ``bindings`` holds the parts matched by the Bindings."""
     this.slots["bindings"] = world.dictionary({})
     return bool(match_pattern(world, this, world.get_slot(this, "pattern"), value))
 
 
 @PATTERN.primitive("matchPattern")
-def match_pattern(world: World, this: Obj, pattern: Any, value: Any) -> bool:
-    """Match deeper: by ``pattern.match(this, value)``, else ``value.matchAgainst(this, pattern)``, else ``==``."""
+def match_pattern(world: World, this: Obj, pattern: Any, value: Value) -> bool:
+    """Match a part: by ``pattern.match(this, value)``, else ``value.matchAgainst(this, pattern)``, else ``==``."""
     if world.peek_obj(pattern).find("match") is not None:
         return bool(world.send(pattern, "match", this, value))
     if world.peek_obj(value).find("matchAgainst") is not None:
@@ -46,14 +47,14 @@ def match_pattern(world: World, this: Obj, pattern: Any, value: Any) -> bool:
 
 
 @BINDING.primitive("init")
-def init_binding(world: World, this: Obj, name: Any) -> None:
-    """What matches anything, and remembers it under a name."""
+def init_binding(world: World, this: Obj, name: Value) -> None:
+    """Make a Binding, which matches any value and stores it under a name."""
     this.slots["name"] = name
 
 
 @BINDING.primitive("match")
-def match_binding(world: World, this: Obj, handler: Obj, value: Any) -> bool:
-    """Remember the value in the bindings of the handler."""
+def match_binding(world: World, this: Obj, handler: Obj, value: Value) -> bool:
+    """Store the value in the bindings of the handler."""
     bindings = world.get_slot(handler, "bindings")
     if not isinstance(bindings, Dictionary):
         raise world.type_error(None, bindings, "Dictionary")

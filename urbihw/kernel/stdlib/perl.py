@@ -1,7 +1,7 @@
-r"""Perl's regular expressions for Python's ``re``: what one writes otherwise, and what means another thing there.
+r"""Translation of Perl's regular expressions to Python's ``re``, where both differ.
 
-``[[:alpha:]]`` and its like, ``\z`` and ``\Z``, ``\h``, ``\Q...\E``, ``\<`` and ``\>`` are written in Python's words.
-All else is the same in both, or an error of ``re``: ``\K``, ``\R``, ``\p{...}``, ``(?R)``.
+``[[:alpha:]]`` and the other classes, ``\z`` and ``\Z``, ``\h``, ``\Q...\E``, ``\<`` and ``\>`` are translated.  All
+other syntax is the same in both, or an error of ``re``: ``\K``, ``\R``, ``\p{...}``, ``(?R)``.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ CHARACTERS = {
     "word": r"\w",
     "xdigit": "0-9A-Fa-f",
 }
-"""The names of characters that stand between ``[:`` and ``:]`` in a set."""
+"""The names of character classes, written between ``[:`` and ``:]`` in a set."""
 
 ESCAPES = {"z": r"\Z", "Z": r"(?=\n?\Z)", "h": r"[ \t]", "<": r"\b(?=\w)", ">": r"\b(?<=\w)"}
 ESCAPES_IN_SETS = {"h": r" \t"}
@@ -33,15 +33,15 @@ _LITERAL = r"\\Q(?P<literal>.*?)(?:\\E|\Z)|\\(?P<escape>.)"
 _OUTSIDE = re.compile(_LITERAL + r"|(?P<open>\[\^?\]?)|.", re.DOTALL)
 _INSIDE = re.compile(_LITERAL + r"|\[:(?P<name>\^?\w*):\]|(?P<close>\])|.", re.DOTALL)
 _KEPT = "[&|~"
-"""Python keeps these in sets for operations that it does not have yet, and warns."""
+"""Python reserves these characters in sets for future operations, and warns."""
 
 
 class NotPerl(ValueError):
-    """The expression names characters that there are not."""
+    """The expression uses an unknown character class."""
 
 
 def to_python(expression: str) -> str:
-    """The same expression for Python.  Raises NotPerl."""
+    """Translate an expression to Python's syntax.  Raises NotPerl."""
     parts: list[str] = []
     inside = False
     position = 0
@@ -62,7 +62,7 @@ def to_python(expression: str) -> str:
 
 
 def _in_set(text: str, name: str | None, before: str) -> str:
-    """A character of a set, or a name of characters."""
+    """Translate a character, or a character class, within a set."""
     if name is None:
         return f"\\{text}" if text in _KEPT or text == before == "-" else text
     if name not in CHARACTERS:

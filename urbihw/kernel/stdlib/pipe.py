@@ -1,9 +1,9 @@
-"""Bytes that come and go when they please, for ``process``, ``stream`` and ``file``: the thread of the ``poller`` reads
-and writes, jobs wait.
+"""Byte streams with blocking peers, for ``process``, ``stream`` and ``file``: the thread of the ``poller`` reads and
+writes, the jobs wait.
 
-What the thread finds out reaches the kernel by ``scheduler.post`` and nothing else.  It reads ahead of the programs, so
-that who writes can go on, but only so far: then it waits until they have taken some of it, and who writes waits, as
-with any pipe.  What is done with the bytes is done by the job that asks for them.
+The thread reports to the kernel only by ``scheduler.post``.  It reads ahead of the programs up to a limit; then it
+waits until they have read some bytes, and the writing process waits like with any pipe.  The bytes are processed by the
+job that reads them.
 """
 
 from __future__ import annotations
@@ -20,47 +20,46 @@ from weakref import WeakKeyDictionary
 from urbihw.kernel.runtime.holdings import Holdings
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.waiting import WaitQueue
-from urbihw.kernel.stdlib.aside import Aside
 from urbihw.kernel.stdlib.poller import AGAIN, LATER, NOTHING, OVER, READ, WRITE, Poller
+from urbihw.kernel.stdlib.worker_thread import WorkerThread
 
-CHUNK: Final = 65536
-"""How many bytes are read or written at once, and how many of each source may wait in any case."""
-LIMIT: Final = 16 * 1024 * 1024
-"""How many bytes of all sources of a connection may wait for its programs; the same of each sink for the other side."""
-LONGEST_LINE: Final = 1024 * 1024
-"""A line of more bytes comes in pieces."""
-OPENED: Final = os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY
-"""How files that may let wait are opened."""
+CHUNK_SIZE: Final = 65536
+"""Number of bytes read or written in one operation; each source may always hold as many unread bytes."""
+MAX_BACKLOG_SIZE: Final = 16 * 1024 * 1024
+"""Maximum number of unread bytes from all sources of a connection; also the maximum of unwritten bytes of each sink."""
+MAX_LINE_LENGTH: Final = 1024 * 1024
+"""Maximum length of a line in bytes; a longer line is delivered in pieces."""
+OPEN_FLAGS: Final = os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY
+"""Flags for opening special files, which may block."""
 
 
 class Pipes:
-    """What the pipes of a kernel share; ``world.pipes``."""
+    """State shared by the pipes of a kernel."""
 
     def __init__(self, world: World) -> None:
         self.scheduler = world.scheduler
         self.poller = Poller()
-        self.starts = Aside(world, lambda: None)
-        """Where programs are started, one after the other: each start keeps all threads waiting for a moment."""
+        self.starter = WorkerThread(world, lambda: None)
+        """Starts programs one after the other: each start blocks all threads for a moment."""
         self._backlogs: WeakKeyDictionary[Holdings, Backlog] = WeakKeyDictionary()
 
     def backlog(self, holdings: Holdings) -> Backlog:
-        """What waits for the programs of a connection."""
+        """The backlog of a connection."""
         found = self._backlogs.get(holdings)
         if found is None:
-            found = self._backlogs[holdings] = Backlog(self.poller, LIMIT)
+            found = self._backlogs[holdings] = Backlog(self.poller, MAX_BACKLOG_SIZE)
         return found
 
 
 def pipes_of(world: World) -> Pipes:
     """The pipes of a world."""
-    if world.pipes is None:
-        world.pipes = Pipes(world)
-    found: Pipes = world.pipes
-    return found
+    if not world.has_part(Pipes):
+        world.install_part(Pipes(world))
+    return world.part(Pipes)
 
 
 class Backlog:
-    """How many bytes of some sources wait to be taken by programs."""
+    """The number of unread bytes of some sources, with a limit."""
 
     def __init__(self, poller: Poller, limit: int) -> None:
         self._poller = poller
@@ -69,24 +68,24 @@ class Backlog:
         self._size = 0
         self._paused: dict[PipeSource, None] = {}
         self.gathered = 0
-        """How many bytes jobs have taken that read devices and fifos as a whole; belongs to the kernel."""
+        """Number of bytes held by jobs that read whole devices and fifos; used in the kernel's thread only."""
 
     def has_room(self, source: PipeSource) -> bool:
-        """In the thread: whether a source may read on.  If not, it is attended to again when it may."""
+        """In the thread: whether a source may continue to read.  If not, it is called again when there is room."""
         with self._lock:
             if source.unread < source.allowed or self._size < self._limit:
                 return True
             self._paused[source] = None
             return False
 
-    def add(self, source: PipeSource, size: int) -> None:
-        """In the thread: a source has read."""
+    def add_bytes(self, source: PipeSource, size: int) -> None:
+        """In the thread: count the bytes that a source has read."""
         with self._lock:
             source.unread += size
             self._size += size
 
-    def take(self, source: PipeSource, size: int) -> None:
-        """In the kernel: a program has taken some bytes of a source, or is allowed more."""
+    def release_bytes(self, source: PipeSource, size: int) -> None:
+        """In the kernel: count the bytes that a program has taken from a source, or raise the source's own limit."""
         with self._lock:
             source.unread -= size
             self._size -= size
@@ -99,11 +98,11 @@ class Backlog:
             for one in resumed:
                 del self._paused[one]
         for one in resumed:
-            self._poller.attend(one)
+            self._poller.schedule(one)
 
 
 class PipeSource:
-    """What a program says: read in the thread, taken by jobs."""
+    """The output of a program: the thread reads it, jobs take it."""
 
     def __init__(self, pipes: Pipes) -> None:
         self._pipes = pipes
@@ -111,32 +110,32 @@ class PipeSource:
         self._data = bytearray()
         self.ended = False
         self.on_end: Callable[[], None] = lambda: None
-        self.allowed = CHUNK
-        """So many bytes may wait, whatever else does."""
+        self.allowed = CHUNK_SIZE
+        """Number of unread bytes that this source may hold in any case."""
         self.unread = 0
-        """So many do; belongs to the backlog."""
-        # of the thread, and behind the lock what both sides use
+        """Number of unread bytes; belongs to the backlog."""
+        # used by the thread; below the lock, by both sides
         self.descriptor = -1
         self._backlog: Backlog
-        self._waits_first = False
+        self._waits_for_writer = False
         self._lock = threading.Lock()
         self._come: deque[bytes] = deque()
         self._closed = False
 
     def __len__(self) -> int:
-        """How many bytes are there."""
+        """The number of unread bytes."""
         return len(self._data)
 
-    def start(self, descriptor: int, backlog: Backlog, waits_first: bool = False) -> None:
-        """Begin to read an open file that does not block; it is closed in the end.
+    def start(self, descriptor: int, backlog: Backlog, waits_for_writer: bool = False) -> None:
+        """Start to read an open non-blocking file; the thread closes it at the end.
 
-        ``waits_first``: the end of a fifo is no end before somebody has begun to write to it.
+        ``waits_for_writer``: an end of file of a fifo counts only after a first writer has opened it.
         """
-        self.descriptor, self._backlog, self._waits_first = descriptor, backlog, waits_first
-        self._pipes.poller.attend(self)
+        self.descriptor, self._backlog, self._waits_for_writer = descriptor, backlog, waits_for_writer
+        self._pipes.poller.schedule(self)
 
     def finish(self) -> None:
-        """Nothing more will come."""
+        """Mark the source as ended: no more bytes follow."""
         if not self.ended:
             self.ended = True
             self.on_end()
@@ -144,53 +143,55 @@ class PipeSource:
 
     # ---------------------------------------------------------------- for jobs
 
-    def byte(self) -> bytes:
-        """The next byte, waited for; empty at the end."""
+    def read_byte(self) -> bytes:
+        """Wait for the next byte and return it; empty at the end."""
         while not self._data and not self.ended:
             self._waiting.wait()
-        return self._take(1)
+        return self._take_bytes(1)
 
-    def some(self) -> bytes:
-        """What is there, waited for; empty at the end."""
+    def read_some(self) -> bytes:
+        """Wait for bytes and return all that are there; empty at the end."""
         while not self._data and not self.ended:
             self._waiting.wait()
-        return self._take(len(self._data))
+        return self._take_bytes(len(self._data))
 
-    def line(self) -> bytes:
-        """The rest of the line with its end, waited for; empty at the end.  One that is too long comes in pieces."""
+    def read_line(self) -> bytes:
+        """Wait for the rest of the line and return it with its line end; empty at the end.  A line above the limit is
+        returned in pieces.
+        """
         searched = 0
-        while (at := self._data.find(b"\n", searched)) < 0 and not self.ended and len(self._data) < LONGEST_LINE:
+        while (at := self._data.find(b"\n", searched)) < 0 and not self.ended and len(self._data) < MAX_LINE_LENGTH:
             searched = len(self._data)
-            if searched >= CHUNK and self.allowed == CHUNK:
-                self.allowed = LONGEST_LINE
-                self._backlog.take(self, 0)
+            if searched >= CHUNK_SIZE and self.allowed == CHUNK_SIZE:
+                self.allowed = MAX_LINE_LENGTH
+                self._backlog.release_bytes(self, 0)
             self._waiting.wait()
-            searched = min(searched, len(self._data))  # somebody else may have taken some
-        return self._take(min(at + 1 or len(self._data), LONGEST_LINE))
+            searched = min(searched, len(self._data))  # another job may have taken some bytes
+        return self._take_bytes(min(at + 1 or len(self._data), MAX_LINE_LENGTH))
 
     def close(self) -> None:
-        """No more is wanted: what is there is thrown away, and who still writes is told by the system."""
+        """Stop reading: unread bytes are discarded, and the operating system reports the closed pipe to the writer."""
         self._closed = True
         self.finish()
-        self._take(len(self._data))
+        self._take_bytes(len(self._data))
         if self.descriptor >= 0:
-            self._pipes.poller.attend(self)
+            self._pipes.poller.schedule(self)
 
-    def _take(self, size: int) -> bytes:
+    def _take_bytes(self, size: int) -> bytes:
         taken = bytes(self._data[:size])
         del self._data[:size]
         if taken:
-            self._backlog.take(self, len(taken))
+            self._backlog.release_bytes(self, len(taken))
         return taken
 
     def _arrived(self) -> None:
-        """The thread has read something."""
+        """Wake the waiting jobs because the thread has read bytes."""
         with self._lock:
             come, self._come = self._come, deque()
         for piece in come:
             self._data += piece
         if self._closed:
-            self._take(len(self._data))
+            self._take_bytes(len(self._data))
         if not come[-1]:
             self.finish()
         self._waiting.wake_all()
@@ -198,21 +199,21 @@ class PipeSource:
     # ---------------------------------------------------------------- for the thread
 
     def ready(self) -> int:
-        """Read on, if there is room."""
+        """Read more bytes if there is room."""
         if self._closed:
             return OVER
-        if self._waits_first:
-            self._waits_first = False
+        if self._waits_for_writer:
+            self._waits_for_writer = False
             return READ
         if not self._backlog.has_room(self):
             return NOTHING
         try:
-            data = os.read(self.descriptor, CHUNK)
+            data = os.read(self.descriptor, CHUNK_SIZE)
         except BlockingIOError:
             return READ
-        except OSError:  # a terminal or a device whose other side is gone
+        except OSError:  # the other side of a terminal or a device is closed
             data = b""
-        self._backlog.add(self, len(data))
+        self._backlog.add_bytes(self, len(data))
         with self._lock:
             self._come.append(data)
             told = len(self._come) > 1
@@ -222,82 +223,82 @@ class PipeSource:
 
 
 class PipeSink:
-    """What is said to a program: kept until it runs, then written in the thread."""
+    """The input of a program: bytes are queued until it runs, then written in the thread."""
 
     def __init__(self, pipes: Pipes) -> None:
         self._pipes = pipes
         self._drained = WaitQueue(pipes.scheduler)
         self.on_end: Callable[[], None] = lambda: None
-        """Called in the kernel when the file is closed."""
+        """Called in the kernel's thread when the file is closed."""
         self.descriptor = -1
-        # behind the lock: of both sides
+        # used by both sides, under the lock
         self._lock = threading.Lock()
         self._pieces: deque[memoryview] = deque()
         self._size = 0
         self._closing = False
-        self._deaf = False
-        """Whether nobody reads any more: what is said is thrown away."""
+        self._discarding = False
+        """Whether the reader is gone: further bytes are discarded."""
 
     def start(self, descriptor: int) -> None:
-        """Begin to write to an open file that does not block; it is closed in the end."""
+        """Start to write to an open non-blocking file; the thread closes it at the end."""
         self.descriptor = descriptor
-        self._pipes.poller.attend(self)
+        self._pipes.poller.schedule(self)
 
     def write(self, data: bytes) -> None:
-        """Say something.  Raises OSError when too much waits already."""
+        """Queue bytes for writing.  Raises OSError if too many bytes are waiting."""
         if not data:
             return
         with self._lock:
-            if self._deaf:
+            if self._discarding:
                 return
-            if self._size > LIMIT:
+            if self._size > MAX_BACKLOG_SIZE:
                 raise OSError(f"the other side does not read: {self._size} bytes wait for it")
             self._size += len(data)
             self._pieces.append(memoryview(data))
-        self._attend()
+        self._schedule()
 
     def flush(self) -> None:
-        """The thread writes as soon as it can."""
+        """No operation: the thread writes as soon as possible."""
 
     def close(self) -> None:
-        """Nothing more will be said; what was is delivered."""
+        """Close the sink after the queued bytes are written."""
         self._closing = True
-        self._attend()
+        self._schedule()
 
     def drop(self) -> None:
-        """Nothing more will be said, and what waits is thrown away."""
-        self._forget()
+        """Close the sink and discard the queued bytes."""
+        self._discard_unsent()
         self.close()
 
     def wait_until_written(self) -> None:
-        """Wait until all that was said is delivered, or nobody reads any more."""
+        """Wait until all queued bytes are written, or the reader is gone."""
         while self._size:
             self._drained.wait()
 
-    def _attend(self) -> None:
+    def _schedule(self) -> None:
         if self.descriptor >= 0:
-            self._pipes.poller.attend(self)
+            self._pipes.poller.schedule(self)
 
-    def _forget(self) -> None:
+    def _discard_unsent(self) -> None:
         with self._lock:
-            self._deaf = True
+            self._discarding = True
             self._pieces.clear()
             self._size = 0
 
     # ---------------------------------------------------------------- for the thread
 
     def ready(self) -> int:
-        """Write on."""
+        """Write more bytes."""
         with self._lock:
             piece = self._pieces[0] if self._pieces else None
         if piece is None:
             return self._over() if self._closing else NOTHING
         try:
-            written = os.write(self.descriptor, piece[:CHUNK])
+            written = os.write(self.descriptor, piece[:CHUNK_SIZE])
         except BlockingIOError:
             return WRITE
-        except OSError:  # the program does not listen any more
-            self._forget()
+        except OSError:  # the program has closed its input
+            self._discard_unsent()
             return self._over()
         with self._lock:
             if self._pieces:
@@ -320,7 +321,7 @@ class PipeSink:
 
 
 class Opening:
-    """A fifo that can be opened to be written to once somebody reads it."""
+    """Opens a fifo for writing as soon as it has a reader."""
 
     def __init__(self, pipes: Pipes, name: bytes) -> None:
         self._pipes = pipes
@@ -332,8 +333,8 @@ class Opening:
         self.descriptor = -1
 
     def wait(self) -> int:
-        """Wait until it is open; the descriptor.  Raises OSError."""
-        self._pipes.poller.attend(self)
+        """Wait until the fifo is open; returns its descriptor.  Raises OSError."""
+        self._pipes.poller.schedule(self)
         try:
             while self._opened < 0 and self._error is None:
                 self._waiting.wait()
@@ -346,18 +347,18 @@ class Opening:
         return opened
 
     def close(self) -> None:
-        """It is wanted no more."""
+        """Cancel the attempt."""
         self._given_up = True
         if self._opened >= 0:
             os.close(self._opened)
             self._opened = -1
 
     def ready(self) -> int:
-        """Try to open it."""
+        """Try to open the fifo."""
         if self._given_up:
             return OVER
         try:
-            opened = os.open(self._name, os.O_WRONLY | OPENED)
+            opened = os.open(self._name, os.O_WRONLY | OPEN_FLAGS)
         except OSError as failure:
             if failure.errno == errno.ENXIO:
                 return LATER

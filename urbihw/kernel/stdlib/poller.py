@@ -1,9 +1,8 @@
-"""The thread that reads and writes what may let wait: pipes of programs, fifos, terminals, devices.
+"""The thread that reads and writes files that may block: pipes of programs, fifos, terminals, devices, sockets.
 
-There is one for each kernel.  It does only what can be done at once and asks the operating system (``epoll``) when more
-can be done, so that one thread serves any number of files.  What it attends to says by what ``ready`` returns when it
-is to be called again.  The thread begins with the first piece of work and ends when there has been none for a while; it
-keeps nobody from ending the process.
+There is one per kernel.  It performs only non-blocking operations and waits by ``epoll`` for the next possible one, so
+that one thread serves any number of files.  The result of ``ready`` tells when ``ready`` is to be called again.  The
+thread starts with the first file and ends after some seconds without one; it is a daemon thread.
 """
 
 from __future__ import annotations
@@ -22,49 +21,49 @@ log = logging.getLogger("urbihw.kernel")
 READ: Final = select.EPOLLIN
 WRITE: Final = select.EPOLLOUT
 NOTHING: Final = 0
-"""Wait until somebody asks for attention."""
+"""Wait for the next call of ``schedule``."""
 AGAIN: Final = -1
-"""More can be done at once, after the others had their turn."""
+"""Call again at once, after the other files had their turn."""
 LATER: Final = -2
-"""Try again after ``PERIOD``: nothing tells when."""
+"""Call again after ``RETRY_PERIOD_S``, because the operating system reports no event for this file."""
 OVER: Final = -3
-"""There is nothing more to do: the descriptor is closed."""
+"""The file is finished and its descriptor closed."""
 
-PERIOD: Final = 0.05
-"""Seconds between two tries of what nothing tells of."""
-REST: Final = 5.0
-"""Seconds without work after which the thread ends."""
+RETRY_PERIOD_S: Final = 0.05
+"""Interval in seconds between attempts on files without events."""
+IDLE_TIMEOUT_S: Final = 5.0
+"""Idle time in seconds after which the thread ends."""
 
 
 class Watched(Protocol):
-    """A file with something to do.
+    """A file that the poller serves.
 
     Attributes:
-        descriptor: of the open file, which the thread closes in the end; -1 for none.
+        descriptor: descriptor of the open file, which the thread closes at the end; -1 for none.
     """
 
     descriptor: int
 
     def ready(self) -> int:
-        """In the thread: do what can be done without waiting.  READ, WRITE, NOTHING, AGAIN, LATER or OVER."""
+        """In the thread: do what is possible without blocking.  Returns READ, WRITE, NOTHING, AGAIN, LATER or OVER."""
         ...
 
 
 class Poller:
-    """The thread, and what it attends to."""
+    """The thread, and the files that it serves."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._asked: deque[Watched] = deque()
         self._bell = -1
-        """An eventfd that ends the waiting of the thread; -1 while there is no thread."""
+        """An eventfd that wakes the thread; -1 while there is no thread."""
         self._epoll: select.epoll
         self._known: dict[int, Watched] = {}
-        """By descriptor: what waits for the operating system, or for somebody to ask."""
+        """Descriptor -> file that waits for an event of the operating system, or for ``schedule``."""
         self._later: dict[Watched, None] = {}
         self._next_try = 0.0
 
-    def attend(self, one: Watched) -> None:
+    def schedule(self, one: Watched) -> None:
         """From any thread: have ``one.ready()`` called soon."""
         with self._lock:
             self._asked.append(one)
@@ -80,12 +79,12 @@ class Poller:
         with select.epoll() as epoll:
             self._epoll = epoll
             epoll.register(self._bell, READ)
-            while self._turn():
+            while self._serve_ready():
                 pass
 
-    def _turn(self) -> bool:
-        """Attend once to all that is ready; whether there may be more to do."""
-        timeout = 0.0 if self._asked else PERIOD if self._later else REST
+    def _serve_ready(self) -> bool:
+        """Serve all ready files once; returns whether there may be more to do."""
+        timeout = 0.0 if self._asked else RETRY_PERIOD_S if self._later else IDLE_TIMEOUT_S
         events = self._epoll.poll(timeout)
         with self._lock:
             with suppress(BlockingIOError):
@@ -99,7 +98,7 @@ class Poller:
         due.update((self._known[descriptor], None) for descriptor, _ in events if descriptor in self._known)
         now = time.monotonic()
         if now >= self._next_try:
-            self._next_try = now + PERIOD
+            self._next_try = now + RETRY_PERIOD_S
             due.update(self._later)
             self._later.clear()
         for one in due:
@@ -123,7 +122,7 @@ class Poller:
             self._wait(one, wants)
 
     def _wait(self, one: Watched, wants: int) -> None:
-        """Have ``ready`` called once when the operating system says so; of some devices it never does."""
+        """Have ``ready`` called at the next event of the operating system; some devices never have one."""
         descriptor = one.descriptor
         try:
             if descriptor in self._known:

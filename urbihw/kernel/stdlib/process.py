@@ -1,7 +1,7 @@
 """Process: programs of the operating system, with their standard streams.
 
-Source: manual, specs/process.  A thread reads and writes (``pipe``) and sees the end (``child``); the kernel never
-waits.
+Source: manual, specs/process.  A thread reads and writes the streams (``pipe``) and observes the end (``child``); the
+kernel never blocks.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import os
 import subprocess
 import weakref
 from functools import partial
-from typing import IO, Any, Final
+from typing import IO, Final
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.holdings import holdings_of
@@ -26,15 +26,16 @@ from urbihw.kernel.stdlib.child import Child
 from urbihw.kernel.stdlib.path import failure, name_of, system
 from urbihw.kernel.stdlib.pipe import PipeSink, PipeSource, pipes_of
 from urbihw.kernel.stdlib.stream import InputStreamObject, OutputStreamObject
+from urbihw.kernel.value import Value
 
 PROCESS = Table("Process")
 STATUS = Table("Process.Status")
 TABLES = [PROCESS, STATUS]
 
 NOTES = {
-    "Process.Status": "What has become of a program: exitStatus or signal once it is over.",
+    "Process.Status": "The state of a program: exitStatus or signal after its end.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 class ProcessObject(Obj):
@@ -56,13 +57,15 @@ class ProcessObject(Obj):
         self.waiting = WaitQueue(world.scheduler)
 
     def clone(self) -> ProcessObject:
-        """A process that does not run, of the same program."""
+        """A Process of the same program that is not running."""
         made = ProcessObject(self.world, [self])
         made.name, made.args = self.name, list(self.args)
         return made
 
     def start(self, target: str | None = None) -> None:
-        """Run the program, and let what it writes go to a file of this name.  It ends with the connection."""
+        """Run the program, with its standard output redirected to a file of this name if one is given.  The program
+        ends with the connection.
+        """
         if self.begun:
             raise errors.primitive("Process was already run")
         command = [system(part) for part in (self.name, *self.args)]
@@ -86,13 +89,13 @@ class ProcessObject(Obj):
         weakref.finalize(self, _release, self.world.scheduler, self.sources)
 
     def _hung_up(self) -> None:
-        """The connection has ended: nobody speaks to the program any more."""
+        """Close the streams because the connection has ended."""
         self.sink.drop()
         for source in self.sources:
             source.close()
 
     def _exited(self) -> None:
-        """The program has ended; what it has written may still be under way."""
+        """Called when the program has ended; its output may not have been read completely."""
         self.sink.drop()
         for source in self.sources:
             source.on_end = self._drained
@@ -100,7 +103,7 @@ class ProcessObject(Obj):
         # A child of the program may keep its streams open for ever.
         if not self.ended:
             scheduler = self.world.scheduler
-            self._late = scheduler.call_at(scheduler.clock.now() + UNDER_WAY, self._over)
+            self._late = scheduler.call_at(scheduler.clock.now() + DRAIN_TIMEOUT_S, self._over)
 
     def _drained(self) -> None:
         if all(source.ended for source in self.sources):
@@ -110,7 +113,7 @@ class ProcessObject(Obj):
         self.ended = True
         if self._late is not None:
             self._late.cancel()
-        # A process that is forgotten is to be freed at once, and with it what it has written.
+        # An unreferenced process and its unread output are freed at once.
         assert self.child is not None
         for source in self.sources:
             source.on_end = _nothing
@@ -119,11 +122,11 @@ class ProcessObject(Obj):
 
 
 def _nothing() -> None:
-    """Nobody wants to be told."""
+    """Default of the callbacks: no operation."""
 
 
 def _detached(pipe: IO[bytes]) -> int:
-    """The descriptor of a pipe, which is the caller's from now on and does not block."""
+    """The descriptor of a pipe, which belongs to the caller from now on and does not block."""
     assert isinstance(pipe, io.FileIO)
     descriptor = os.dup(pipe.fileno())
     pipe.close()
@@ -132,7 +135,7 @@ def _detached(pipe: IO[bytes]) -> int:
 
 
 def _started(command: list[bytes], target: str | None, group: int | None) -> subprocess.Popen[bytes]:
-    """Start a program with pipes, and with a file of this name for what it writes."""
+    """Start a program with pipes, and with standard output redirected to a file of this name if one is given."""
     pipe = subprocess.PIPE
     output = pipe if target is None else _made(target)
     try:
@@ -143,7 +146,7 @@ def _started(command: list[bytes], target: str | None, group: int | None) -> sub
 
 
 def _made(name: str) -> int:
-    """A file to write to, empty whatever was there before."""
+    """Open a file for writing, and truncate it."""
     try:
         return os.open(system(name), os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
     except OSError as error:
@@ -151,20 +154,20 @@ def _made(name: str) -> int:
 
 
 def _release(scheduler: Scheduler, sources: tuple[PipeSource, ...]) -> None:
-    """A process is forgotten, in whichever thread: nobody reads what it has written."""
+    """Discard the unread output of an unreferenced process, from any thread."""
     for source in sources:
         scheduler.post(source.close)
 
 
 CLASSES = {"Process": ProcessObject}
 
-UNDER_WAY: Final = 1.0
-"""Seconds for which what a program has written is waited for when it is over."""
+DRAIN_TIMEOUT_S: Final = 1.0
+"""Time in seconds for reading the remaining output of a program after its end."""
 
 
 @PROCESS.primitive("init")
-def init(world: World, this: ProcessObject, name: str, args: list[Any]) -> None:
-    """A program, found along the PATH, and the List of its arguments; ``run`` starts it."""
+def init(world: World, this: ProcessObject, name: str, args: list[Value]) -> None:
+    """Make a Process for a program, found along the PATH, and the List of its arguments; ``run`` starts it."""
     for member in args:
         if not isinstance(member, String):
             raise world.type_error(2, member, "String")
@@ -173,8 +176,8 @@ def init(world: World, this: ProcessObject, name: str, args: list[Any]) -> None:
 
 
 @PROCESS.primitive("asProcess")
-def as_process(world: World, this: ProcessObject) -> Any:
-    """This process itself."""
+def as_process(world: World, this: ProcessObject) -> Value:
+    """This Process."""
     return this
 
 
@@ -192,20 +195,20 @@ def name(world: World, this: ProcessObject) -> str:
 
 @PROCESS.primitive("run")
 def run(world: World, this: ProcessObject) -> None:
-    """Start the program; once only."""
+    """Start the program; it can be started once."""
     this.start()
 
 
 @PROCESS.primitive("runTo")
-def run_to(world: World, this: ProcessObject, file: Any) -> None:
-    """Start the program; what it writes to its standard output goes to a file (a String or a Path), which is made anew,
-    and ``stdout`` is empty.  The manual names this function and says nothing of it."""
+def run_to(world: World, this: ProcessObject, file: Value) -> None:
+    """Start the program with its standard output redirected to a file (a String or a Path), which is replaced;
+    ``stdout`` is empty.  The manual names this function without a description."""
     this.start(name_of(world, file))
 
 
 @PROCESS.primitive("join")
 def join(world: World, this: ProcessObject) -> None:
-    """Wait until the program is over; an error if it was not started."""
+    """Wait until the program has ended.  Raises an error if it was not started."""
     if this.child is None:
         raise errors.primitive("Process was not run")
     while not this.ended:
@@ -214,20 +217,20 @@ def join(world: World, this: ProcessObject) -> None:
 
 @PROCESS.primitive("kill")
 def kill(world: World, this: ProcessObject) -> None:
-    """End the program by force, unless it is over; ``join`` waits for it."""
+    """Kill the program, unless it has ended; ``join`` waits for its end."""
     if this.child is not None:
         this.child.kill()
 
 
 @PROCESS.primitive("done")
 def done(world: World, this: ProcessObject) -> bool:
-    """Whether the program has run and is over."""
+    """Whether the program was started and has ended."""
     return this.ended
 
 
 @PROCESS.primitive("status")
-def status(world: World, this: ProcessObject) -> Any:
-    """An object that tells what became of the program: ``exitStatus`` or ``signal`` once it is over."""
+def status(world: World, this: ProcessObject) -> Value:
+    """An object that describes the state of the program; it has ``exitStatus`` or ``signal`` after the end."""
     made = Plain(world, [world.classes["Process.Status"]])
     text = "not started" if this.child is None else "running"
     code = this.child.code if this.child is not None and this.ended else None
@@ -248,25 +251,25 @@ def status_as_string(world: World, this: Obj) -> str:
 
 
 @PROCESS.primitive("stdin")
-def stdin(world: World, this: ProcessObject) -> Any:
-    """The OutputStream that the program reads."""
+def stdin(world: World, this: ProcessObject) -> Value:
+    """The OutputStream to the program's standard input."""
     return _stream(world, this, "stdin")
 
 
 @PROCESS.primitive("stdout")
-def stdout(world: World, this: ProcessObject) -> Any:
-    """The InputStream of what the program writes."""
+def stdout(world: World, this: ProcessObject) -> Value:
+    """The InputStream of the program's standard output."""
     return _stream(world, this, "stdout")
 
 
 @PROCESS.primitive("stderr")
-def stderr(world: World, this: ProcessObject) -> Any:
-    """The InputStream of what the program writes to its standard error."""
+def stderr(world: World, this: ProcessObject) -> Value:
+    """The InputStream of the program's standard error."""
     return _stream(world, this, "stderr")
 
 
 def _stream(world: World, this: ProcessObject, name: str) -> Obj:
-    """A stream of a process: made once, so that closing it closes it for all."""
+    """A stream of a process, made once, so that closing it closes it for all users."""
     slot = f"_{name}"
     made = this.slots.get(slot)
     if made is None:

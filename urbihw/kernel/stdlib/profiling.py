@@ -1,4 +1,4 @@
-"""Profiling: how long an expression takes."""
+"""Profiling: measures the duration of an expression."""
 
 from __future__ import annotations
 
@@ -9,14 +9,16 @@ from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import CallMessage
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.members import count
-from urbihw.kernel.stdlib.support import say
+from urbihw.kernel.stdlib.support import send_line
 
 TABLE = Table("Profiling")
 
 
 @TABLE.lazy("new", least=2, most=2)
 def new(world: World, message: CallMessage) -> None:
-    """Evaluate an expression a number of times, and say how many rounds and seconds it took."""
+    """Evaluate an expression a number of times, and print the number of scheduler rounds and the seconds that it
+    took.
+    """
     turns = count(world, message.eval_at(1))
     scheduler, lazy = world.scheduler, message.args[0]
     cycle, start = scheduler.cycle, scheduler.clock.now()
@@ -25,7 +27,7 @@ def new(world: World, message: CallMessage) -> None:
     cycles, seconds = scheduler.cycle - cycle, scheduler.clock.now() - start
     node: Any = lazy.node
     body = getattr(node, "body", None) if type(node).__name__ == "Scope" else node
-    say(world, "Profiling information")
+    send_line(world, "Profiling information")
     context = scheduler.running().context
     if context is not None:
         lines = (

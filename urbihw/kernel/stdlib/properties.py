@@ -10,16 +10,17 @@ from urbihw.kernel.runtime.slot import meta_of, peek_meta
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.accessors import set_getter, set_setter
 from urbihw.kernel.stdlib.support import slot_holder
+from urbihw.kernel.value import Value
 
 TABLE = Table("Object")
 
 
 @TABLE.primitive("getProperty")
-def get_property(world: World, this: Any, slot: str, name: str) -> Any:
-    """A property of a slot, void if it has none of this name; raises ``lookup failed`` for the slot.
+def get_property(world: World, this: Value, slot: str, name: str) -> Value:
+    """A property of a slot, void if it is not set.  Raises ``lookup failed`` for the slot.
 
-    ``constant`` tells whether the slot can be assigned, ``changed`` is the event emitted on every write, ``timestamp``
-    of a device's variable is when its value was taken.
+    ``constant`` tells whether the slot is constant, ``changed`` is the event emitted at every write, ``timestamp`` of a
+    device's variable is the time at which its value was measured.
     """
     holder = slot_holder(world, this, slot)
     if name == "timestamp":
@@ -36,8 +37,8 @@ def get_property(world: World, this: Any, slot: str, name: str) -> Any:
 
 
 @TABLE.primitive("setProperty")
-def set_property(world: World, this: Any, slot: str, name: str, value: Any) -> Any:
-    """Set a property of a slot; raises ``lookup failed`` for the slot.
+def set_property(world: World, this: Value, slot: str, name: str, value: Value) -> Value:
+    """Set a property of a slot.  Raises ``lookup failed`` for the slot.
 
     ``oget`` and ``oset`` are functions that are called when the slot is read or assigned; the slot need not exist.
     """
@@ -50,7 +51,7 @@ def set_property(world: World, this: Any, slot: str, name: str, value: Any) -> A
     holder = slot_holder(world, this, slot)
     meta = meta_of(holder, slot)
     if name == "constant":
-        if slot in world.record.owed:
+        if slot in world.record.protected:
             world.record.guard_removal(holder, slot)
         meta.constant = bool(value)
     elif name == "changed":
@@ -65,31 +66,31 @@ def set_property(world: World, this: Any, slot: str, name: str, value: Any) -> A
 
 
 @TABLE.primitive("hasProperty")
-def has_property(world: World, this: Any, slot: str, name: str) -> bool:
-    """Whether a slot has a property; raises ``lookup failed`` for the slot."""
+def has_property(world: World, this: Value, slot: str, name: str) -> bool:
+    """Whether a slot has a property.  Raises ``lookup failed`` for the slot."""
     return name in _all(world, slot_holder(world, this, slot), slot)
 
 
 @TABLE.primitive("removeProperty")
-def remove_property(world: World, this: Any, slot: str, name: str) -> None:
-    """Remove a property of a slot, if it has it; raises ``lookup failed`` for the slot."""
+def remove_property(world: World, this: Value, slot: str, name: str) -> None:
+    """Remove a property of a slot, if it is set.  Raises ``lookup failed`` for the slot."""
     meta = peek_meta(slot_holder(world, this, slot), slot)
     if meta is not None and meta.properties is not None:
         meta.properties.pop(name, None)
 
 
 @TABLE.primitive("properties")
-def properties(world: World, this: Any, slot: str) -> Any:
-    """All properties of a slot, as a Dictionary; raises ``lookup failed`` for the slot."""
+def properties(world: World, this: Value, slot: str) -> Value:
+    """All properties of a slot, as a Dictionary.  Raises ``lookup failed`` for the slot."""
     return world.dictionary(_all(world, slot_holder(world, this, slot), slot))
 
 
-def own_properties(world: World, holder: Any, slot: str) -> dict[str, Any]:
-    """The properties that somebody set, without ``constant``."""
+def own_properties(world: World, holder: Value, slot: str) -> dict[str, Any]:
+    """The properties that were set explicitly, without ``constant``."""
     meta = peek_meta(holder, slot)
     return dict(meta.properties) if meta is not None and meta.properties is not None else {}
 
 
-def _all(world: World, holder: Any, slot: str) -> dict[str, Any]:
+def _all(world: World, holder: Value, slot: str) -> dict[str, Any]:
     meta = peek_meta(holder, slot)
     return own_properties(world, holder, slot) | {"constant": world.boolean(meta is not None and meta.constant)}

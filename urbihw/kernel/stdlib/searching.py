@@ -1,6 +1,7 @@
-"""Looking for texts in a text, however long it is: ``TEXT`` characters at a time, others in between.
+"""Search for strings in a text of any length, in slices of ``TEXT_SLICE_LENGTH`` characters between which other jobs
+get turns.
 
-A piece of the text that is gone through overlaps the next by what may be the beginning of a separator.
+Each slice overlaps the next one by the length of a possible beginning of a separator.
 """
 
 from __future__ import annotations
@@ -10,28 +11,31 @@ from collections.abc import Callable, Iterator
 from typing import Final
 
 from urbihw.kernel import errors
-from urbihw.kernel.runtime.values import MOST_CHARACTERS, too_long
+from urbihw.kernel.runtime.values import MAX_STRING_LENGTH, too_long
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.collector import COLLECTOR
-from urbihw.kernel.stdlib.slices import SLICE, TEXT, give_way
+from urbihw.kernel.stdlib.slices import CHECK_INTERVAL, TEXT_SLICE_LENGTH, give_way
 
 __breakable__ = True
 
 Search = Callable[[int, int], tuple[int, int] | None]
-"""Finds the first separator that lies between two places: its begin and end."""
+"""Finds the first separator between two positions; returns its begin and end."""
 
-MOST_SEPARATORS: Final = 1000
-"""Characters that several separators may have together: they are compiled while the others wait."""
+MAX_SEPARATORS_LENGTH: Final = 1000
+"""Maximum total length, in characters, of several separators: their expression is compiled without a turn for other
+jobs.
+"""
 
 
 def found_separators(world: World, text: str, separators: list[str]) -> Iterator[tuple[int, int]]:
-    """Where the separators are, begin and end of each, from left to right; in one place the first that fits counts.
+    """The separators in a text: begin and end of each, from left to right.  At the same position, the first separator
+    in the list wins.
 
     Raises Primitive if there are too many separators.
     """
     search = _search_one(text, separators[0]) if len(separators) == 1 else _search_several(text, separators)
     longest = max(map(len, separators))
-    step = max(TEXT, longest)
+    step = max(TEXT_SLICE_LENGTH, longest)
     at = number = 0
     with COLLECTOR:
         while at < len(text):
@@ -44,8 +48,8 @@ def found_separators(world: World, text: str, separators: list[str]) -> Iterator
             yield found
             at = found[1]
             number += 1
-            if not number % SLICE:
-                COLLECTOR.leave_alone()
+            if not number % CHECK_INTERVAL:
+                COLLECTOR.freeze_existing()
                 give_way(world)
 
 
@@ -60,8 +64,8 @@ def _search_one(text: str, separator: str) -> Search:
 
 
 def _search_several(text: str, separators: list[str]) -> Search:
-    if sum(map(len, separators)) > MOST_SEPARATORS:
-        raise errors.primitive(f"too long: expected separators of at most {MOST_SEPARATORS} characters in all")
+    if sum(map(len, separators)) > MAX_SEPARATORS_LENGTH:
+        raise errors.primitive(f"too long: expected separators of at most {MAX_SEPARATORS_LENGTH} characters in all")
     pattern = re.compile("|".join(map(re.escape, separators)))
 
     def search(begin: int, end: int) -> tuple[int, int] | None:
@@ -72,8 +76,8 @@ def _search_several(text: str, separators: list[str]) -> Search:
 
 
 def replaced(world: World, text: str, old: str, new: str) -> str:
-    """``text.replace(old, new)``, for an ``old`` that is not empty.  Raises BadNumber if that becomes too long."""
-    step = max(TEXT, 8 * len(old))
+    """``text.replace(old, new)`` for a non-empty ``old``.  Raises BadNumber if the result becomes too long."""
+    step = max(TEXT_SLICE_LENGTH, 8 * len(old))
     parts: list[str] = []
     at = total = 0
     while at < len(text):
@@ -82,8 +86,8 @@ def replaced(world: World, text: str, old: str, new: str) -> str:
         rest = min(len(between[-1]), len(old) - 1) if end < len(text) else 0
         between[-1] = between[-1][: len(between[-1]) - rest]
         total += sum(map(len, between)) + (len(between) - 1) * len(new)
-        if total > MOST_CHARACTERS:
-            raise too_long("characters", MOST_CHARACTERS)
+        if total > MAX_STRING_LENGTH:
+            raise too_long("characters", MAX_STRING_LENGTH)
         parts.append(new.join(between))
         at = end - rest
         if at < len(text):

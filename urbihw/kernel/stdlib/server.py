@@ -1,6 +1,6 @@
-"""Server: what accepts connections.
+"""Server: a listening socket that accepts TCP connections.
 
-Source: manual, specs/server.  What comes is handled as for a Socket (``network``).
+Source: manual, specs/server.  Received data is handled as for a Socket (``network``).
 """
 
 from __future__ import annotations
@@ -16,19 +16,20 @@ from urbihw.kernel.stdlib.held_socket import HeldSocket
 from urbihw.kernel.stdlib.io_service import ServiceObject
 from urbihw.kernel.stdlib.network import SocketObject, port_number
 from urbihw.kernel.stdlib.pipe import pipes_of
+from urbihw.kernel.stdlib.socket_channel import Listener, Stream
 from urbihw.kernel.stdlib.support import check_descriptors
-from urbihw.kernel.stdlib.wire import Listener, Stream
+from urbihw.kernel.value import Value
 
 SERVER = Table("Server")
 SERVICE = Table("IoService")
-"""What an IoService makes; the rest of it is in ``io_service``."""
+"""The functions of IoService that make Servers; ``io_service`` has the others."""
 TABLES = [SERVER, SERVICE]
 
 NOTES = {
-    "Server": "What accepts TCP connections.",
-    "Server.connection": "The event emitted with the Socket of each new connection.",
+    "Server": "A listening socket that accepts TCP connections.",
+    "Server.connection": "The event that is emitted with the Socket of each new connection.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 class ServerObject(Obj):
@@ -44,33 +45,33 @@ class ServerObject(Obj):
         self.sockets: list[SocketObject] = []
 
     def clone(self) -> ServerObject:
-        """A server that does not listen, of the same service."""
+        """A Server of the same service that does not listen."""
         return ServerObject(self.world, [self], self.service)
 
     def io(self) -> ServiceObject:
-        """The service of this server."""
+        """The IoService of this Server."""
         if self.service is None:
             raise errors.primitive("server without IoService")
         return self.service
 
     def listen(self, listener: Listener, held: HeldSocket) -> None:
-        """Accept who connects, on account of a lobby, and nobody any more where this server did before."""
+        """Accept connections for a lobby; a former listening socket of this Server is closed."""
         self.stop()
         service, scheduler = self.io(), self.world.scheduler
 
         def accepted(stream: Stream) -> None:
-            scheduler.post(lambda: service.happened(held.owner, lambda: welcome(stream)))
+            scheduler.post(lambda: service.queue_event(held.owner, lambda: welcome(stream)))
 
         def welcome(stream: Stream) -> None:
-            listener.welcomed()
+            listener.count_accepted()
             self._welcome(stream, held)
 
         self.listener, self.held = listener, held
-        held.hold(listener)
+        held.set_channel(listener)
         listener.start(accepted)
 
     def stop(self) -> None:
-        """Listen no more."""
+        """Stop listening."""
         if self.listener is not None and self.held is not None:
             self.listener.close()
             self.held.release()
@@ -78,24 +79,24 @@ class ServerObject(Obj):
     def _welcome(self, stream: Stream, held: HeldSocket) -> None:
         try:
             check_descriptors()
-            own = held.further()
+            own = held.for_accepted()
         except errors.Raised:
             stream.close()
             return
         proto = self.world.classes["Socket"]
         made = SocketObject(self.world, [proto], self.service)
         made.events()
-        made.adopt(stream, own)
-        self.sockets = [socket for socket in self.sockets if socket.wire is not None] + [made]
+        made.set_connection(stream, own)
+        self.sockets = [socket for socket in self.sockets if socket.channel is not None] + [made]
         event = self.slots.get("connection")
         if isinstance(event, Event):
             event.emit([made])
-        self.world.scheduler.yield_()  # the handlers set up theirs before anything is received
-        if made.wire is not None:
-            made.wire.start()
+        self.world.scheduler.yield_()  # the handlers install those of the new socket before any data is received
+        if made.channel is not None:
+            made.channel.start()
 
     def listening(self) -> Listener:
-        """The listening socket; raises when there is none."""
+        """The listening socket.  Raises an error if there is none."""
         if self.listener is None or not self.listener.is_open:
             raise errors.primitive("server not listening")
         return self.listener
@@ -106,13 +107,13 @@ CLASSES = {"Server": ServerObject}
 
 @SERVER.primitive("init")
 def init_server(world: World, this: ServerObject) -> None:
-    """A server that does not listen."""
-    world.ops.put(this, "connection", Event(world, [world.event_proto]))
+    """Make a Server that does not listen."""
+    world.ops.put_slot(this, "connection", Event(world, [world.event_proto]))
 
 
 @SERVER.primitive("listen")
-def listen(world: World, this: ServerObject, host: str, port: Any) -> None:
-    """Wait for connections to a port (0: any that is free) of this machine, under one of its addresses."""
+def listen(world: World, this: ServerObject, host: str, port: Value) -> None:
+    """Listen on a port (0: any free port) of one of this machine's addresses."""
     number = port_number(world, port, 2)
     this.io()
     held = HeldSocket.of_job(world)
@@ -121,30 +122,30 @@ def listen(world: World, this: ServerObject, host: str, port: Any) -> None:
 
 @SERVER.primitive("host")
 def server_host(world: World, this: ServerObject) -> str:
-    """The address; an error if this server does not listen."""
+    """The address.  Raises an error if this Server does not listen."""
     return str(this.listening().host)
 
 
 @SERVER.primitive("port")
 def server_port(world: World, this: ServerObject) -> float:
-    """The port; an error if this server does not listen."""
+    """The port.  Raises an error if this Server does not listen."""
     return float(this.listening().port)
 
 
 @SERVER.primitive("sockets")
-def sockets(world: World, this: ServerObject) -> Any:
-    """The sockets of the connections that are still there."""
-    return world.new_list([socket for socket in this.sockets if socket.wire is not None])
+def sockets(world: World, this: ServerObject) -> Value:
+    """The Sockets of the open connections."""
+    return world.new_list([socket for socket in this.sockets if socket.channel is not None])
 
 
 @SERVER.primitive("getIoService")
-def server_service(world: World, this: ServerObject) -> Any:
-    """The IoService of this server."""
+def server_service(world: World, this: ServerObject) -> Value:
+    """The IoService of this Server."""
     return this.io()
 
 
 @SERVICE.primitive("makeServer")
-def make_server(world: World, this: ServiceObject) -> Any:
+def make_server(world: World, this: ServiceObject) -> Value:
     """A new Server of this service."""
     made = ServerObject(world, [world.classes["Server"]], this)
     init_server(world, made)
@@ -152,5 +153,5 @@ def make_server(world: World, this: ServiceObject) -> Any:
 
 
 def install(world: World, programs: Any) -> None:
-    """Servers use the service of sockets."""
+    """Make the Servers of the default service."""
     world.classes["Server"].service = world.classes["Socket"].service

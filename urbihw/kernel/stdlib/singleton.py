@@ -1,16 +1,15 @@
-"""Singleton: what derives from it cannot be cloned.  nil, true and false are singletons."""
+"""Singleton: an object that cannot be cloned. nil, true and false are singletons."""
 
 from __future__ import annotations
 
-from typing import Any
-
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.value import Value
 
 TABLE = Table("Singleton")
 
 
 @TABLE.primitive("clone", "new")
-def clone(world: World, this: Any) -> Any:
-    """This."""
+def clone(world: World, this: Value) -> Value:
+    """This value."""
     return this

@@ -1,9 +1,8 @@
-"""The work of built-in functions on much data, in slices between which other jobs and the sockets get their turn.
+"""Primitives on large data work in slices, between which other jobs and the sockets get turns.
 
-A built-in function is over at once for what programs usually have, as a statement within ``|`` must be.  One that goes
-through much data gives way after each ``AIR`` seconds, inside ``|`` too.  It works on what its arguments were when it
-was called, and what it changes it changes in one go at the end.  With a simulated clock nothing gives way: no time
-passes there.
+A primitive ends at once for data of the usual size, as a statement within ``|`` must.  A primitive on large data gives
+other jobs turns after each ``TIME_SLICE_S`` seconds, even inside ``|``.  It works on its arguments as they were at the
+call, and changes data in one step at the end.  With a simulated clock there are no turns, because no time passes.
 """
 
 from __future__ import annotations
@@ -16,30 +15,32 @@ from typing import Any, Final, TypeVar
 from urbihw.kernel.runtime.values import List
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.collector import COLLECTOR
+from urbihw.kernel.value import Value
 
 __breakable__ = True
 
 T = TypeVar("T")
 Key = Callable[[Any], Any] | None
 
-AIR: Final = 0.005
-"""Seconds after which a function that goes through much data gives way."""
-FEW: Final = 2000
-"""So many members, those of lists in a list counted too, are gone through in one go."""
-MANY_CALLS: Final = 10_000
-"""For so many members a function of the program is called in one go, as ``for|`` does."""
-SLICE: Final = 256
-"""Members between two looks at the time."""
-RUN: Final = 8192
-"""Members that are sorted in one go."""
-TEXT: Final = 32 * 1024
-"""Characters that are gone through in one go."""
+TIME_SLICE_S: Final = 0.005
+"""Time slice in seconds after which a primitive on large data gives other jobs a turn."""
+MAX_ATOMIC_MEMBERS: Final = 2000
+"""Number of members, including those of nested lists, that are processed without a turn for other jobs."""
+MAX_ATOMIC_CALLS: Final = 10_000
+"""Number of members for which a function of the program is called without a turn for other jobs, like in ``for|``."""
+CHECK_INTERVAL: Final = 256
+"""Number of members between two checks of the time."""
+SORT_RUN_SIZE: Final = 8192
+"""Number of members that are sorted in one step."""
+TEXT_SLICE_LENGTH: Final = 32 * 1024
+"""Number of characters that are processed in one step."""
 
 
 def give_way(world: World) -> None:
-    """Let others have their turn if this round has lasted long.  Raises what is thrown at the job.
+    """Give other jobs a turn if the present round has lasted long.  Raises the exception thrown into the job, such as a
+    stop.
 
-    What a condition reads meanwhile in another job is not taken for read by the one that waits here.
+    Slots read by other jobs in the meantime do not count as read by the condition of the waiting job.
     """
     scheduler, recorder = world.scheduler, world.recorder
     job = scheduler.current
@@ -47,66 +48,69 @@ def give_way(world: World) -> None:
         return
     watch, recorder.active = recorder.active, None
     try:
-        scheduler.give_way(AIR)
+        scheduler.give_way(TIME_SLICE_S)
     finally:
         recorder.active = watch
 
 
 def in_slices(world: World, members: Sequence[T]) -> Iterable[T]:
-    """The members as they are now; between slices of more than ``FEW`` of them others may run."""
+    """The members at the time of the call; other jobs may run between slices if there are more than
+    ``MAX_ATOMIC_MEMBERS``.
+    """
     now = members[:]
     first = now[0] if now else None
     weight = len(first.l) if first.__class__ is List else 1
-    if len(now) * weight <= FEW:
+    if len(now) * weight <= MAX_ATOMIC_MEMBERS:
         return now
-    return chain.from_iterable(_slices(world, now, SLICE // weight if 1 <= weight <= SLICE else 1))
+    return chain.from_iterable(_slices(world, now, CHECK_INTERVAL // weight if 1 <= weight <= CHECK_INTERVAL else 1))
 
 
 def calls(world: World, members: Sequence[T]) -> Iterable[T]:
-    """The members as they are now, to call a function of the program on each."""
+    """The members at the time of the call, for calls of a function of the program with each."""
     now = members[:]
-    return now if len(now) <= MANY_CALLS else chain.from_iterable(_slices(world, now, SLICE))
+    return now if len(now) <= MAX_ATOMIC_CALLS else chain.from_iterable(_slices(world, now, CHECK_INTERVAL))
 
 
 def _slices(world: World, members: Sequence[T], size: int) -> Iterator[Sequence[T]]:
     with COLLECTOR:
         for at in range(0, len(members), size):
-            COLLECTOR.leave_alone()
+            COLLECTOR.freeze_existing()
             give_way(world)
             yield members[at : at + size]
 
 
 def text_slices(world: World, text: str) -> Iterator[str]:
-    """A text in pieces of ``TEXT`` characters, of which an empty one has none."""
-    for at in range(0, len(text), TEXT):
+    """A text in pieces of ``TEXT_SLICE_LENGTH`` characters; an empty text has none."""
+    for at in range(0, len(text), TEXT_SLICE_LENGTH):
         if at:
             give_way(world)
-        yield text[at : at + TEXT]
+        yield text[at : at + TEXT_SLICE_LENGTH]
 
 
-def sort_in_slices(world: World, members: list[Any], key: Key = None) -> None:
-    """``members.sort(key=key)``, for a list that nobody else knows."""
-    if len(members) <= RUN:
+def sort_in_slices(world: World, members: list[Value], key: Key = None) -> None:
+    """``members.sort(key=key)``, for a list that nothing else refers to."""
+    if len(members) <= SORT_RUN_SIZE:
         members.sort(key=key)
         return
     runs = []
-    for at in range(0, len(members), RUN):
+    for at in range(0, len(members), SORT_RUN_SIZE):
         give_way(world)
-        runs.append(sorted(members[at : at + RUN], key=key))
+        runs.append(sorted(members[at : at + SORT_RUN_SIZE], key=key))
     while len(runs) > 1:
-        runs = [_merged(world, runs[at : at + RUN // SLICE], key) for at in range(0, len(runs), RUN // SLICE)]
+        ways = SORT_RUN_SIZE // CHECK_INTERVAL
+        runs = [_merged(world, runs[at : at + ways], key) for at in range(0, len(runs), ways)]
     members[:] = runs[0]
 
 
-def _merged(world: World, runs: list[list[Any]], key: Key) -> list[Any]:
-    """Sorted lists as one; of equal members those of the first list come first.
+def _merged(world: World, runs: list[list[Value]], key: Key) -> list[Any]:
+    """Merge sorted lists; among equal members, those of the first list come first.
 
-    They are cut at the same members into some ``RUN`` each time, which Python's sort merges.
+    The lists are cut at the same values into pieces of about ``SORT_RUN_SIZE`` members, which Python's sort merges.
     """
     ranked = key if key is not None else lambda member: member
-    steps = [ranked(run[at]) for run in runs for at in range(SLICE, len(run), SLICE)]
+    steps = [ranked(run[at]) for run in runs for at in range(CHECK_INTERVAL, len(run), CHECK_INTERVAL)]
     steps.sort()
-    bounds = steps[len(runs) :: max(1, RUN // SLICE)]
+    bounds = steps[len(runs) :: max(1, SORT_RUN_SIZE // CHECK_INTERVAL)]
     begins = [0] * len(runs)
     merged: list[Any] = []
     for bound in [*bounds, None]:

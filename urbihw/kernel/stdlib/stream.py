@@ -1,7 +1,7 @@
-"""InputStream and OutputStream: files and pipes, byte by byte.
+"""InputStream and OutputStream: access to files and pipes, byte by byte.
 
-Source: manual, specs/input-stream and specs/output-stream.  A stream stands on a ``Source`` or a ``Sink``: a file's is
-here, that of whatever may let wait in ``pipe``.  A stream that is forgotten is closed.
+Source: manual, specs/input-stream and specs/output-stream.  A stream uses a ``Source`` or a ``Sink``: those of regular
+files are here, those of files that may block in ``pipe``.  An unreferenced stream is closed.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import stat
 import weakref
 from collections.abc import Callable
 from functools import partial
-from typing import Any, BinaryIO, Final, Protocol
+from typing import BinaryIO, Final, Protocol
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.holdings import Holding, holdings_of
@@ -20,10 +20,11 @@ from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.scheduler import Scheduler
-from urbihw.kernel.stdlib.file import AIR, MOST_STREAMS, STREAMS, FileObject, lets_wait, open_to_write
+from urbihw.kernel.stdlib.file import MAX_STREAMS, STREAMS, TIME_SLICE_S, FileObject, is_special_file, open_for_writing
 from urbihw.kernel.stdlib.path import failure, system
-from urbihw.kernel.stdlib.pipe import LONGEST_LINE, OPENED, PipeSink, PipeSource, pipes_of
+from urbihw.kernel.stdlib.pipe import MAX_LINE_LENGTH, OPEN_FLAGS, PipeSink, PipeSource, pipes_of
 from urbihw.kernel.stdlib.support import check_descriptors
+from urbihw.kernel.value import Value
 
 __breakable__ = True
 
@@ -31,63 +32,63 @@ INPUT = Table("InputStream")
 OUTPUT = Table("OutputStream")
 TABLES = [INPUT, OUTPUT]
 
-LAST_WORDS: Final = 10.0
-"""Seconds for which what was written is still delivered when the connection has ended."""
+DRAIN_TIMEOUT_S: Final = 10.0
+"""Time in seconds for writing the remaining data after the end of the connection."""
 
 NOTES = {
-    "InputStream": "What is read byte by byte or line by line: a file, the output of a Process.",
-    "OutputStream": "What is written to: a file, the input of a Process.",
+    "InputStream": "A stream that is read byte by byte or line by line: a file, the output of a Process.",
+    "OutputStream": "A stream that is written to: a file, the input of a Process.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 class Source(Protocol):
-    """Where bytes come from; may park the running job until there are some."""
+    """A source of bytes; its methods may suspend the running job until there are some."""
 
-    def byte(self) -> bytes:
+    def read_byte(self) -> bytes:
         """The next byte; empty at the end."""
         ...
 
-    def line(self) -> bytes:
-        """The rest of the line with its end; empty at the end."""
+    def read_line(self) -> bytes:
+        """The rest of the line with its line end; empty at the end."""
         ...
 
     def close(self) -> None:
-        """No more is wanted."""
+        """Stop reading and release the file."""
         ...
 
 
 class Sink(Protocol):
-    """Where bytes go to."""
+    """A destination of bytes."""
 
     def write(self, data: bytes) -> object:
-        """Take some bytes."""
+        """Accept bytes for writing."""
         ...
 
     def flush(self) -> object:
-        """Deliver what was taken."""
+        """Write the accepted bytes."""
         ...
 
     def close(self) -> object:
-        """Deliver it; no more will come."""
+        """Write the accepted bytes, and close the file."""
         ...
 
 
 class FileSource:
-    """The bytes of an open file."""
+    """The bytes of an open regular file."""
 
     __slots__ = ("_file",)
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
 
-    def byte(self) -> bytes:
-        """The next byte."""
+    def read_byte(self) -> bytes:
+        """The next byte; empty at the end."""
         return self._file.read(1)
 
-    def line(self) -> bytes:
-        """The rest of the line.  One that is too long comes in pieces."""
-        return self._file.readline(LONGEST_LINE)
+    def read_line(self) -> bytes:
+        """The rest of the line; a line above the limit is returned in pieces."""
+        return self._file.readline(MAX_LINE_LENGTH)
 
     def close(self) -> None:
         """Close the file."""
@@ -95,7 +96,7 @@ class FileSource:
 
 
 class InputStreamObject(Obj):
-    """An urbiscript InputStream; ``source`` None when closed."""
+    """An urbiscript InputStream; ``source`` is None when closed."""
 
     __slots__ = ("source",)
 
@@ -108,14 +109,14 @@ class InputStreamObject(Obj):
         return InputStreamObject(self.world, [self])
 
     def opened(self) -> Source:
-        """The source; raises when it is closed."""
+        """The source.  Raises an error if the stream is closed."""
         if self.source is None:
             raise errors.primitive("stream is closed")
         return self.source
 
 
 class OutputStreamObject(Obj):
-    """An urbiscript OutputStream; ``sink`` None when closed."""
+    """An urbiscript OutputStream; ``sink`` is None when closed."""
 
     __slots__ = ("sink",)
 
@@ -128,7 +129,7 @@ class OutputStreamObject(Obj):
         return OutputStreamObject(self.world, [self])
 
     def opened(self) -> Sink:
-        """The sink; raises when it is closed."""
+        """The sink.  Raises an error if the stream is closed."""
         if self.sink is None:
             raise errors.primitive("stream is closed")
         return self.sink
@@ -137,8 +138,8 @@ class OutputStreamObject(Obj):
 CLASSES = {"InputStream": InputStreamObject, "OutputStream": OutputStreamObject}
 
 
-def _forget(scheduler: Scheduler, close: Callable[[], object]) -> None:
-    """A stream is forgotten, in whichever thread: close what it stands on."""
+def _close_unreferenced(scheduler: Scheduler, close: Callable[[], object]) -> None:
+    """Close the source or the sink of an unreferenced stream, from any thread."""
     scheduler.post(close)  # type: ignore[arg-type]
 
 
@@ -147,10 +148,10 @@ def _forget(scheduler: Scheduler, close: Callable[[], object]) -> None:
 
 @INPUT.primitive("init")
 def init_input(world: World, this: InputStreamObject, file: FileObject) -> None:
-    """Read a File from its beginning.  One that is no plain file (a FIFO, a device) is read as things come."""
+    """Read a File from its beginning.  A special file (a FIFO, a device) is read as its data arrives."""
     check_descriptors()
     try:
-        descriptor = os.open(system(file.path), os.O_RDONLY | OPENED)
+        descriptor = os.open(system(file.path), os.O_RDONLY | OPEN_FLAGS)
     except OSError as error:
         raise failure(error, file.path) from error
     mode = os.fstat(descriptor).st_mode
@@ -159,54 +160,56 @@ def init_input(world: World, this: InputStreamObject, file: FileObject) -> None:
         source = FileSource(io.BufferedReader(io.FileIO(descriptor)))
     else:
         source = PipeSource(pipes_of(world))
-        _hold(world, source, source, descriptor)
+        _register_stream(world, source, source, descriptor)
         source.start(descriptor, pipes_of(world).backlog(holdings_of(world)), stat.S_ISFIFO(mode))
-    weakref.finalize(this, _forget, world.scheduler, source.close)
+    weakref.finalize(this, _close_unreferenced, world.scheduler, source.close)
     this.source = source
 
 
-def _hold(world: World, stream: PipeSource | PipeSink, holding: Holding, descriptor: int) -> None:
-    """Let a stream belong to the running job's connection until it ends; otherwise close the file, and raise."""
+def _register_stream(world: World, stream: PipeSource | PipeSink, holding: Holding, descriptor: int) -> None:
+    """Register a stream with the running job's connection until the stream ends; if that fails, close the file and
+    raise the error.
+    """
     holdings = holdings_of(world)
     try:
-        holdings.own(holding, STREAMS, MOST_STREAMS)
+        holdings.register(holding, STREAMS, MAX_STREAMS)
     except errors.Raised:
         os.close(descriptor)
         raise
-    stream.on_end = partial(holdings.disown, holding)
+    stream.on_end = partial(holdings.unregister, holding)
 
 
 @INPUT.primitive("get")
-def get(world: World, this: InputStreamObject) -> Any:
+def get(world: World, this: InputStreamObject) -> Value:
     """The next byte as a number; void at the end."""
-    found = this.opened().byte()
+    found = this.opened().read_byte()
     return float(found[0]) if found else world.void
 
 
 @INPUT.primitive("getChar")
-def get_char(world: World, this: InputStreamObject) -> Any:
+def get_char(world: World, this: InputStreamObject) -> Value:
     """The next byte as a String; void at the end."""
-    found = this.opened().byte()
+    found = this.opened().read_byte()
     return world.from_python(found) if found else world.void
 
 
 @INPUT.primitive("getLine")
-def get_line(world: World, this: InputStreamObject) -> Any:
-    """The next line as a String, without its end; void at the end."""
-    found = this.opened().line()
+def get_line(world: World, this: InputStreamObject) -> Value:
+    """The next line as a String, without its line end; void at the end."""
+    found = this.opened().read_line()
     return world.from_python(_trimmed(found)) if found else world.void
 
 
 @INPUT.primitive("asList")
-def as_list(world: World, this: InputStreamObject) -> Any:
-    """The list of all lines to come, without their ends."""
+def as_list(world: World, this: InputStreamObject) -> Value:
+    """The list of all remaining lines, without their line ends."""
     source = this.opened()
     found = []
-    line = source.line()
+    line = source.read_line()
     while line:
         found.append(world.from_python(_trimmed(line)))
-        world.scheduler.give_way(AIR)
-        line = source.line()
+        world.scheduler.give_way(TIME_SLICE_S)
+        line = source.read_line()
     return world.new_list(found)
 
 
@@ -216,7 +219,7 @@ def _trimmed(line: bytes) -> bytes:
 
 @INPUT.primitive("close")
 def close_input(world: World, this: InputStreamObject) -> None:
-    """Close the stream; an error if it is closed already."""
+    """Close the stream.  Raises an error if it is already closed."""
     this.opened().close()
     this.source = None
 
@@ -225,38 +228,38 @@ def close_input(world: World, this: InputStreamObject) -> None:
 
 
 class _Delivered:
-    """A sink of a connection: when that ends, the other side may take what was said for a while."""
+    """A sink held by a connection: after the end of the connection, queued bytes are still written for some seconds."""
 
     def __init__(self, scheduler: Scheduler, sink: PipeSink) -> None:
         self._scheduler = scheduler
         self._sink = sink
 
     def close(self) -> None:
-        """The connection has ended."""
+        """Called when the connection has ended."""
         self._sink.close()
-        self._scheduler.call_at(self._scheduler.clock.now() + LAST_WORDS, self._sink.drop)
+        self._scheduler.call_at(self._scheduler.clock.now() + DRAIN_TIMEOUT_S, self._sink.drop)
 
 
 @OUTPUT.primitive("init")
 def init_output(world: World, this: OutputStreamObject, file: FileObject) -> None:
-    """Write to the end of a File.  To one that is no plain file (a FIFO, a device) is written in a thread."""
+    """Append to a File.  Data for a special file (a FIFO, a device) is written in a thread."""
     check_descriptors()
     sink: io.BufferedWriter | PipeSink
     try:
-        if lets_wait(file.path):
-            descriptor = open_to_write(world, file.path)
+        if is_special_file(file.path):
+            descriptor = open_for_writing(world, file.path)
             sink = PipeSink(pipes_of(world))
-            _hold(world, sink, _Delivered(world.scheduler, sink), descriptor)
+            _register_stream(world, sink, _Delivered(world.scheduler, sink), descriptor)
             sink.start(descriptor)
         else:
             sink = io.BufferedWriter(io.FileIO(system(file.path), "a"))
     except OSError as error:
         raise failure(error, file.path) from error
-    weakref.finalize(this, _forget, world.scheduler, sink.close)
+    weakref.finalize(this, _close_unreferenced, world.scheduler, sink.close)
     this.sink = sink
 
 
-def _do(action: Any, *args: Any) -> None:
+def _raise_os_errors(action: Value, *args: Value) -> None:
     try:
         action(*args)
     except OSError as error:
@@ -264,15 +267,15 @@ def _do(action: Any, *args: Any) -> None:
 
 
 @OUTPUT.primitive("<<")
-def put_text(world: World, this: OutputStreamObject, value: Any) -> Any:
-    """Write the ``asString`` of a value; gives this stream."""
-    _do(this.opened().write, world.text(value).encode("latin-1", "replace"))
+def put_text(world: World, this: OutputStreamObject, value: Value) -> Value:
+    """Write the ``asString`` of a value; returns this stream."""
+    _raise_os_errors(this.opened().write, world.text(value).encode("latin-1", "replace"))
     return this
 
 
 @OUTPUT.primitive("put")
-def put(world: World, this: OutputStreamObject, byte: float) -> Any:
-    """Write one byte, 0 to 255; gives this stream."""
+def put(world: World, this: OutputStreamObject, byte: float) -> Value:
+    """Write one byte, 0 to 255; returns this stream."""
     sink = this.opened()
     wrong = (
         "overflow or non empty fractional part" if byte != byte or byte % 1
@@ -282,19 +285,19 @@ def put(world: World, this: OutputStreamObject, byte: float) -> Any:
     )
     if wrong:
         raise errors.primitive(f"bad numeric conversion: {wrong}: {world.text(byte)}")
-    _do(sink.write, bytes([int(byte)]))
-    _do(sink.flush)
+    _raise_os_errors(sink.write, bytes([int(byte)]))
+    _raise_os_errors(sink.flush)
     return this
 
 
 @OUTPUT.primitive("flush")
 def flush(world: World, this: OutputStreamObject) -> None:
-    """Deliver what was written so far."""
-    _do(this.opened().flush)
+    """Write all queued bytes."""
+    _raise_os_errors(this.opened().flush)
 
 
 @OUTPUT.primitive("close")
 def close_output(world: World, this: OutputStreamObject) -> None:
-    """Deliver what was written and close the stream; an error if it is closed already."""
-    _do(this.opened().close)
+    """Write all queued bytes and close the stream.  Raises an error if it is already closed."""
+    _raise_os_errors(this.opened().close)
     this.sink = None

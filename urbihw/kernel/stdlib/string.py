@@ -1,6 +1,6 @@
 """String: sequences of bytes, shown as latin-1 characters; mutable only by ``[]=``.
 
-Source: manual, specs/string.  The operators compare and index bytes; nothing here knows about UTF-8.
+Source: manual, specs/string.  The operators compare and index bytes; UTF-8 is not decoded.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from urbihw.kernel import errors
 from urbihw.kernel.runtime.plain import escaped
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.spelling import slips
-from urbihw.kernel.runtime.values import MOST_CHARACTERS, MOST_MEMBERS, String, too_long
+from urbihw.kernel.runtime.values import MAX_LIST_LENGTH, MAX_STRING_LENGTH, String, too_long
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.members import count, members_of, repetitions, strings_of
 from urbihw.kernel.stdlib.searching import found_separators, replaced
 from urbihw.kernel.stdlib.slices import give_way, in_slices, text_slices
+from urbihw.kernel.value import Value
 
 __breakable__ = True
 
@@ -26,19 +27,21 @@ TABLE = Table("String")
 PROTOS = {"String": ("Comparable", "Orderable", "RangeIterable")}
 
 NUMBER = re.compile(r"[-+]?(?:(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][-+]?\d++)?|inf|nan)\Z")
-"""Nothing of it is tried a second time: what is no number is known to be none after going through it once."""
-LONGEST_LIKENED = 10_000
-"""Characters of a string that is likened to others: the time goes with the product of the lengths."""
-SHOWN = 60
-"""Characters of a string that an error shows."""
+"""The possessive quantifiers prevent backtracking, so that a text that is no number is rejected in one pass."""
+MAX_COMPARED_LENGTH = 10_000
+"""Maximum length, in characters, of strings compared by edit distance: the time is proportional to the product of the
+lengths.
+"""
+MAX_SHOWN_LENGTH = 60
+"""Maximum number of characters of a string in an error message."""
 
 
 # ---------------------------------------------------------------- conversions
 
 
 @TABLE.primitive("asString")
-def as_string(world: World, this: String) -> Any:
-    """This string itself."""
+def as_string(world: World, this: String) -> Value:
+    """This string."""
     return this
 
 
@@ -50,7 +53,7 @@ def as_printable(world: World, this: str) -> str:
 
 @TABLE.primitive("empty")
 def empty(world: World, this: str) -> bool:
-    """Whether this string has no character."""
+    """Whether this string is empty."""
     return this == ""
 
 
@@ -62,16 +65,16 @@ def as_bool(world: World, this: str) -> bool:
 
 @TABLE.primitive("asFloat")
 def as_float(world: World, this: str) -> float:
-    """The number that this string is; an error if anything but a number stands in it."""
+    """This string as a number.  Raises an error if it is not a number."""
     if NUMBER.match(this) is None:
-        shown = this if len(this) <= SHOWN else this[:SHOWN] + "..."
+        shown = this if len(this) <= MAX_SHOWN_LENGTH else this[:MAX_SHOWN_LENGTH] + "..."
         raise errors.primitive(f"unable to convert to float: {escaped(shown)}")
     return float(this)
 
 
 @TABLE.primitive("toAscii")
 def to_ascii(world: World, this: str) -> float:
-    """The code (0 to 255) of the first character; an error if there is none."""
+    """The code (0 to 255) of the first character.  Raises an error if the string is empty."""
     if not this:
         raise errors.primitive("unexpected empty string")
     return float(ord(this[0]))
@@ -79,7 +82,7 @@ def to_ascii(world: World, this: str) -> float:
 
 @TABLE.primitive("fromAscii")
 def from_ascii(world: World, this: str, code: int) -> str:
-    """The one-character string of a code, 0 to 255."""
+    """The string of the one character with this code, 0 to 255."""
     if not 0 <= code <= 255:
         raise errors.bad_number("BadInteger", f"expected integer in range [0, 255], got {code}")
     return chr(code)
@@ -112,7 +115,7 @@ CLASSES_OF_CHARACTERS = {
     "isUpper": r"[A-Z]*\Z",
     "isXdigit": r"[0-9A-Fa-f]*\Z",
 }
-"""Manual, specs/string, the table of character handling functions; true of the empty string."""
+"""Manual, specs/string, the table of character classes; each function returns true for the empty string."""
 
 
 def _add_class(slot: str, pattern: str) -> None:
@@ -136,7 +139,7 @@ for _slot, _pattern in CLASSES_OF_CHARACTERS.items():
 def size(world: World) -> Any:
     """The number of bytes."""
 
-    def run(this: Any) -> float:
+    def run(this: Value) -> float:
         return float(len(_text(world, this)))
 
     return run
@@ -144,18 +147,19 @@ def size(world: World) -> Any:
 
 @TABLE.primitive("split")
 def split(
-    world: World, this: str, sep: Any = None, lim: float = -1.0, keep_sep: bool = False, keep_empty: bool | None = None
-) -> Any:
-    """The parts between separators (a String, or a List of them, white space if left out), after at most ``lim`` splits
-    (any number if negative), with the separators if ``keepSep``, with the empty parts if ``keepEmpty``."""
+    world: World, this: str, sep: Value = None, lim: float = -1.0, keep_sep: bool = False,
+    keep_empty: bool | None = None,
+) -> Value:
+    """Split the string at separators (a String, or a List of Strings; white space by default).  ``lim`` is the maximum
+    number of splits, negative for no limit; ``keepSep`` keeps the separators, ``keepEmpty`` keeps empty parts."""
     separators = [" ", "\t", "\n", "\r"] if sep is None else strings_of(world, sep, 1)
     if keep_empty is None:
         keep_empty = sep is not None
     if lim != lim:
         raise errors.bad_number("BadNumber", "expected a number of splits, got nan")
     if "" in separators:
-        if len(this) > MOST_MEMBERS:
-            raise too_long("members", MOST_MEMBERS)
+        if len(this) > MAX_LIST_LENGTH:
+            raise too_long("members", MAX_LIST_LENGTH)
         return world.new_list([world.string(character) for character in in_slices(world, this)])
     found = found_separators(world, this, separators) if separators and not 0 <= lim < 1 else iter(())
     return world.new_list(_parts(world, this, found, lim, keep_sep, keep_empty))
@@ -173,21 +177,21 @@ def _parts(
         if keep_sep:
             parts.append(string(text[at:end]))
         begin = end
-        if 0 <= lim < number + 1 or len(parts) > MOST_MEMBERS:
+        if 0 <= lim < number + 1 or len(parts) > MAX_LIST_LENGTH:
             break
     if keep_empty or begin < len(text):
         parts.append(string(text[begin:]))
-    if len(parts) > MOST_MEMBERS:
-        raise too_long("members", MOST_MEMBERS)
+    if len(parts) > MAX_LIST_LENGTH:
+        raise too_long("members", MAX_LIST_LENGTH)
     return parts
 
 
 @TABLE.primitive("join")
-def join(world: World, this: str, members: Any, prefix: str = "", suffix: str = "") -> str:
-    """The members' ``asString``, with this string between them, a prefix before and a suffix behind."""
+def join(world: World, this: str, members: Value, prefix: str = "", suffix: str = "") -> str:
+    """Join the members' ``asString`` with this string between them, a prefix before and a suffix after."""
     texts = [world.text(member) for member in in_slices(world, [*members_of(world, members)])]
-    if sum(map(len, texts)) + len(this) * len(texts) > MOST_CHARACTERS:
-        raise too_long("characters", MOST_CHARACTERS)
+    if sum(map(len, texts)) + len(this) * len(texts) > MAX_STRING_LENGTH:
+        raise too_long("characters", MAX_STRING_LENGTH)
     return prefix + this.join(texts) + suffix
 
 
@@ -199,9 +203,9 @@ def replace(world: World, this: str, old: str, new: str) -> str:
 
 @TABLE.raw("[]", least=1, most=2)
 def get_item(world: World) -> Any:
-    """The characters from an index up to, not including, another (the next one if left out)."""
+    """The characters from index ``begin`` up to, but not including, ``end``; one character without ``end``."""
 
-    def run(this: Any, begin: Any, end: Any = None) -> String:
+    def run(this: Value, begin: Value, end: Value = None) -> String:
         text = _text(world, this)
         start, stop = _range(world, text, begin, end)
         return world.string(text[start:stop])
@@ -210,23 +214,23 @@ def get_item(world: World) -> Any:
 
 
 @TABLE.primitive("[]=")
-def set_item(world: World, this: String, begin: Any, end: Any, other: Any = None) -> Any:
-    """Replace the characters from an index up to, not including, another (the next one if left out) by ``other``;
-    gives ``other``."""
+def set_item(world: World, this: String, begin: Value, end: Value, other: Value = None) -> Value:
+    """Replace the characters from index ``begin`` up to, but not including, ``end`` by ``other``; one character without
+    ``end``.  Returns ``other``."""
     position = 2 if other is None else 3
     if other is None:
         end, other = None, end
     if not isinstance(other, String):
         raise world.type_error(position, other, "String")
     start, stop = _range(world, this.s, begin, end)
-    if len(this.s) + len(other.s) - (stop - start) > MOST_CHARACTERS:
-        raise too_long("characters", MOST_CHARACTERS)
+    if len(this.s) + len(other.s) - (stop - start) > MAX_STRING_LENGTH:
+        raise too_long("characters", MAX_STRING_LENGTH)
     this.s = this.s[:start] + other.s + this.s[stop:]
     this.touch()
     return other
 
 
-def _range(world: World, text: str, begin: Any, end: Any) -> tuple[int, int]:
+def _range(world: World, text: str, begin: Value, end: Value) -> tuple[int, int]:
     start = count(world, begin)
     if start >= len(text):
         raise errors.primitive(f"invalid index: {start}")
@@ -243,7 +247,7 @@ def _range(world: World, text: str, begin: Any, end: Any) -> tuple[int, int]:
 # ---------------------------------------------------------------- operators
 
 
-def _text(world: World, value: Any) -> str:
+def _text(world: World, value: Value) -> str:
     if not isinstance(value, String):
         raise world.type_error(None, value, "String")
     return value.s
@@ -254,7 +258,7 @@ def plus(world: World) -> Any:
     """This string followed by the other's ``asString``."""
     string, text, void = world.string, world.text, world.void
 
-    def run(this: Any, other: Any) -> String:
+    def run(this: Value, other: Value) -> String:
         if other is void:
             raise errors.unexpected_void()
         return string(_text(world, this) + text(other))
@@ -266,19 +270,19 @@ def plus(world: World) -> Any:
 def times(world: World) -> Any:
     """This string repeated a number of times, a non-negative integer."""
 
-    def run(this: Any, number: Any) -> String:
+    def run(this: Value, number: Value) -> String:
         text = _text(world, this)
-        return world.string(text * repetitions(world, number, len(text), MOST_CHARACTERS, "characters"))
+        return world.string(text * repetitions(world, number, len(text), MAX_STRING_LENGTH, "characters"))
 
     return run
 
 
 @TABLE.raw("==", least=1)
 def equals(world: World) -> Any:
-    """Whether the other is a string of the same bytes."""
+    """Whether the other value is a string with the same bytes."""
     true, false = world.true, world.false
 
-    def run(this: Any, other: Any) -> Any:
+    def run(this: Value, other: Value) -> Value:
         return true if isinstance(other, String) and _text(world, this) == other.s else false
 
     return run
@@ -286,10 +290,10 @@ def equals(world: World) -> Any:
 
 @TABLE.raw("!=", least=1)
 def differs(world: World) -> Any:
-    """Whether the other is no string of the same bytes."""
+    """Whether the other value is not a string with the same bytes."""
     true, false = world.true, world.false
 
-    def run(this: Any, other: Any) -> Any:
+    def run(this: Value, other: Value) -> Value:
         return false if isinstance(other, String) and _text(world, this) == other.s else true
 
     return run
@@ -297,7 +301,7 @@ def differs(world: World) -> Any:
 
 @TABLE.primitive("<")
 def before(world: World, this: str, other: str) -> bool:
-    """Whether this string comes before the other, byte by byte."""
+    """Whether this string comes before the other, compared byte by byte."""
     return this < other
 
 
@@ -324,21 +328,23 @@ def not_before(world: World, this: str, other: str) -> bool:
 
 @TABLE.primitive("distance")
 def distance(world: World, this: str, other: str) -> float:
-    """How many characters to insert, remove, replace or swap with their neighbour to get the other string."""
+    """The minimum number of insertions, removals, replacements and swaps of neighbours that turn this string into the
+    other.
+    """
     return float(edits(world, this, other))
 
 
 def edits(world: World, a: str, b: str) -> int:
-    """The edits between two strings (``slips``), while others have their turn."""
-    if len(a) > LONGEST_LIKENED or len(b) > LONGEST_LIKENED:
-        raise errors.primitive(f"too long: expected strings of at most {LONGEST_LIKENED} characters")
+    """The edit distance of two strings (``slips``); other jobs get turns meanwhile."""
+    if len(a) > MAX_COMPARED_LENGTH or len(b) > MAX_COMPARED_LENGTH:
+        raise errors.primitive(f"too long: expected strings of at most {MAX_COMPARED_LENGTH} characters")
     return slips(a, b, partial(give_way, world))
 
 
 @TABLE.primitive("closest")
-def closest(world: World, this: str, among: Any) -> Any:
-    """The one member that is like this string: by at most one edit in three characters, or else but for the case of
-    letters; nil if there is none or more than one."""
+def closest(world: World, this: str, among: Any) -> Value:
+    """The only member similar to this string: with at most one edit per three characters, or with a difference only in
+    upper and lower case. nil if there is none or more than one."""
     names = [_text(world, member) for member in in_slices(world, [*members_of(world, among)])]
     reach = max(1, len(this) // 3)
     alike = [name for name in in_slices(world, names) if abs(len(name) - len(this)) <= reach]
@@ -350,13 +356,13 @@ def closest(world: World, this: str, among: Any) -> Any:
 
 
 def install(world: World, programs: Any) -> None:
-    """``fresh`` counts, so it is made per world."""
+    """Install ``fresh``, whose counter belongs to the world."""
     numbers = Table("String")
     used = 0
 
     @numbers.primitive("fresh")
     def fresh(world: World, this: str) -> str:
-        """A string beginning with this one that was never given before."""
+        """A string that begins with this one and was not returned before."""
         nonlocal used
         used += 1
         return f"{this}_{used}"

@@ -1,104 +1,107 @@
-"""System: time, evaluation, files of source, assertions, and what the process is.  ``environment`` has the rest."""
+"""System: time, evaluation, source files, assertions, and information about the process.  ``environment`` has the
+rest.
+"""
 
 from __future__ import annotations
 
 import os
-import sys
 from pathlib import Path
-from types import FrameType
 from typing import Any
-from weakref import WeakKeyDictionary
 
 from urbihw.kernel import errors
 from urbihw.kernel.compiler import print_node
-from urbihw.kernel.runtime.backtrace import calling_frame, current_stack
+from urbihw.kernel.runtime.backtrace import current_stack
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import CallMessage, String
-from urbihw.kernel.runtime.world import OWN, World
-from urbihw.kernel.sched.job import Job
+from urbihw.kernel.runtime.world import KERNEL_JOB, World
+from urbihw.kernel.sched.waiting import wait_for_ever
 from urbihw.kernel.stdlib import prototype
 from urbihw.kernel.stdlib.file import read
 from urbihw.kernel.stdlib.job import job_value
 from urbihw.kernel.stdlib.path import from_system
-from urbihw.kernel.stdlib.support import field, native, say
+from urbihw.kernel.stdlib.support import field, native, send_line
+from urbihw.kernel.value import Value
 
 TABLE = Table("System")
 PROTOS = {"System": ("Object",)}
 VERSION = "2.3"
-"""The version of the language served."""
+"""The implemented version of the language."""
 
 NOTES = {
     "System": "The server: time, evaluation of programs, files, the environment, the process.",
-    "System.arguments": "The arguments of the command line that are meant for the program, as a List of Strings.",
+    "System.arguments": "The command line arguments for the program, as a List of Strings.",
     "System.eval": (
-        "Run a program text in this object and give the value of its last statement; raises Syntax if it is none, "
-        "and then nothing runs."
+        "Run a program text in this object; returns the value of its last statement.  Raises Syntax for an invalid "
+        "text, of which nothing is run."
     ),
     "System.load": (
-        "Find a file of urbiscript on the search path, run it, and give the value of its last statement; raises "
+        "Run a file of urbiscript from the search path; returns the value of its last statement.  Raises "
         "FileNotFound."
     ),
-    "System.loadFile": "Run a file of urbiscript and give the value of its last statement; raises FileNotFound.",
-    "System.maybeLoad": "load if there is such a file, and tell the channel of it; void if there is none.",
-    "System.lobbies": "Lobby.instances.",
+    "System.loadFile": "Run a file of urbiscript; returns the value of its last statement.  Raises FileNotFound.",
+    "System.maybeLoad": "Load the file if it exists, and report it on the channel; void if it does not exist.",
+    "System.lobbies": "The same as Lobby.instances.",
     "System.lobby": "The lobby of the connection whose code is running.",
-    "System.ndebug": "Whether assertions are left out; false at first, can be assigned.",
+    "System.ndebug": "Whether assertions are skipped; initially false, can be assigned.",
     "System.period": (
-        "The time in seconds between two steps of a trajectory, and between two looks at what cannot say that it "
-        "changed; 20ms at first, can be assigned, raises NonPositiveNumber."
+        "The interval in seconds between two steps of a trajectory; initially 20ms, can be assigned.  Raises "
+        "NonPositiveNumber."
     ),
-    "System.programName": "The path under which the server was called.",
-    "System.redefinitionMode": (
-        "Let var overwrite slots that exist until the running function, or the statement at top level, is over."
-    ),
+    "System.programName": "The path of the server's program, as it was started.",
     "System.shutdown": "End the server: close all connections, stop all devices.",
-    "System.timeReference": "Midnight of the day on which the server began: remotes count their stamps from there.",
+    "System.timeReference": "Midnight of the day on which the server started: time stamps of remotes count from there.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 # ---------------------------------------------------------------- time
 
 
 @TABLE.primitive("time")
-def time(world: World, this: Any) -> float:
-    """Seconds since the server was started."""
+def time(world: World, this: Value) -> float:
+    """Seconds since the start of the server."""
     return world.scheduler.clock.now()
 
 
 @TABLE.primitive("shiftedTime")
-def shifted_time(world: World, this: Any) -> float:
-    """Seconds since the server was started, less what the running job spent frozen."""
+def shifted_time(world: World, this: Value) -> float:
+    """Seconds since the start of the server, minus the time during which the running job was frozen."""
     return world.scheduler.running().local_time(world.scheduler.clock.now())
 
 
 @TABLE.primitive("sleep")
-def sleep(world: World, this: Any, duration: float = float("inf")) -> None:
-    """Do nothing for a duration in seconds; for ever without one."""
+def sleep(world: World, this: Value, duration: float = float("inf")) -> None:
+    """Sleep for a duration in seconds; without an argument, for ever."""
     if duration == float("inf"):
-        world.scheduler.suspend(None)
+        wait_for_ever(world.scheduler)
     else:
         world.scheduler.sleep(duration)
 
 
+@TABLE.primitive("redefinitionMode")
+def redefinition_mode(world: World, this: Value) -> None:
+    """Let ``var`` redefine existing slots until the end of the running function or top-level statement."""
+    world.redefinition.begin()
+
+
 @TABLE.primitive("cycle")
-def cycle(world: World, this: Any) -> int:
-    """The number of rounds of the scheduler since the beginning."""
-    # `;` makes a new round only when somebody else is ready: who reads the cycle wants to see every `;`
+def cycle(world: World, this: Value) -> int:
+    """The number of rounds of the scheduler since the start."""
+    # `;` starts a new round only if another job is ready; a program that reads the cycle expects one at every `;`
     world.spawn_own(lambda: world.void, "cycle")
     return world.scheduler.cycle
 
 
 @TABLE.primitive("jobs")
-def jobs(world: World, this: Any) -> Any:
-    """The jobs of programs that are not over; the server's own are nobody's business."""
-    return world.new_list([job_value(world, job) for job in world.scheduler.jobs if job.face is not OWN])
+def jobs(world: World, this: Value) -> Value:
+    """The running jobs of programs; internal jobs of the server are not included."""
+    return world.new_list([job_value(world, job) for job in world.scheduler.jobs if job.face is not KERNEL_JOB])
 
 
 @TABLE.primitive("aliveJobs")
-def alive_jobs(world: World, this: Any) -> int:
-    """How many jobs of programs are not over."""
-    return sum(job.face is not OWN for job in world.scheduler.jobs)
+def alive_jobs(world: World, this: Value) -> int:
+    """The number of running jobs of programs."""
+    return sum(job.face is not KERNEL_JOB for job in world.scheduler.jobs)
 
 
 # ---------------------------------------------------------------- assertions
@@ -110,50 +113,50 @@ def _failed(text: str) -> errors.Raised:
 
 @TABLE.lazy("assert", least=1, most=1)
 def assert_lazy(world: World, message: CallMessage) -> None:
-    """Raise ``failed assertion`` if the argument is not true, unless ``ndebug``."""
+    """Raise ``failed assertion`` if the argument is false, unless ``ndebug`` is set."""
     if not world.ndebug and not message.eval_at(0):
         node = message.args[0].node
         raise _failed("" if node is None else print_node(node))
 
 
 @TABLE.primitive("assert_")
-def assert_message(world: World, this: Any, claim: Any, message: str) -> None:
-    """Raise ``failed assertion: message`` if the claim is not true."""
+def assert_message(world: World, this: Value, claim: Value, message: str) -> None:
+    """Raise ``failed assertion: message`` if the condition is false."""
     if not claim:
         raise _failed(message)
 
 
 @TABLE.primitive("assert_op")
-def assert_operator(world: World, this: Any, operator: str, left: Any, right: Any) -> None:
-    """Deprecated, use ``assert``: raise ``failed assertion`` if ``left operator right`` is not true."""
+def assert_operator(world: World, this: Value, operator: str, left: Value, right: Value) -> None:
+    """Deprecated, use ``assert``: raise ``failed assertion`` if ``left operator right`` is false."""
     if not world.send(left, operator, right):
         raise _failed(f"{world.printable(left)} {operator} {world.printable(right)}")
 
 
 @TABLE.primitive("backtrace")
-def backtrace(world: World, this: Any) -> None:
-    """Say the calls that led here on the channel ``backtrace``, innermost first."""
+def backtrace(world: World, this: Value) -> None:
+    """Print the call stack on the channel ``backtrace``, innermost call first."""
     for step in current_stack().calls:
-        say(world, f"{step.name} ({step.location})", "backtrace")
+        send_line(world, f"{step.name} ({step.location})", "backtrace")
 
 
 # ---------------------------------------------------------------- the process
 
 
 @TABLE.primitive("resetLibrary")
-def reset_library(world: World, this: Any, what: Any = None) -> Any:
-    """Bring back what programs removed from the library, or defined anew: all of it, one object, or what a name such as
-    "String.size" or "Object.protos" means.  Gives the names of what was put back.
+def reset_library(world: World, this: Value, what: Value = None) -> Value:
+    """Restore the slots of the library that programs have removed or redefined: all slots, those of one object, or
+    those with a name such as "String.size" or "Object.protos".  Returns the names of the restored slots.
 
-    Variables keep their values, unless named.  Raises Primitive for what the library does not have.  The name is long
-    since all objects inherit the slots of System, and ``reset`` is a name for many things.
+    Variables keep their values unless they are named.  Raises Primitive for a name that is not in the library.  The
+    function has a long name because all objects inherit the slots of System, and programs often use the name ``reset``.
     """
     names = world.record.reset(what.s if isinstance(what, String) else what)
     return world.new_list([world.string(name) for name in names])
 
 
 @TABLE.primitive("version")
-def version(world: World, this: Any) -> str:
+def version(world: World, this: Value) -> str:
     """The version of the language."""
     return VERSION
 
@@ -162,12 +165,12 @@ def version(world: World, this: Any) -> str:
 
 
 def search_path() -> list[str]:
-    """The folders of urbiscript files: ``URBI_PATH``, where an empty part stands for the current folder."""
+    """The folders of urbiscript files: ``URBI_PATH``, where an empty entry stands for the current folder."""
     return [part or "." for part in os.environ.get("URBI_PATH", "").split(os.pathsep)]
 
 
 def find_source(name: str) -> Path | None:
-    """The file of this name on the search path, absolute, or None."""
+    """The absolute path of the file with this name on the search path, or None."""
     for folder in search_path():
         found = Path(folder, name)
         if found.is_file():
@@ -176,11 +179,11 @@ def find_source(name: str) -> Path | None:
 
 
 def file_not_found(name: str) -> errors.Raised:
-    """``file not found: name``."""
+    """The error ``file not found: name``."""
     return errors.Raised("FileNotFound", f"file not found: {name}", None, name=name)
 
 
-def _file_name(world: World, value: Any) -> str:
+def _file_name(world: World, value: Value) -> str:
     if world.is_a(value, world.classes["Path"]):
         return world.text(value)
     if not isinstance(value, String):
@@ -189,14 +192,14 @@ def _file_name(world: World, value: Any) -> str:
 
 
 @TABLE.primitive("searchPath")
-def search_path_value(world: World, this: Any) -> Any:
-    """The folders where ``load`` looks for files, as a List of Paths."""
+def search_path_value(world: World, this: Value) -> Value:
+    """The folders in which ``load`` searches for files, as a List of Paths."""
     return world.new_list([_path(world, folder) for folder in search_path()])
 
 
 @TABLE.primitive("searchFile")
-def search_file(world: World, this: Any, file: Any) -> Any:
-    """The Path of a file on the search path; raises FileNotFound."""
+def search_file(world: World, this: Value, file: Value) -> Value:
+    """The Path of a file on the search path.  Raises FileNotFound."""
     name = _file_name(world, file)
     found = find_source(name)
     if found is None:
@@ -209,35 +212,53 @@ def _path(world: World, name: str) -> Any:
 
 
 def install(world: World, programs: Any) -> None:
-    """What needs the programs of this kernel: evaluation, arguments, the end; and the fields that can be assigned."""
+    """Install the functions that use the programs of this kernel: evaluation, arguments, exit; and the assignable
+    fields.
+    """
     system = prototype(world, "System")
 
-    def put(name: str, function: Any, least: int, most: int | None = None) -> None:
+    def put(name: str, function: Value, least: int, most: int | None = None) -> None:
         system.slots[name] = native(world, name, function, least, most)
 
-    def context(this: Any) -> Any:
-        """Whoever says System.eval means the lobby."""
+    def shutdown(this: Value) -> Value:
+        programs.shutdown()
+        return world.void
+
+    put("lobby", lambda this: world.ops.send0(world.lobby_proto, "lobby"), 0)
+    put("lobbies", lambda this: world.ops.send0(world.lobby_proto, "instances"), 0)
+    put("shutdown", shutdown, 0)
+    put("arguments", lambda this: world.from_python(list(programs.arguments)), 0)
+    put("programName", lambda this: world.string(programs.name), 0)
+    _install_evaluation(world, system, programs)
+    _fields(world, system)
+
+
+def _install_evaluation(world: World, system: Value, programs: Any) -> None:
+    """Install the functions that evaluate programs: ``eval`` and the loading of files."""
+
+    def context(this: Value) -> Value:
+        """System.eval evaluates in the lobby."""
         return world.scheduler.running().context or this if this is system else this
 
-    def evaluate(this: Any, source: Any) -> Any:
+    def evaluate(this: Value, source: Value) -> Value:
         if not isinstance(source, String):
             raise world.type_error(1, source, "String")
         return programs.evaluate(source.s, context(this))
 
-    def run_file(this: Any, path: Path | None, name: str) -> Any:
+    def run_file(this: Value, path: Path | None, name: str) -> Value:
         if path is None or not path.is_file():
             raise file_not_found(name)
         return programs.evaluate(read(world, from_system(os.fsencode(path))), context(this), name)
 
-    def load(this: Any, file: Any) -> Any:
+    def load(this: Value, file: Value) -> Value:
         name = _file_name(world, file)
         return run_file(this, find_source(name), name)
 
-    def load_file(this: Any, file: Any) -> Any:
+    def load_file(this: Value, file: Value) -> Value:
         name = _file_name(world, file)
         return run_file(this, Path(name), name)
 
-    def maybe_load(this: Any, file: Any, channel: Any = None) -> Any:
+    def maybe_load(this: Value, file: Value, channel: Value = None) -> Value:
         name = _file_name(world, file)
         path = find_source(name)
         if path is None:
@@ -246,59 +267,19 @@ def install(world: World, programs: Any) -> None:
             world.send(channel, "echo", world.string(f"loading {path}."))
         return run_file(this, path, name)
 
-    def shutdown(this: Any) -> Any:
-        programs.shutdown()
-        return world.void
-
-    put("lobby", lambda this: world.ops.send0(world.lobby_proto, "lobby"), 0)
-    put("lobbies", lambda this: world.ops.send0(world.lobby_proto, "instances"), 0)
-    put("eval", evaluate, 1)
-    put("load", load, 1)
-    put("loadFile", load_file, 1)
-    put("maybeLoad", maybe_load, 1, 2)
-    put("shutdown", shutdown, 0)
-    put("arguments", lambda this: world.from_python(list(programs.arguments)), 0)
-    put("programName", lambda this: world.string(programs.name), 0)
-    put("redefinitionMode", redefinition_mode(world), 0)
-    _fields(world, system)
+    for name, function in (("eval", evaluate), ("load", load), ("loadFile", load_file)):
+        system.slots[name] = native(world, name, function, 1, 1)
+    system.slots["maybeLoad"] = native(world, "maybeLoad", maybe_load, 1, 2)
 
 
-def redefinition_mode(world: World) -> Any:
-    """``redefinitionMode``: ``var`` may overwrite slots as long as the function that asked for it runs.
-
-    Only the attempt to create a slot that exists looks at the mode, so that it costs nothing otherwise.
-    """
-    modes: WeakKeyDictionary[Job, FrameType] = WeakKeyDictionary()
-
-    def run(this: Any) -> Any:
-        frame = calling_frame()
-        if frame is not None:
-            modes[world.scheduler.running()] = frame
-        return world.void
-
-    def redefining() -> bool:
-        job = world.scheduler.current
-        if job is None or job not in modes:
-            return False
-        frame: FrameType | None = sys._getframe(1)
-        while frame is not None and frame is not modes[job]:
-            frame = frame.f_back
-        if frame is None:
-            del modes[job]
-        return frame is not None
-
-    world.redefining = redefining
-    return run
-
-
-def _fields(world: World, system: Any) -> None:
-    def write_period(this: Any, value: Any) -> None:
+def _fields(world: World, system: Value) -> None:
+    def write_period(this: Value, value: Value) -> None:
         period = world.as_float(value, 1, "period")
         if not 0 < period < float("inf"):
             raise errors.bad_number("NonPositiveNumber", f"expected positive number, got {world.text(value)}")
         world.period = period
 
-    def write_ndebug(this: Any, value: Any) -> None:
+    def write_ndebug(this: Value, value: Value) -> None:
         world.ndebug = bool(value)
 
     field(world, system, "period", lambda this: world.period + 0.0, write_period)

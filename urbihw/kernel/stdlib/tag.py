@@ -1,6 +1,6 @@
-"""Tag: a handle on the code that runs under it.
+"""Tag: a handle that controls the code running under it.
 
-Source: manual, specs/tag.  The mechanism is ``sched.tag``; ``Tag.scope`` and ``scopeTag`` belong to the compiler.
+Source: manual, specs/tag.  ``sched.tag`` has the mechanism; ``Tag.scope`` and ``scopeTag`` are compiled.
 """
 
 from __future__ import annotations
@@ -9,23 +9,24 @@ from typing import Any
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.event import Event
-from urbihw.kernel.runtime.passage import TagObject, TagPassage
 from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.tagscope import TagObject, TagObjectScope
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.tag import Tag
 from urbihw.kernel.stdlib.channel import starred
-from urbihw.kernel.stdlib.support import say
+from urbihw.kernel.stdlib.support import send_line
+from urbihw.kernel.value import Value
 
 TABLE = Table("Tag")
 
 NOTES = {
-    "Tag.tags": "The tags that were used without being declared, as slots.",
+    "Tag.tags": "The tags that were used without a declaration, as slots.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 class MarkedTag(TagObject):
-    """A child tag that says when code under it begins, ends, or both."""
+    """A child tag that prints a message when code under it begins, ends, or both."""
 
     __slots__ = ("begins", "ends")
 
@@ -36,16 +37,16 @@ class MarkedTag(TagObject):
         self.ends = ends
 
     def clone(self) -> MarkedTag:
-        """A child that says the same."""
+        """A child tag with the same messages."""
         return MarkedTag(self, self.begins, self.ends)
 
-    def open(self) -> MarkedPassage:
-        """A passage that says so."""
-        return MarkedPassage(self)
+    def open(self) -> MarkedTagScope:
+        """A scope that prints the messages."""
+        return MarkedTagScope(self)
 
 
-class MarkedPassage(TagPassage):
-    """A passage through a MarkedTag."""
+class MarkedTagScope(TagObjectScope):
+    """The scope of a MarkedTag."""
 
     __slots__ = ("_marked",)
 
@@ -54,17 +55,17 @@ class MarkedPassage(TagPassage):
         self._marked = marked
 
     def enter(self) -> None:
-        """Go in, and say so."""
+        """Enter the scope, and print the message."""
         super().enter()
         if self._marked.begins:
-            say(self._marked.world, starred(f"{self._marked.tag.name}: begin"))
+            send_line(self._marked.world, starred(f"{self._marked.tag.name}: begin"))
 
     def exit(self) -> None:
-        """Go out, and say so if ever gone in."""
+        """Leave the scope, and print the message if the scope was entered."""
         entered = self._entered
         super().exit()
         if entered and self._marked.ends:
-            say(self._marked.world, starred(f"{self._marked.tag.name}: end"))
+            send_line(self._marked.world, starred(f"{self._marked.tag.name}: end"))
 
 
 def _marks(this: TagObject) -> tuple[bool, bool]:
@@ -73,7 +74,7 @@ def _marks(this: TagObject) -> tuple[bool, bool]:
 
 @TABLE.primitive("init")
 def init(world: World, this: TagObject, name: str | None = None) -> None:
-    """A tag, named if a name is given."""
+    """Make a tag, with a name if one is given."""
     if name is not None:
         this.tag.name = name
 
@@ -94,44 +95,44 @@ def as_string(world: World, this: TagObject) -> str:
 
 
 @TABLE.primitive("stop")
-def stop(world: World, this: TagObject, value: Any = None) -> None:
-    """Stop all code under this tag; what it was part of goes on with a value, void if none is given."""
+def stop(world: World, this: TagObject, value: Value = None) -> None:
+    """Stop all code under this tag; the tagged statement returns the value, void by default."""
     this.tag.stop(world.void if value is None else value)
 
 
 @TABLE.primitive("block")
-def block(world: World, this: TagObject, value: Any = None) -> None:
-    """Stop all code under this tag, and skip all code that comes to it until ``unblock``; it is worth a value, void if
-    none is given.
+def block(world: World, this: TagObject, value: Value = None) -> None:
+    """Stop all code under this tag, and skip code that enters it until ``unblock``; the skipped statement returns the
+    value, void by default.
 
-    Raises Primitive for Tag itself and for the tag of a connection, which others need.
+    Raises Primitive for Tag itself and for the tag of a connection, which other jobs need.
     """
     _check(this)
     this.tag.block(world.void if value is None else value)
 
 
 def _check(this: TagObject) -> None:
-    if this.for_all:
-        raise errors.primitive(this.for_all)
+    if this.freeze_refusal:
+        raise errors.primitive(this.freeze_refusal)
 
 
 @TABLE.primitive("unblock")
 def unblock(world: World, this: TagObject) -> None:
-    """Let code run under this tag again."""
+    """Allow code to run under this tag again."""
     this.tag.unblock()
 
 
 @TABLE.primitive("blocked")
 def blocked(world: World, this: TagObject) -> bool:
-    """Whether this tag, or one it derives from, is blocked."""
+    """Whether this tag, or one of its parents, is blocked."""
     return this.tag.blocker() is not None
 
 
 @TABLE.primitive("freeze")
 def freeze(world: World, this: TagObject) -> None:
-    """Hold all code under this tag, and all that comes to it, until ``unfreeze``.
+    """Suspend all code under this tag, and code that enters it, until ``unfreeze``.
 
-    Raises Primitive for Tag itself and for the tag of a connection, which others need.
+    Raises Primitive for Tag itself and for the tag of a connection, which other jobs need.
     """
     _check(this)
     this.tag.freeze()
@@ -139,22 +140,21 @@ def freeze(world: World, this: TagObject) -> None:
 
 @TABLE.primitive("unfreeze")
 def unfreeze(world: World, this: TagObject) -> None:
-    """Let the code under this tag go on."""
+    """Resume the code under this tag."""
     this.tag.unfreeze()
 
 
 @TABLE.primitive("frozen")
 def frozen(world: World, this: TagObject) -> bool:
-    """Whether this tag, or one it derives from, is frozen."""
+    """Whether this tag, or one of its parents, is frozen."""
     return this.tag.is_frozen()
 
 
 @TABLE.primitive("scope")
-def scope(world: World, this: Any) -> None:
-    """``Tag.scope``: a fresh tag that is stopped at the end of the scope it is written in.
+def scope(world: World, this: Value) -> None:
+    """``Tag.scope``: a new tag that is stopped at the end of the enclosing scope.
 
-    The compiler makes it, where it stands in the text: as a function, called from wherever, it knows no scope and says
-    so.
+    It is compiled directly in the scope.  Called as a function it has no scope and raises an error.
     """
     raise errors.primitive("must be called as `Tag.scope' in the scope that it is for")
 
@@ -163,35 +163,35 @@ def scope(world: World, this: Any) -> None:
 
 
 @TABLE.primitive("enter")
-def enter(world: World, this: TagObject) -> Any:
-    """The event emitted whenever code under this tag begins."""
+def enter(world: World, this: TagObject) -> Value:
+    """The event that is emitted when code under this tag begins."""
     if this.enter_event is None:
         this.enter_event = Event(world, [world.event_proto])
     return this.enter_event
 
 
 @TABLE.primitive("leave")
-def leave(world: World, this: TagObject) -> Any:
-    """The event emitted whenever code under this tag ends, in whatever way."""
+def leave(world: World, this: TagObject) -> Value:
+    """The event that is emitted when code under this tag ends in any way."""
     if this.leave_event is None:
         this.leave_event = Event(world, [world.event_proto])
     return this.leave_event
 
 
 @TABLE.primitive("begin")
-def begin(world: World, this: TagObject) -> Any:
-    """A child tag that says ``NAME: begin`` whenever code under it begins."""
+def begin(world: World, this: TagObject) -> Value:
+    """A child tag that prints ``NAME: begin`` when code under it begins."""
     return MarkedTag(this, True, _marks(this)[1])
 
 
 @TABLE.primitive("end")
-def end(world: World, this: TagObject) -> Any:
-    """A child tag that says ``NAME: end`` whenever code under it ends."""
+def end(world: World, this: TagObject) -> Value:
+    """A child tag that prints ``NAME: end`` when code under it ends."""
     return MarkedTag(this, _marks(this)[0], True)
 
 
 def install(world: World, programs: Any) -> None:
-    """Tags used without declaration are slots of ``Tag.tags``, where all can see them."""
+    """Install ``Tag.tags``, whose slots are the tags used without declaration, visible to all connections."""
     world.tag_proto.slots["tags"] = world.tags
     world.global_.protos.insert(0, world.tags)
     world.record.open_ended.append(world.tags)

@@ -1,14 +1,14 @@
-"""Timeout: a tag that gives its code so much time.
+"""Timeout: a tag with a time limit for its code.
 
-Source: manual, specs/timeout.  Each passage through it has a count-down and a child tag of its own.
+Source: manual, specs/timeout.  Each execution of code under it has a count-down and a child tag of its own.
 """
 
 from __future__ import annotations
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.object import Obj
-from urbihw.kernel.runtime.passage import TagObject
 from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.tagscope import TagObject
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.signals import StopTag
 from urbihw.kernel.sched.tag import Tag, TagEntry
@@ -29,18 +29,18 @@ class TimeoutObject(TagObject):
         self.timed_out = False
 
     def clone(self) -> TimeoutObject:
-        """A timeout of the same duration."""
+        """A Timeout with the same duration."""
         made = TimeoutObject(self.world, [self], self.tag)
         made.duration, made.throws = self.duration, self.throws
         return made
 
     def open(self) -> CountDown:
-        """A passage with a count-down of its own."""
+        """A scope with its own count-down."""
         return CountDown(self)
 
 
 class CountDown:
-    """A passage through a Timeout."""
+    """The scope of a Timeout."""
 
     __slots__ = ("_entry", "_face", "_fired", "_left", "_tag", "_timer")
 
@@ -53,7 +53,7 @@ class CountDown:
         self._left = False
 
     def enter(self) -> None:
-        """Go in and start to count."""
+        """Enter the scope and start the count-down."""
         try:
             self._entry = self._tag.enter()
         except StopTag as signal:
@@ -70,12 +70,12 @@ class CountDown:
         self._tag.stop(self._face.world.void)
 
     def owns(self, signal: StopTag) -> bool:
-        """Whether this passage is to be left."""
+        """Whether the stop signal belongs to this scope."""
         self._left = signal.entry is self._entry
         return self._left
 
     def exit(self) -> None:
-        """Go out; raises ``X has timed out.`` if the time was over before the code was."""
+        """Leave the scope.  Raises ``X has timed out.`` if the time limit was reached before the end of the code."""
         if self._timer is not None:
             self._timer.cancel()
             if self._entry is not None:
@@ -90,26 +90,28 @@ PROTOS = {"Timeout": ("Tag",)}
 
 @TABLE.primitive("init")
 def init(world: World, this: TimeoutObject, duration: float, throws: bool = True) -> None:
-    """A tag whose code has ``duration`` seconds; an exception tells when they are over, unless ``throws`` is false."""
+    """Make a tag with a time limit of ``duration`` seconds; an exception is raised at the limit unless ``throws`` is
+    false.
+    """
     this.duration = duration
     this.throws = throws
 
 
 @TABLE.primitive("asString", "asPrintable")
 def as_string(world: World, this: TimeoutObject) -> str:
-    """``Timeout_`` and the identity."""
+    """``Timeout_`` and the uid."""
     return f"{world.type_name(this)}_{world.uid(this)}"
 
 
 @TABLE.primitive("timedOut")
 def timed_out(world: World, this: TimeoutObject) -> bool:
-    """Whether the time was over before the code, when last used."""
+    """Whether the time limit was reached in the last use."""
     return this.timed_out
 
 
 @TABLE.primitive("launch")
 def launch(world: World, this: TimeoutObject) -> None:
-    """Start a count-down for all code that is under this tag when it is over."""
+    """Start a count-down; at its end it stops the code that is then under this tag."""
 
     def fire() -> None:
         this.timed_out = True

@@ -1,7 +1,6 @@
-"""TrajectoryGenerator: the classes behind ``x = 10 time: 1s``, for programs that make movements by hand.
+"""TrajectoryGenerator: the classes behind ``x = 10 time: 1s``, for programs that make movements explicitly.
 
-Source: manual, specs/trajectory-generator, for the names and what derives from what; the mechanism is
-``runtime.trajectory``.
+Source: manual, specs/trajectory-generator, for the names and the hierarchy; ``runtime.trajectory`` has the mechanism.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ KINDS = {
     "SpeedAdaptive": ("ClosedLoop", {"speed": 0.0, "adaptive": True}),
     "TimeAdaptive": ("ClosedLoop", {"time": 0.0, "adaptive": True}),
 }
-"""Class -> the class it derives from and the attributes of its movements; the first one is the parameter."""
+"""Class -> its base class and the attributes of its movements; the first attribute is the parameter."""
 
 PROTOS = {
     f"TrajectoryGenerator.{name}": (f"TrajectoryGenerator.{parent}" if parent else "TrajectoryGenerator",)
@@ -33,14 +32,14 @@ PROTOS = {
 }
 
 NOTES = {
-    "TrajectoryGenerator.Accel": "A movement of constant acceleration.",
-    "TrajectoryGenerator.Sin": "A sine wave, without end.",
-    "TrajectoryGenerator.Smooth": "A movement that begins and ends softly.",
-    "TrajectoryGenerator.SpeedAdaptive": "A movement of constant speed from wherever the value is.",
-    "TrajectoryGenerator.Time": "A movement of constant speed that takes a given time.",
-    "TrajectoryGenerator.TimeAdaptive": "A movement that takes a given time from wherever the value is.",
+    "TrajectoryGenerator.Accel": "A movement with constant acceleration.",
+    "TrajectoryGenerator.Sin": "An endless sine wave.",
+    "TrajectoryGenerator.Smooth": "A movement with a soft start and a soft end.",
+    "TrajectoryGenerator.SpeedAdaptive": "A movement with constant speed that adapts to the present value.",
+    "TrajectoryGenerator.Time": "A movement with constant speed and a given duration.",
+    "TrajectoryGenerator.TimeAdaptive": "A movement with a given duration that adapts to the present value.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 class GeneratorObject(Obj):
@@ -56,7 +55,7 @@ class GeneratorObject(Obj):
         self.target: Any = 0.0
 
     def clone(self) -> GeneratorObject:
-        """A movement of the same kind."""
+        """A generator of the same movement."""
         made = GeneratorObject(self.world, [self], dict(self.attributes))
         made.getter, made.setter, made.target = self.getter, self.setter, self.target
         return made
@@ -81,8 +80,9 @@ def init(
     parameter: float,
     amplitude: float = 0.0,
 ) -> None:
-    """A movement to ``target`` of what ``getter()`` reads and ``setter(v)`` writes; the parameter is a time in seconds,
-    a speed in units a second or an acceleration, by the class; a sine has an amplitude too."""
+    """Make a movement to ``target``; ``getter()`` reads the present value and ``setter(v)`` writes it.  The parameter
+    is a time in seconds, a speed in units per second or an acceleration, depending on the class; a sine has an
+    amplitude too."""
     this.getter, this.setter = callable_of(world, getter, 1), callable_of(world, setter, 2)
     this.target = target
     if this.attributes:
@@ -93,7 +93,7 @@ def init(
 
 @TABLE.primitive("run")
 def run(world: World, this: GeneratorObject) -> None:
-    """Move; over when the target is reached (never, for a sine)."""
+    """Run the movement until the target is reached; a sine does not end."""
     Trajectory(
         world,
         lambda: world.invoke(this.getter, this),

@@ -1,4 +1,4 @@
-"""Tuple, Pair and Triplet: a fixed number of members.
+"""Tuple, Pair and Triplet: a fixed number of values.
 
 Source: manual, specs/tuple, specs/pair, specs/triplet.
 """
@@ -14,6 +14,7 @@ from urbihw.kernel.runtime.values import Tuple
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.members import index_in, less_members, same_members
 from urbihw.kernel.stdlib.slices import in_slices
+from urbihw.kernel.value import Value
 
 __breakable__ = True
 
@@ -23,20 +24,20 @@ TRIPLET = Table("Triplet")
 TABLES = [TUPLE, PAIR, TRIPLET]
 
 NOTES = {
-    "Tuple": "A fixed number of members, which may be of any kind.",
-    "Pair": "A Tuple of two.",
-    "Triplet": "A Tuple of three.",
+    "Tuple": "A fixed number of values of any type.",
+    "Pair": "A Tuple of two values.",
+    "Triplet": "A Tuple of three values.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 class Named(Tuple):
-    """A tuple whose members are slots, so that a clone shares those of its prototype until it is written to."""
+    """A tuple whose members are slots, so that a clone shares those of its prototype until they are written."""
 
     __slots__ = ()
     NAMES: ClassVar[tuple[str, ...]] = ()
 
-    def __init__(self, world: World, protos: list[Obj], members: list[Any] | None = None) -> None:
+    def __init__(self, world: World, protos: list[Obj], members: list[Value] | None = None) -> None:
         super().__init__(world, protos, members or [])
 
     @property
@@ -45,12 +46,12 @@ class Named(Tuple):
         return [self.world.get_slot(self, name) for name in self.NAMES]
 
     @l.setter
-    def l(self, members: list[Any]) -> None:  # noqa: E743
+    def l(self, members: list[Value]) -> None:  # noqa: E743
         for name, member in zip(self.NAMES, members, strict=False):
-            self.world.ops.put(self, name, member)
+            self.world.ops.put_slot(self, name, member)
 
     def clone(self) -> Named:
-        """A fresh one that shares the members of this one."""
+        """A clone that shares the members of this one."""
         return type(self)(self.world, [self])
 
 
@@ -76,8 +77,8 @@ CLASSES = {"Pair": _nothing(Pair), "Triplet": _nothing(Triplet)}
 PROTOS = {"Pair": ("Tuple",), "Triplet": ("Tuple",)}
 
 
-def pair(world: World, first: Any, second: Any) -> Obj:
-    """A Pair."""
+def pair(world: World, first: Value, second: Value) -> Obj:
+    """Make a Pair."""
     return Pair(world, [world.classes["Pair"]], [first, second])
 
 
@@ -85,14 +86,14 @@ def pair(world: World, first: Any, second: Any) -> Obj:
 
 
 @TUPLE.primitive("init")
-def init(world: World, this: Tuple, members: list[Any]) -> None:
-    """A tuple of the members of a List."""
+def init(world: World, this: Tuple, members: list[Value]) -> None:
+    """Make a tuple of the members of a List."""
     this.l = list(members)
 
 
 @TUPLE.primitive("asString", "asPrintable")
 def as_string(world: World, this: Tuple) -> str:
-    """The members' ``asPrintable`` in parentheses, as a tuple is written."""
+    """The members' ``asPrintable`` in parentheses, as a literal."""
     content = ", ".join([world.printable(member) for member in in_slices(world, this.l)])
     return f"({content},)" if len(this.l) == 1 else f"({content})"
 
@@ -104,27 +105,27 @@ def size(world: World, this: Tuple) -> float:
 
 
 @TUPLE.primitive("[]")
-def get_item(world: World, this: Tuple, index: Any) -> Any:
-    """The member at an index; negative ones count from the end."""
+def get_item(world: World, this: Tuple, index: Value) -> Value:
+    """The member at an index; negative indexes count from the end."""
     return this.l[index_in(len(this.l), index, world)]
 
 
 @TUPLE.primitive("[]=")
-def set_item(world: World, this: Tuple, index: Any, value: Any) -> Any:
-    """Put a value at an index; gives the value."""
+def set_item(world: World, this: Tuple, index: Value, value: Value) -> Value:
+    """Replace the member at an index; returns the value."""
     this.l[index_in(len(this.l), index, world)] = value
     this.touch()
     return value
 
 
 @TUPLE.primitive("==")
-def equals(world: World, this: Tuple, other: Any) -> bool:
-    """Whether the other is a tuple of as many members, equal one by one."""
+def equals(world: World, this: Tuple, other: Value) -> bool:
+    """Whether the other value is a tuple of the same size with equal members."""
     return isinstance(other, Tuple) and same_members(world, this.l, other.l)
 
 
 @TUPLE.primitive("!=")
-def differs(world: World, this: Tuple, other: Any) -> bool:
+def differs(world: World, this: Tuple, other: Value) -> bool:
     """``!(this == other)``."""
     return not (isinstance(other, Tuple) and same_members(world, this.l, other.l))
 
@@ -136,13 +137,13 @@ def before(world: World, this: Tuple, other: Tuple) -> bool:
 
 
 @TUPLE.primitive("*")
-def times(world: World, this: Tuple, factor: Any) -> Any:
-    """The tuple of the members times a factor."""
+def times(world: World, this: Tuple, factor: Value) -> Value:
+    """The tuple of the products of the members and a factor."""
     return world.new_tuple([world.send(member, "*", factor) for member in in_slices(world, this.l)])
 
 
 @TUPLE.primitive("+")
-def plus(world: World, this: Tuple, other: Tuple) -> Any:
+def plus(world: World, this: Tuple, other: Tuple) -> Value:
     """The tuple of the sums of the members of two tuples of the same size."""
     if len(this.l) != len(other.l):
         raise errors.primitive(f"tuples of different sizes: {len(this.l)} and {len(other.l)}")
@@ -151,8 +152,10 @@ def plus(world: World, this: Tuple, other: Tuple) -> Any:
 
 
 @TUPLE.primitive("matchAgainst")
-def match_against(world: World, this: Tuple, handler: Any, pattern: Any) -> bool:
-    """Whether a pattern (a Tuple of the same size) matches, its members asked of the handler's ``matchPattern``."""
+def match_against(world: World, this: Tuple, handler: Value, pattern: Any) -> bool:
+    """Whether a pattern (a Tuple of the same size) matches; its members are compared by the handler's
+    ``matchPattern``.
+    """
     if not isinstance(pattern, Tuple) or len(pattern.l) != len(this.l):
         return False
     pairs = zip(in_slices(world, pattern.l), in_slices(world, this.l), strict=True)
@@ -163,37 +166,37 @@ def match_against(world: World, this: Tuple, handler: Any, pattern: Any) -> bool
 
 
 @PAIR.primitive("init")
-def init_pair(world: World, this: Pair, first: Any, second: Any) -> None:
-    """A pair of two values."""
+def init_pair(world: World, this: Pair, first: Value, second: Value) -> None:
+    """Make a Pair of two values."""
     this.l = [first, second]
 
 
 @TRIPLET.primitive("init")
-def init_triplet(world: World, this: Triplet, first: Any, second: Any, third: Any) -> None:
-    """A triplet of three values."""
+def init_triplet(world: World, this: Triplet, first: Value, second: Value, third: Value) -> None:
+    """Make a Triplet of three values."""
     this.l = [first, second, third]
 
 
 @PAIR.primitive("[]=")
 @TRIPLET.primitive("[]=")
-def set_member(world: World, this: Named, index: Any, value: Any) -> Any:
-    """Put a value at an index; gives the value."""
-    world.ops.put(this, this.NAMES[index_in(len(this.NAMES), index, world)], value)
+def set_member(world: World, this: Named, index: Value, value: Value) -> Value:
+    """Replace the member at an index; returns the value."""
+    world.ops.put_slot(this, this.NAMES[index_in(len(this.NAMES), index, world)], value)
     this.touch()
     return value
 
 
 @PAIR.primitive("asString", "asPrintable")
-def pair_string(world: World, this: Any) -> str:
-    """The members in parentheses; of anything that has a ``first`` and a ``second``."""
+def pair_string(world: World, this: Value) -> str:
+    """The members in parentheses, for any object with ``first`` and ``second``."""
     return _written(world, this, Pair.NAMES)
 
 
 @TRIPLET.primitive("asString", "asPrintable")
-def triplet_string(world: World, this: Any) -> str:
-    """The members in parentheses; of anything that has a ``first``, a ``second`` and a ``third``."""
+def triplet_string(world: World, this: Value) -> str:
+    """The members in parentheses, for any object with ``first``, ``second`` and ``third``."""
     return _written(world, this, Triplet.NAMES)
 
 
-def _written(world: World, this: Any, names: tuple[str, ...]) -> str:
+def _written(world: World, this: Value, names: tuple[str, ...]) -> str:
     return f"({', '.join([world.printable(world.send(this, name)) for name in names])})"

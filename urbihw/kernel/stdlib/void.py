@@ -1,4 +1,6 @@
-"""void: no value.  It understands three messages; ``acceptVoid`` gives a stand-in that may be used as a value."""
+"""void: the absence of a value.  It has three methods; ``acceptVoid`` returns a stand-in that may be used as a
+value.
+"""
 
 from __future__ import annotations
 
@@ -9,18 +11,18 @@ from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.support import native
 
 NOTES = {
-    "void.isVoid": "True.",
+    "void.isVoid": "Always true.",
     "void.acceptVoid": "A stand-in for void that may be used as a value.",
-    "void.unacceptVoid": "void.",
-    "void.asString": "void.",
-    "void.asPrintable": "void.",
-    "void.asToplevelPrintable": "Nothing is shown of void.",
+    "void.unacceptVoid": "This value.",
+    "void.asString": "The string void.",
+    "void.asPrintable": "The string void.",
+    "void.asToplevelPrintable": "The string void; the top level itself prints nothing for void.",
 }
-"""What no docstring can say: of classes, and of slots that are values or fields."""
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 def install(world: World, programs: Any) -> None:
-    """Give void and its stand-in the slots they answer to."""
+    """Install the slots of void and of its stand-in."""
     accepted = Plain(world, [])
     for void in (world.void, accepted):
         void.slots["isVoid"] = native(world, "isVoid", lambda this: world.true, 0)

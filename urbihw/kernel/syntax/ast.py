@@ -38,7 +38,7 @@ def node(*, kw_only: bool = False) -> Callable[[type[T]], type[T]]:
 
 @node(kw_only=True)
 class Node:
-    """What all nodes have: the span they cover, and what the compiler knows of them while it compiles.
+    """Base of all nodes: the span that they cover, and what the compiler knows about them while it compiles.
 
     ``links`` are the names of the fields that hold nodes, or tuples with nodes among others.
     """
@@ -434,11 +434,12 @@ class ExprCond(Node):
 
 @node()
 class At(Node):
-    """``at (cond) body onleave leave``."""
+    """``at (cond) body onleave leave``; with ``sync`` the job that makes the condition true waits for the bodies."""
 
     cond: EventCond | ExprCond
     body: Node
     leave: Node | None
+    sync: bool = False
 
 
 @node()

@@ -1,7 +1,7 @@
-"""What the compiler finds out about a node and keeps on it while it compiles: variables, functions, jobs.
+"""What the compiler learns about a node and stores on it while it compiles: variables, functions, jobs.
 
-The slot ``bound`` of every node has ``UNBOUND`` outside of a compilation.  ``compiler.bind`` puts a ``Bound`` of its
-own on each node that it has something to say about; when the statement is written, all of them are taken off again.
+The slot ``bound`` of every node has ``UNBOUND`` outside of a compilation.  ``compiler.bind`` stores a ``Bound`` on each
+node that needs one; when the code of the statement is written, all of them are removed.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 from urbihw.kernel import errors
 
-MOST_FRAMES = 250
-"""How deep functions may nest; the time that Python takes to compile them grows with the square of it."""
+MAX_FRAMES = 250
+"""Maximum nesting depth of functions; the time that Python takes to compile them grows with its square."""
 
 
 class Local:
@@ -33,15 +33,17 @@ class Local:
 
     @property
     def boxed(self) -> bool:
-        """Whether it lives in a Box."""
+        """Whether the variable is stored in a Box."""
         return self.captured and self.assigned
 
 
 class Frame:
-    """One Python function to be; ``literal`` if it is a function of the program, not a part that runs apart.
+    """One Python function that will be generated; ``literal`` if it is a function of the program, not a part that runs
+    apart.
 
-    ``this`` is its own ``this``, None if it has that of the frame around it; ``call`` is the call message of a literal;
-    ``params`` are the variables that it receives; ``scope_tag`` is the tag of its outermost scope, if that is used.
+    ``this`` is the frame's own ``this``, None if it uses that of the enclosing frame.  ``call`` is the call message of
+    a literal, ``params`` are the variables that the function receives, and ``scope_tag`` is the tag of its outermost
+    scope if that is used.
     """
 
     __slots__ = (
@@ -50,10 +52,10 @@ class Frame:
     )  # fmt: skip
 
     def __init__(self, parent: Frame | None, literal: bool = False) -> None:
-        """Raises TooDeep."""
+        """Raises TooDeep if functions nest too deep."""
         self.parent = parent
         self.depth: int = 0 if parent is None else parent.depth + 1
-        if self.depth > MOST_FRAMES:
+        if self.depth > MAX_FRAMES:
             raise errors.TooDeep
         self.literal = literal
         self.free: dict[Local, None] = {}
@@ -79,11 +81,11 @@ def _identifier(name: str) -> str:
 
 
 Names = dict[str, tuple[str, bool]]
-"""Urbiscript names of locals, their Python names, and whether they live in a Box."""
+"""Urbiscript names of locals, their Python names, and whether they are stored in a Box."""
 
 
 class Known(NamedTuple):
-    """The locals that some arguments name: themselves, and the calls among them."""
+    """The locals that the arguments of a call name directly, and those that calls among them name."""
 
     own: Names
     inner: tuple[Known, ...]
@@ -100,7 +102,7 @@ class Known(NamedTuple):
 
 
 class Bound:
-    """What is known of one node in the statement being compiled."""
+    """What is known about one node of the statement that is being compiled."""
 
     __slots__ = (
         "apart", "detaches", "frame", "function", "known", "lazy", "local", "names", "piece", "scope_tag", "this",
@@ -122,16 +124,18 @@ class Bound:
         self.apart = False
         """Whether the node is a function of its own because it is too deep inside others."""
         self.detaches = False
-        """Of the body of a loop: whether it makes jobs which go on by themselves, under the tags of their maker."""
+        """Of the body of a loop: whether it starts jobs that run on independently, under the tags of the job that
+        started them."""
         self.piece: str | None = None
-        """Of an operation of a very long sum: the variable that holds it, empty if it is in that of another."""
+        """Of an operation of a very long sum: the variable that stores its value, empty if another operation's variable
+        does."""
         self.lazy = False
         """Of a call or a choice: whether its arguments are functions, since its name may mean a lazy function."""
         self.known: Known | None = None
         """Of a call: the locals that its arguments name."""
 
     def __reduce__(self) -> tuple[Callable[[], Bound], tuple[()]]:
-        """Copies of nodes, and nodes on the disk, are not bound."""
+        """Copies of nodes and nodes loaded from the disk are not bound."""
         return _unbound, ()
 
 
@@ -140,4 +144,4 @@ def _unbound() -> Bound:
 
 
 UNBOUND = Bound()
-"""What an unbound node has; it is never written to."""
+"""The ``Bound`` of all unbound nodes; it is never modified."""

@@ -1,7 +1,7 @@
-"""What is a syntax error although the grammar accepts it: words out of place, and names declared twice.
+"""Syntax errors that the grammar does not detect: words out of place, and names declared twice.
 
-``check`` walks a statement with the circumstances of each node: whether it is in a loop, a function or a catch, and
-the names declared so far in its scope.  It keeps its own stack, since programs may nest deeper than Python calls.
+``check`` walks a statement with the context of each node: whether it is in a loop, a function or a catch, and the names
+declared so far in its scope.  It has its own stack, since programs may nest deeper than Python calls.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from urbihw.kernel.syntax.rules import Problem
 
 
 @dataclass(frozen=True, slots=True)
-class _Around:
-    """The circumstances of a node; ``names`` is None where ``var`` makes slots instead of local variables."""
+class _Context:
+    """The context of a node; ``names`` is None where ``var`` declares slots instead of local variables."""
 
     loop: bool = False
     function: bool = False
@@ -25,7 +25,7 @@ class _Around:
     catch: bool = False
     names: set[str] | None = None
 
-    def scope(self) -> _Around:
+    def scope(self) -> _Context:
         return replace(self, names=set())
 
 
@@ -34,8 +34,8 @@ CHECKED = frozenset(
     ["break", "call", "catch", "class", "closure", "const", "continue", "enum", "function", "return", "throw", "var"]
 )
 
-_Step = tuple[Node, _Around]
-_TOP = _Around()
+_Step = tuple[Node, _Context]
+_TOP = _Context()
 
 
 def check(statement: Node, pace: Pace) -> list[Problem]:
@@ -44,14 +44,14 @@ def check(statement: Node, pace: Pace) -> list[Problem]:
     todo: list[_Step] = [(statement, _TOP)]
     while todo:
         pace.step()
-        node, around = todo.pop()
-        message = _complaint(node, around)
+        node, context = todo.pop()
+        message = _complaint(node, context)
         if message is not None:
             problems.append(Problem(message, node.span))
         if isinstance(node, ast.Try):
             problems.extend(_unreachable(node))
         steps = []
-        for step in _steps(node, around):
+        for step in _steps(node, context):
             pace.step()
             steps.append(step)
         steps.reverse()
@@ -77,27 +77,27 @@ def _nodes_in(items: tuple[object, ...]) -> Iterator[Node]:
             yield from _nodes_in(item)
 
 
-def _complaint(node: Node, around: _Around) -> str | None:
-    """What is wrong with the node itself where it stands."""
+def _complaint(node: Node, context: _Context) -> str | None:
+    """The error of the node itself in its context; None if there is none."""
     match node:
-        case ast.Break() if not around.loop:
+        case ast.Break() if not context.loop:
             return "`break' not within a loop"
-        case ast.Continue() if not around.loop:
+        case ast.Continue() if not context.loop:
             return "`continue' not within a loop"
-        case ast.Return() if not around.function:
+        case ast.Return() if not context.function:
             return "return: outside a function"
-        case ast.CallMessage() if not around.call:
+        case ast.CallMessage() if not context.call:
             return "call: used outside any function"
-        case ast.Throw(value=None) if not around.catch:
+        case ast.Throw(value=None) if not context.catch:
             return "throw: argumentless throw outside of a catch block"
-        case ast.Var(target=None, name=name) | ast.Class(target=None, name=name) if around.names is not None:
-            if name in around.names:
+        case ast.Var(target=None, name=name) | ast.Class(target=None, name=name) if context.names is not None:
+            if name in context.names:
                 return f"variable redefinition: {name}"
-            around.names.add(name)
-        case ast.Formal(name=name) if around.names is not None:
-            if name in around.names:
+            context.names.add(name)
+        case ast.Formal(name=name) if context.names is not None:
+            if name in context.names:
                 return f"variable redefinition: {name}"
-            around.names.add(name)
+            context.names.add(name)
     return None
 
 
@@ -110,45 +110,45 @@ def _unreachable(node: ast.Try) -> Iterator[Problem]:
         caught = caught or clause.pattern is None
 
 
-def _steps(node: Node, around: _Around) -> Iterator[_Step]:
-    """The nodes directly below a node, each with its circumstances."""
+def _steps(node: Node, context: _Context) -> Iterator[_Step]:
+    """The nodes directly below a node, each with its context."""
     match node:
         case ast.Scope():
             if node.body is not None:
-                yield node.body, around.scope()
+                yield node.body, context.scope()
         case ast.Function():
-            yield from _function_steps(node, around)
+            yield from _function_steps(node, context)
         case ast.Do() | ast.Class():
-            slots = replace(around, names=None)
-            yield from ((child, around) for child in children(node) if child is not node.body)
+            slots = replace(context, names=None)
+            yield from ((child, context) for child in children(node) if child is not node.body)
             if node.body.body is not None:
                 yield node.body.body, slots
         case ast.While() | ast.For() | ast.ForEach() | ast.Every():
-            head = around.scope()
+            head = context.scope()
             yield from ((child, head) for child in children(node) if child is not node.body)
             yield node.body, replace(head.scope(), loop=True)
         case ast.At() | ast.Whenever():
-            # The bodies are run later, as jobs of their own: no loop around the statement is theirs.
-            apart = replace(around, loop=False)
+            # The bodies run later, as jobs of their own: they are not inside a loop around the statement.
+            apart = replace(context, loop=False)
             yield from ((child, apart.scope()) for child in children(node))
         case ast.Catch():
-            inside = replace(around.scope(), catch=True)
+            inside = replace(context.scope(), catch=True)
             yield from ((child, inside) for child in children(node))
         case ast.If() | ast.Case() | ast.WaitUntil():
-            yield from ((child, around.scope()) for child in children(node))
+            yield from ((child, context.scope()) for child in children(node))
         case ast.Assign():
-            # Binding a pattern again is left to the run time, like assigning again.
-            yield node.place, around.scope()
-            yield node.value, around
-            yield from ((value, around) for _, value in node.modifiers)
+            # To bind a pattern again is a matter of the run time, as to assign again is.
+            yield node.place, context.scope()
+            yield node.value, context
+            yield from ((value, context) for _, value in node.modifiers)
         case _:
-            yield from ((child, around) for child in children(node))
+            yield from ((child, context) for child in children(node))
 
 
-def _function_steps(node: ast.Function, around: _Around) -> Iterator[_Step]:
+def _function_steps(node: ast.Function, context: _Context) -> Iterator[_Step]:
     """A closure has the call message of the function around it, a function has its own."""
-    inside = _Around(function=True, call=around.call or not node.closure, names=set())
+    inside = _Context(function=True, call=context.call or not node.closure, names=set())
     yield from ((formal, inside) for formal in node.formals or ())
     if node.body.body is not None:
-        # The body may hide an argument by a variable of the same name.
+        # The body may hide an argument with a variable of the same name.
         yield node.body.body, inside.scope()

@@ -1,4 +1,4 @@
-"""What each expression rule of the grammar makes.
+"""The nodes of the expression rules of the grammar.
 
 A function is named after a rule of urbiscript.lark, or after its alias.  It gets the span of the rule and the values
 of its symbols, keywords and signs left out unless the rule begins with ``!``.  Lists stay Python lists while they grow,
@@ -22,7 +22,7 @@ Args = list[Node]
 
 
 class Place(NamedTuple):
-    """What ``var``, ``class`` or ``function`` declares: a name, or a slot of a target; errors point at ``span``."""
+    """What ``var``, ``class`` or ``function`` declares: a name, or a slot of a target.  Errors point at ``span``."""
 
     target: Node | None
     name: str
@@ -90,7 +90,7 @@ def step_operator(problems: Problems, span: Span, place: Node, operator: Token) 
 
 
 def _variable(problems: Problems, place: Node, operator: Token) -> None:
-    """Refuse what cannot be changed in place."""
+    """Report an operand that cannot be modified in place."""
     match place:
         case ast.Property() | ast.Call(args=None) | ast.Call(name="[]"):
             return
@@ -188,6 +188,12 @@ def send(span: Span, target: Node, name: Token, args: Args | None = None) -> Nod
 def slot_of(span: Span, target: Node, name: Token) -> Node:
     """``o.&name``: the value of a slot, not called."""
     return ast.Call(target, "getSlot", (ast.String(name.text, span=name.span),), span=span)
+
+
+@RULES.rule
+def slot_here(span: Span, name: Token) -> Node:
+    """``&name``: the value of a slot of ``this``, not called."""
+    return ast.Call(None, "getSlot", (ast.String(name.text, span=name.span),), span=span)
 
 
 @RULES.rule

@@ -1,8 +1,8 @@
-"""Characters in, tokens out, however they are cut into packets.
+"""Characters in, tokens out, whatever the boundaries of packets.
 
 The lexer stops in front of a token that more characters might make longer (a name, a number, ``<`` before ``=``).
-Strings and binary blobs may be long and are taken out of the buffer piece by piece, so that a statement costs time in
-proportion to its length even when it comes byte by byte.
+Long strings and binary blobs are removed from the buffer piece by piece, so that a statement takes time in proportion
+to its length even when it arrives byte by byte.
 
 Facts of the server protocol (sections 2 and 4): in a string CR and LF both become a line feed; a blob counts no
 lines; NUL, control characters and bytes from 0x80 on are errors outside strings and comments, one each.
@@ -50,7 +50,7 @@ _TOKEN = re.compile(
 )
 # Beginnings of signs and comments that more characters may make longer.
 _UNFINISHED_SIGNS = {sign[:size] for sign in {*SIGNS, "//", "/*"} for size in range(1, len(sign))}
-# From this size on a word is not looked at again before its end has come.
+# A word of more characters is not scanned again before its end has arrived.
 _LONG_WORD = 64
 _UNFINISHED_NUMBER = re.compile(r"[0-9][A-Za-z0-9_]*(?:\.[A-Za-z0-9_]*)?(?:(?<=[eE])[-+][0-9A-Za-z_]*)?\Z")
 
@@ -58,21 +58,22 @@ _STRING_PART = {'"': re.compile(r'[^"\\]+'), "'": re.compile(r"[^'\\\n]+")}
 _ESCAPE = re.compile(r"\\(?:([0-7]{1,3})|x([0-9A-Fa-f]{2})|B\(([0-9]{1,15})\)\(|([\\\"'abfnrtv]))", re.DOTALL)
 _UNFINISHED_ESCAPE = re.compile(r"\\(?:[0-7]{1,2}|x[0-9A-Fa-f]?|B(?:\((?:[0-9]{1,15}\)?)?)?)?\Z")
 
-# The old literal `BIN size keywords;data`; the keywords may not be endless, or each packet would look at them again.
+# The old literal `BIN size keywords;data`.  The keywords are limited, or each packet would scan them again.
 _BINARY = re.compile(r"BIN[ \t\r\n]+([0-9]{1,15})([^;]{0,1000});")
 _UNFINISHED_BINARY = re.compile(r"BIN(?:[ \t\r\n]+(?:[0-9]{1,15}[^;]{0,1000})?)?\Z")
 
 
 class Lexer(Source):
-    """Cuts one stream into tokens; ``problems`` is where it reports what is no token.
+    """Splits one stream into tokens; invalid characters are reported to ``problems``.
 
-    After ``begin`` has gone to the first character of a statement, ``next`` gives its tokens one by one.
+    After ``begin`` has skipped to the first character of a statement, ``next`` returns its tokens one by one.
     """
 
     def __init__(self, problems: list[Problem], file: str | None = None) -> None:
         super().__init__(file)
         self._problems = problems
-        # The string, blob in a string, its closing parenthesis, or data of a binary that ``_mode`` says we are in.
+        # The state of the token that ``_mode`` names: a string, a blob in a string, its closing parenthesis, data of a
+        # binary.
         self._parts: list[str] = []
         self._quote = ""
         self._missing = 0
@@ -80,10 +81,10 @@ class Lexer(Source):
         self._keywords = ""
 
     def next(self) -> Token | None:
-        """The next token, or None if the input so far has no more whole ones."""
+        """The next token; None if the input so far has no further complete one."""
         while True:
             if self._mode:
-                token = self._go_on()
+                token = self._continue()
                 if token is not None:
                     return token
                 if self._mode:
@@ -108,20 +109,20 @@ class Lexer(Source):
             if known is not None or kind == "word" and text not in ODD_WORDS:
                 self._at = end
                 return _new(Token, (known or "NAME", known or text, self._span(at, end)))
-            token = self._other(match, kind, at, end)
+            token = self._scan_other(match, kind, at, end)
             if token is not None:
                 return token
             if self._at == at and not self._mode:
                 return None
 
-    def _other(self, match: re.Match[str], kind: str, at: int, end: int) -> Token | None:
-        """A number, or a word out of the ordinary; or a string or a comment begins."""
+    def _scan_other(self, match: re.Match[str], kind: str, at: int, end: int) -> Token | None:
+        """Scan a number or an unusual word, or begin a string or a comment."""
         if kind == "number":
             self._at = end
             return self._number(match, self._span(at, end))
         self._at = at
         if kind == "word":
-            return self._odd_word(match[kind], at, end)
+            return self._scan_odd_word(match[kind], at, end)
         if kind == "comment":
             self._begin_comment()
             return None
@@ -132,9 +133,9 @@ class Lexer(Source):
         self._parts = []
         return None
 
-    def forget(self) -> None:
-        """Let go of the text of the present statement so far, and of what is read of a string or binary."""
-        super().forget()
+    def drop_text(self) -> None:
+        """Release the text of the current statement so far, and the content of an unfinished string or binary."""
+        super().drop_text()
         self._parts.clear()
 
     def _may_grow(self, kind: str | None, at: int, end: int) -> bool:
@@ -149,19 +150,19 @@ class Lexer(Source):
         return True
 
     def _span_from_start(self) -> Span:
-        """From where the present string or binary began to the next character."""
+        """The span from the beginning of the current string or binary to the next character."""
         return Span(*self._started, self._relative_line, self._at - self._relative_origin)
 
     def _problem(self, message: str, span: Span) -> None:
         self._problems.append(Problem(message, span))
 
-    def _odd_word(self, word: str, at: int, end: int) -> Token | None:
-        """A word that begins a binary, or that is no name although it is no keyword either."""
+    def _scan_odd_word(self, word: str, at: int, end: int) -> Token | None:
+        """Scan a word that begins a binary, or that is neither a name nor a keyword."""
         if word == "BIN":
             if not self._begin_binary(at):
                 return None
             if self._mode:
-                return self._go_on()
+                return self._continue()
         self._at = end
         span = self._span(at, end)
         if word in RESERVED:
@@ -195,8 +196,8 @@ class Lexer(Source):
 
     # ------------------------------------------------------------ strings and binaries
 
-    def _go_on(self) -> Token | None:
-        """Go on inside a comment, a string or a binary; a token if it ends one."""
+    def _continue(self) -> Token | None:
+        """Continue inside a comment, a string or a binary.  Returns a token if that ends one."""
         while True:
             match self._mode:
                 case "block" | "line":
@@ -218,7 +219,7 @@ class Lexer(Source):
                         return None
 
     def _go_on_string(self) -> Token | None:
-        """Read to the end of the string, or to a blob in it; the token if it ends."""
+        """Read to the end of the string, or to a blob in it.  Returns the token if the string ends."""
         buffer = self._buffer
         part = _STRING_PART[self._quote]
         while self._at < len(buffer):
@@ -241,7 +242,7 @@ class Lexer(Source):
         return None
 
     def _escape(self) -> bool:
-        """Read one escape; false if it is not whole yet."""
+        """Read one escape; false if it is not complete yet."""
         match = _ESCAPE.match(self._buffer, self._at)
         rest = self._buffer[self._at : self._at + 24]
         if not self._closed and _UNFINISHED_ESCAPE.match(rest):
@@ -265,7 +266,7 @@ class Lexer(Source):
         return True
 
     def _go_on_blob(self) -> bool:
-        """Read raw bytes, which count no lines; false if some are missing."""
+        """Read raw bytes, in which no lines are counted; false if some are missing."""
         data = self._buffer[self._at : self._at + self._missing]
         self._parts.append(data)
         self._at += len(data)
@@ -273,7 +274,7 @@ class Lexer(Source):
         return not self._missing
 
     def _close_blob(self) -> bool:
-        """Read the parenthesis behind a blob; false if it has not come yet."""
+        """Read the parenthesis behind a blob; false if it has not arrived yet."""
         if self._at == len(self._buffer):
             return False
         character = self._buffer[self._at]
@@ -286,7 +287,7 @@ class Lexer(Source):
         return True
 
     def _begin_binary(self, at: int) -> bool:
-        """At the word BIN: enter a binary if it is one; false if that cannot be told yet."""
+        """Begin a binary at the word BIN, if it is one; false if that cannot be decided yet."""
         match = _BINARY.match(self._buffer, at)
         if match is None:
             return self._closed or _UNFINISHED_BINARY.match(self._buffer, at) is None

@@ -1,4 +1,4 @@
-"""Where things stand in a source text: positions and spans, carried by tokens, nodes and errors.
+"""Positions and spans in a source text, which tokens, nodes and errors carry.
 
 Lines and columns count from 1, columns in bytes (a tab is one), as the server protocol page says.  A span prints
 as the original prints it: ``1.5-7`` on one line (end column inclusive), ``1.5`` for one character, ``1.5-3.2``

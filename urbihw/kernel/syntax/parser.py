@@ -1,8 +1,8 @@
-"""Tokens in, nodes out: the LALR machine, how it goes on after an error, and the wording of errors.
+"""Tokens in, nodes out: the LALR machine, its error recovery, and the wording of errors.
 
-The machine is the usual one: a stack of states, each token is shifted or makes rules reduce.  It takes one token at a
-time, so that a statement may come in any number of packets, and it never recurses, so that depth is limited by memory
-only.  Nodes are made while reducing.
+The machine is the usual one: it has a stack of states, and each token is shifted or causes reductions.  It takes one
+token at a time, so that a statement may arrive in any number of packets, and it never recurses, so that only memory
+limits the depth.  Nodes are made while reducing.
 
 **After an error** it does what yacc does, since the original's answers depend on it: states are taken off the stack
 until one is found that accepts ERROR; then tokens are skipped until one comes that may follow ERROR in that state.
@@ -25,28 +25,30 @@ from urbihw.kernel.syntax.pace import Pace
 from urbihw.kernel.syntax.rules import Action, Problem, Problems
 from urbihw.kernel.syntax.statements import Command
 from urbihw.kernel.syntax.tables import load_tables
-from urbihw.kernel.syntax.tokens import CONTEXTUAL, Token, shown
+from urbihw.kernel.syntax.tokens import CONTEXTUAL, CONTEXTUAL_INSIDE, Token, shown
 
 _new: Final = tuple.__new__
 """Makes a named tuple of a tuple, in half the time that its own constructor takes."""
 
-# What lark calls the end of what the start rule covers.
+# Lark's name for the end of the input of the start rule.
 _ACCEPT = "$END"
 
 # The tail ", expecting A or B" names at most this many kinds, in this order; a set with others is not shown.
 _MOST_EXPECTED = 4
 _EXPECTED = ["END", "=", "[", "(", ")", "]", ",", ";", ":", "case", "catch", "default", "finally", "}", "var", "NAME"]
+_UNTOLD = frozenset(["ERROR", "assert", *CONTEXTUAL_INSIDE])
 _OPENERS = frozenset(["{", "(", "["])
 _CLOSERS = frozenset(["}", ")", "]"])
 
 UNEXPECTED: Final = "unexpected"
-"""How a message begins that tells of a token for which the grammar has no place."""
-# How many tokens must be accepted after an error before another one is reported: the rule of yacc.
+"""The beginning of a message about a token that the grammar does not accept."""
+# Number of tokens that must be accepted after an error before another error is reported: the rule of yacc.
 _QUIET = 3
 
 
 Plan = tuple[str, int, tuple[int, ...] | None, Action | None]
-"""What reducing by a rule takes: what it makes, of how many symbols, which of them its function gets (None: all)."""
+"""How to reduce by a rule: its name, its number of symbols, the symbols that its function gets (None: all), the
+function."""
 
 
 @lru_cache(maxsize=1)
@@ -67,9 +69,9 @@ def _plans() -> tuple[list[Plan], list[int]]:
 
 
 class Parser:
-    """Reads one statement after the other.
+    """Parses one statement after the other.
 
-    ``push`` takes a token and answers whether it was the last one of a statement; ``take`` then gives the statement.
+    ``push`` accepts a token and returns whether it completes a statement; ``take_command`` then returns the statement.
     ``problems`` collects what is wrong with the present statement, from the lexer too, in order of appearance.
     """
 
@@ -96,26 +98,26 @@ class Parser:
 
     @property
     def idle(self) -> bool:
-        """Whether no token of the present statement has come yet."""
+        """Whether no token of the current statement has arrived yet."""
         return len(self._states) == 1
 
     @property
     def depth(self) -> int:
-        """How many symbols the present statement has begun and not ended; an open bracket is at least one."""
+        """Number of unfinished symbols of the current statement; an open bracket is at least one."""
         return len(self._states)
 
     def open_brackets(self) -> int:
-        """How many brackets of the present statement are open."""
+        """Number of open brackets of the current statement."""
         kinds = [value.kind for value in self._values if type(value) is Token]
         return sum(kind in _OPENERS for kind in kinds) - sum(kind in _CLOSERS for kind in kinds)
 
-    def give_up(self) -> None:
-        """Forget the present statement."""
+    def discard(self) -> None:
+        """Discard the current statement."""
         self._begin()
         self.problems.clear()
 
-    def take(self, pace: Pace) -> Command:
-        """The statement that is complete; what is wrong with its sense is added to the problems."""
+    def take_command(self, pace: Pace) -> Command:
+        """The complete statement.  Errors that the grammar does not detect are added to the problems."""
         command, doubtful = self._values[-1], self._doubtful
         assert isinstance(command, Command)
         self._begin()
@@ -124,7 +126,7 @@ class Parser:
         return command
 
     def push(self, token: Token) -> bool:
-        """Take the next token; true if it completes a statement."""
+        """Process the next token; true if it completes a statement."""
         kind = token[0]
         if self._resume is not None:
             if kind not in self._resume:
@@ -139,7 +141,7 @@ class Parser:
                 if passing[~act] is None:
                     self._reduce(act)
                     continue
-                # The symbol passes some twenty levels of precedence unchanged, the same way each time.
+                # The symbol passes about twenty levels of precedence unchanged, on the same path each time.
                 way = states[-2], states[-1], kind
                 end = passed.get(way)
                 states[-1] = tables.pass_on(way) if end is None else end
@@ -156,7 +158,7 @@ class Parser:
                 self._accept()
                 return True
             return False
-        return self._fail(token)
+        return self._handle_error(token)
 
     def _reduce(self, act: int) -> None:
         origin, size, kept, action = self._plans[~act]
@@ -193,10 +195,10 @@ class Parser:
         """Report a syntax error."""
         self.problems.append(Problem(message, span))
 
-    def _reread(self, kind: str) -> bool:
-        """Whether the last word, which was taken for a name, is a keyword since a name comes after it.
+    def _retry_as_keyword(self, kind: str) -> bool:
+        """Whether the last word, which was read as a name, is a keyword because a name follows it.
 
-        Nothing before it changes: a statement may begin with a name as well as with such a keyword.
+        The states before it stay valid: a statement may begin with a name as well as with such a keyword.
         """
         last = self._values[-1] if kind == "NAME" and self._values else None
         if not isinstance(last, ast.Call) or last.target is not None or last.args is not None:
@@ -208,13 +210,15 @@ class Parser:
         self._values[-1] = Token(last.name, last.name, last.span)
         return True
 
-    def _fail(self, token: Token) -> bool:
-        if self._reread(token.kind):
+    def _handle_error(self, token: Token) -> bool:
+        if self._retry_as_keyword(token.kind):
             return self.push(token)
+        if token.kind == "NAME" and token.value in CONTEXTUAL_INSIDE and token.text in self._rows[self._states[-1]]:
+            return self.push(Token(token.text, token.value, token.span))
         if not self._quiet:
-            self.problem(f"{UNEXPECTED} {shown(token.kind)}{self._tail(token.kind)}", token.span)
+            self.problem(f"{UNEXPECTED} {shown(token.kind)}{self._expected_list(token.kind)}", token.span)
         self._quiet = _QUIET
-        self._settle()
+        self._reduce_without_token()
         while "ERROR" not in self._rows[self._states[-1]]:
             self._states.pop()
             self._values.pop()
@@ -222,10 +226,10 @@ class Parser:
         self._shift_error(token.span)
         return self.push(token)
 
-    def _settle(self) -> None:
-        """Reduce what can be without looking at the token, as yacc has done when it finds an error.
+    def _reduce_without_token(self) -> None:
+        """Make all reductions that do not depend on the token, as yacc has done when it finds an error.
 
-        Else a block that is closed already would still count as open, and be the place to go on from.
+        Otherwise a block that is closed already would still count as open, and recovery would begin there.
         """
         known = len(self.problems)
         while True:
@@ -234,7 +238,7 @@ class Parser:
             if not reductions:
                 break
             self._reduce(reductions.most_common(1)[0][0])
-        # One error is enough: what these rules find wrong in what comes before it is not told.
+        # One error is enough: errors that these rules find in the text before it are not reported.
         del self.problems[known:]
 
     def _shift_error(self, span: Span) -> None:
@@ -250,16 +254,16 @@ class Parser:
         del self._states[1:], self._values[:], self._spans[:]
         self._shift_error(span)
 
-    def _tail(self, kind: str) -> str:
-        """What would have been right instead, if that is short."""
+    def _expected_list(self, kind: str) -> str:
+        """The tokens that would have been accepted, if that list is short."""
         if kind in _CLOSERS and not self.idle and self.accepts("END"):
             return ', expecting end of command or "," or ;'
         if self._states[-1] != self._shifted and self._shifted not in self._tables.after_brace:
-            # Rules were reduced for this token: an operator might have come, so there was no short list.
+            # Rules were reduced for this token: an operator was possible, so the list is not short.
             return ""
         row = self._rows[self._states[-1]]
-        # `assert` is a name for the grammar, not for the user.
-        kinds = (kind for kind in row if not kind.startswith(("@", "$")) and kind not in ("ERROR", "assert"))
+        # `assert` and `sync` are names for the grammar, not for the user.
+        kinds = (kind for kind in row if not kind.startswith(("@", "$")) and kind not in _UNTOLD)
         expected = {kind for kind in kinds if self.accepts(kind)}
         if not 0 < len(expected) <= _MOST_EXPECTED or not expected <= set(_EXPECTED):
             return ""

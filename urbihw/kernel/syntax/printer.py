@@ -20,7 +20,7 @@ from urbihw.kernel.syntax.tokens import escaped, is_identifier
 
 
 class _Mark(Enum):
-    """A new line, at the present margin; the margin two blanks to the right, or back."""
+    """A new line at the current margin; the margin moved two blanks to the right, or back."""
 
     LINE = 0
     IN = 1
@@ -91,7 +91,7 @@ def _operand(node: Node, *looser: type[Node]) -> _Parts:
 
 
 def _target(node: Node) -> _Parts:
-    """What stands before a dot, a bracket or an assignment sign."""
+    """The text before a dot, a bracket or an assignment sign."""
     return _operand(node, ast.And, ast.Or, ast.Postfix)
 
 
@@ -172,7 +172,7 @@ def _postfix(node: ast.Postfix) -> _Parts:
 
 
 def _place(place: Node) -> _Parts:
-    """What an operator changes; a subscript keeps its brackets there, since ``a.'[]'(0) += 1`` is none."""
+    """The operand that an operator modifies.  A subscript keeps its brackets, since ``a.'[]'(0) += 1`` is invalid."""
     if isinstance(place, ast.Call) and place.name == "[]" and place.args is not None and place.target is not None:
         return [*_target(place.target), "[", *_list(place.args), "]"]
     return _target(place)
@@ -305,7 +305,7 @@ def _event_condition(node: ast.EventCond) -> _Parts:
 
 
 def _at(node: ast.At) -> _Parts:
-    return ["at (", node.cond, ") ", node.body, *_optional(" onleave ", node.leave)]
+    return ["at sync (" if node.sync else "at (", node.cond, ") ", node.body, *_optional(" onleave ", node.leave)]
 
 
 def _whenever(node: ast.Whenever) -> _Parts:

@@ -1,12 +1,11 @@
 """The reader of a connection: bytes in, statements and syntax errors out.
 
-A statement comes out as soon as its ``;`` or ``,`` has been read, however the bytes were cut into packets.  What is
-wrong with a statement comes out when the statement is complete, and then the statement does not (server protocol,
-section 2).  Texts read before are remembered with their nodes: a program that sends the same command again and again
-is answered without lexing it.
+A statement is returned as soon as its ``;`` or ``,`` has been read, whatever the boundaries of packets.  The errors of
+a statement are returned when it is complete, and the statement itself is not (server protocol, section 2).  Texts are
+cached with their nodes: a command that a program sends again and again is not lexed again.
 
-A statement may be as long as ``MOST_TOKENS`` and its siblings say.  One that is longer is refused as soon as that is
-known, and what follows of it is skipped up to its end: nothing of it runs, and nothing of it is kept.
+``MAX_TOKENS``, ``MAX_OPEN`` and ``MAX_BYTES`` limit a statement.  A longer one is refused as soon as that is known, and
+the rest of it is skipped: nothing of it runs or is kept.
 """
 
 from __future__ import annotations
@@ -24,15 +23,14 @@ from urbihw.kernel.syntax.pace import Pace
 from urbihw.kernel.syntax.parser import UNEXPECTED, Parser
 from urbihw.kernel.syntax.tokens import Token
 
-MOST_TOKENS = 250_000
-"""How many words and signs a statement may have, each error counted as one.
-
-As many take 100 to 300 MB to read and to compile, and 25 ms to be let go of.
+MAX_TOKENS = 250_000
+"""Maximum number of words and signs of a statement; each error counts as one. A statement of this size takes 100 to 300
+MB to read and to compile, and 25 ms to free.
 """
-MOST_OPEN = 20_000
-"""How much of a statement may be begun and not ended, in brackets and operators."""
-MOST_BYTES = 64 * 1024 * 1024
-"""How long a statement may be, with its strings, comments and binaries."""
+MAX_OPEN = 20_000
+"""Maximum number of unfinished brackets and operators of a statement."""
+MAX_BYTES = 64 * 1024 * 1024
+"""Maximum length of a statement in bytes, with its strings, comments and binaries."""
 
 _OPENING = frozenset("([{")
 _CLOSING = frozenset(")]}")
@@ -64,7 +62,7 @@ Item = Statement | SyntaxProblem
 
 
 class _Known(NamedTuple):
-    """A statement read before, and where it ends: so many lines below its beginning, before that column."""
+    """A cached statement and its end: the number of lines below its beginning, and the column."""
 
     node: Node
     separator: str
@@ -75,8 +73,8 @@ class _Known(NamedTuple):
 class StatementCache:
     """The statements read lately, by text; several readers may share one.
 
-    ``size`` is how many are kept, ``longest`` the greatest length of a text.  A text is found again only if a
-    statement begins with it, up to one of its first separators, so nothing needs to be read ahead.
+    ``size`` is the maximum number of statements, ``longest`` the maximum length of a text.  A lookup compares the text
+    up to one of the first separators of the input, so nothing needs to be read ahead.
     """
 
     def __init__(self, size: int = 2048, longest: int = 1000) -> None:
@@ -85,14 +83,14 @@ class StatementCache:
         self._known: dict[str, _Known] = {}
 
     def get(self, text: str) -> _Known | None:
-        """What is known of a text; it then counts as the latest."""
+        """The statement of a text, which becomes the most recently used one; None if it is not cached."""
         known = self._known.pop(text, None)
         if known is not None:
             self._known[text] = known
         return known
 
     def put(self, text: str, known: _Known) -> None:
-        """Remember a statement, in place of the one not seen for the longest time."""
+        """Store a statement; the least recently used one is removed if the cache is full."""
         if len(text) > self.longest:
             return
         if len(self._known) >= self.size:
@@ -103,8 +101,8 @@ class StatementCache:
         return len(self._known)
 
 
-# A remembered statement is looked for at this many separators.
-_TRIES = 4
+# Maximum number of separators at which a cached statement is looked up.
+_MAX_LOOKUPS = 4
 _SEPARATOR = re.compile("[;,]")
 
 
@@ -116,22 +114,22 @@ class Reader:
         self._parser = Parser()
         self._lexer = Lexer(self._parser.problems, file)
         self.total = 0
-        """How many words and signs have been read in all, but for those of remembered statements."""
+        """Total number of words and signs read, except those of cached statements."""
         self._tokens = 0
         self._bytes = 0
-        # Inside a statement that was refused: how many of its brackets are open; else None.
+        # Inside a refused statement: the number of its open brackets; else None.
         self._open: int | None = None
 
     @property
     def pending(self) -> int:
-        """How many bytes have come of a statement that is not whole yet."""
+        """Number of bytes of the incomplete statement."""
         return self._bytes
 
     def feed(self, data: bytes, pace: Pace | None = None) -> list[Item]:
         """The statements and errors that these bytes complete.
 
-        Each word or sign is a step, and so is each node of a statement that is whole.  If a pause raises, the reader is
-        of no use any more.
+        Each word or sign is a step of ``pace``, and so is each node of a complete statement.  If a pause raises, the
+        reader cannot be used any more.
         """
         self._bytes += len(data)
         self._lexer.feed(data.decode("latin-1"))
@@ -140,7 +138,7 @@ class Reader:
         return items
 
     def finish(self, pace: Pace | None = None) -> list[Item]:
-        """No more bytes: a last statement without separator counts, an unfinished one is an error."""
+        """End the input.  A last statement without separator is returned, an incomplete one is an error."""
         pace = Pace() if pace is None else pace
         self._lexer.close()
         items: list[Item] = []
@@ -162,7 +160,7 @@ class Reader:
                 if not self._skip(pace):
                     return
                 continue
-            if self._cache is not None and lexer.fresh and self._find(self._cache, items):
+            if self._cache is not None and lexer.is_at_start and self._find_known(self._cache, items):
                 continue
             tokens = self._tokens
             while (token := lexer.next()) is not None:
@@ -171,7 +169,7 @@ class Reader:
                 if parser.push(token) or token.kind == "BINARY" and self._end_binary():
                     self._complete(items, pace)
                     break
-                if tokens >= MOST_OPEN and (too_much := self._too_much(tokens)):
+                if tokens >= MAX_OPEN and (too_much := self._too_much(tokens)):
                     self._refuse(too_much, items)
                     break
             else:
@@ -179,28 +177,28 @@ class Reader:
                 if not too_much:
                     return
                 self._refuse(too_much, items)
-        if not lexer.inside:
+        if not lexer.is_inside:
             self._bytes = 0
 
     def _too_much(self, tokens: int) -> str:
-        """What there is too much of in the present statement, in words; empty if it is fine."""
-        if tokens + len(self._parser.problems) > MOST_TOKENS:
-            return f"statement too long (more than {MOST_TOKENS} words and signs): make several of it"
-        if self._parser.depth > MOST_OPEN:
+        """The limit that the current statement exceeds, in words; empty if it exceeds none."""
+        if tokens + len(self._parser.problems) > MAX_TOKENS:
+            return f"statement too long (more than {MAX_TOKENS} words and signs): make several of it"
+        if self._parser.depth > MAX_OPEN:
             return TOO_DEEP
-        if self._bytes > MOST_BYTES:
-            return f"statement too long (more than {MOST_BYTES} bytes): make several of it"
+        if self._bytes > MAX_BYTES:
+            return f"statement too long (more than {MAX_BYTES} bytes): make several of it"
         return ""
 
     def _refuse(self, message: str, items: list[Item]) -> None:
-        """Say that the present statement is too long, and skip the rest of it."""
+        """Report that the current statement is too long, and skip the rest of it."""
         items.append(SyntaxProblem(message, Location(self._lexer.base, self._lexer.position)))
         self._open = self._parser.open_brackets()
-        self._parser.give_up()
-        self._lexer.forget()
+        self._parser.discard()
+        self._lexer.drop_text()
 
     def _skip(self, pace: Pace) -> bool:
-        """Go on skipping a statement that was refused; whether its end has come."""
+        """Continue to skip a refused statement; true if its end has arrived."""
         lexer, opened = self._lexer, self._open
         assert opened is not None
         while (token := lexer.next()) is not None:
@@ -211,33 +209,33 @@ class Reader:
                 opened = max(0, opened - 1)
             elif token.kind in (";", ",", "BINARY") and not opened:
                 break
-        lexer.forget()
+        lexer.drop_text()
         self._parser.problems.clear()
         if token is None:
             self._open = opened
             return False
         self._open = None
-        lexer.take()
-        self._next()
+        lexer.take_text()
+        self._finish_statement()
         return True
 
-    def _next(self) -> None:
-        """A statement is over."""
-        buffer, at = self._lexer.rest
+    def _finish_statement(self) -> None:
+        """Prepare for the next statement."""
+        buffer, at = self._lexer.unread_input
         self.total += self._tokens
         self._tokens = 0
         self._bytes = len(buffer) - at
 
     def _end_binary(self) -> bool:
-        """A binary of the old form ends its statement: its data may be followed by anything."""
+        """End the statement behind a binary of the old form: any text may follow its data."""
         return self._parser.accepts(";") and self._parser.push(Token(";", ";", self._lexer.end()))
 
     def _complete(self, items: list[Item], pace: Pace) -> None:
-        """Hand out the statement that the parser has complete, or what is wrong with it."""
+        """Return the statement that the parser has completed, or its errors."""
         lexer, parser = self._lexer, self._parser
-        node, ending = parser.take(pace)
+        node, ending = parser.take_command(pace)
         lines, end_column = lexer.extent
-        text, base = lexer.take(), lexer.base
+        text, base = lexer.take_text(), lexer.base
         broken = False
         for problem in parser.problems:
             pace.step()
@@ -252,14 +250,14 @@ class Reader:
             if self._cache is not None and separator and not parser.problems and not lexer.synclines:
                 self._cache.put(text, _Known(node, separator, lines, end_column))
         parser.problems.clear()
-        self._next()
+        self._finish_statement()
 
-    def _find(self, cache: StatementCache, items: list[Item]) -> bool:
-        """Hand out the statement that begins here if it is a known one."""
-        buffer, at = self._lexer.rest
+    def _find_known(self, cache: StatementCache, items: list[Item]) -> bool:
+        """Return the statement that begins here if it is cached."""
+        buffer, at = self._lexer.unread_input
         limit = at + cache.longest
         tried = at
-        for _ in range(_TRIES):
+        for _ in range(_MAX_LOOKUPS):
             separator = _SEPARATOR.search(buffer, tried, limit)
             if separator is None:
                 return False
@@ -279,6 +277,6 @@ class Reader:
 
 
 def parse_program(text: str, file: str | None = None) -> list[Item]:
-    """All of a program, one character per byte; it should only run if there is no error among the items."""
+    """Parse a whole program, one character per byte.  Run it only if there is no error among the items."""
     reader = Reader(file)
     return reader.feed(text.encode("latin-1")) + reader.finish()

@@ -1,4 +1,4 @@
-"""How the functions that make nodes are found: by the names that the grammar gives to its rules."""
+"""Finds the functions that make nodes, by the names that the grammar gives to its rules."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ F = TypeVar("F", bound=Action)
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Something to say about a stretch of the statement; a warning does not keep it from running."""
+    """An error or a warning about a span of the statement; a warning does not prevent the statement from running."""
 
     message: str
     span: Span
@@ -31,7 +31,7 @@ class RuleSet:
         self.makers: dict[str, Action] = {}
         """Functions of the span of the rule and the values of its symbols."""
         self.reporters: dict[str, Action] = {}
-        """The same with a list of problems in front, to which they add what is wrong."""
+        """The same with a list of problems as the first argument, to which they add their errors."""
 
     def rule(self, make: F) -> F:
         """The decorator of a function that makes the value of the rule of its name."""
@@ -39,6 +39,6 @@ class RuleSet:
         return make
 
     def reporting_rule(self, make: F) -> F:
-        """The decorator of one that may find something wrong."""
+        """The decorator of such a function that may report problems."""
         self.reporters[make.__name__] = make
         return make

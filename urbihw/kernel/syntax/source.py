@@ -1,8 +1,8 @@
-"""The characters of one stream: where they stand, where statements begin, blanks, comments and synclines.
+"""The characters of one stream: positions, beginnings of statements, blanks, comments and synclines.
 
-``Source`` holds what has not been read yet, in whatever packets it came, and knows the position of the next
-character.  The lexer is built on it.  Long comments are let go of piece by piece, so that they cost time in
-proportion to their length however they are cut.
+``Source`` buffers the input that has not been read yet, whatever the boundaries of packets, and knows the position of
+the next character.  The lexer derives from it.  Long comments are released piece by piece, so that they take time in
+proportion to their length.
 
 Facts of the server protocol (section 2): columns count bytes; CR LF, LF CR, CR and LF are one line each; in a string
 CR and LF are two lines; only ``\\n`` ends a ``//`` comment; comments nest.  Synclines: see the manual.
@@ -23,16 +23,16 @@ _LINE_END = re.compile(r"\r\n|\n\r|\r|\n")
 _COMMENT_PART = re.compile(r"/\*|\*/")
 _WORD_CHARACTERS = re.compile(r"[A-Za-z0-9_]+\Z")
 _SYNCLINE = re.compile(r'//#(?:(line|push)[ \t]+([0-9]{1,9})[ \t]+"([^"]*)"|(pop))[ \t\r]*\Z')
-# The longest comment that is looked at as a syncline.
+# Maximum length of a comment that can be a syncline.
 _SYNCLINE_SIZE = 4096
 
 
 class Source:
     """One stream of characters, fed packet by packet.
 
-    ``begin`` goes to the first character of a statement, ``take`` ends it and gives its text.  Spans are relative to
-    the first character of the statement; ``base`` is where that is, and ``synclines`` whether lines were renumbered
-    inside it.
+    ``begin`` skips to the first character of a statement, ``take_text`` ends it and returns its text.  Spans are
+    relative to the first character of the statement; ``base`` is where that is, and ``synclines`` whether lines were
+    renumbered inside it.
     """
 
     def __init__(self, file: str | None = None) -> None:
@@ -41,7 +41,7 @@ class Source:
         self._buffer = ""
         self._at = 0
         self._closed = False
-        # Packets that only make a long word longer: the word is not looked at again before its end has come.
+        # Packets that only extend a long word: the word is not scanned again before its end has arrived.
         self._waiting: list[str] = []
         self._file = file
         self._pushed: list[tuple[str | None, int]] = []
@@ -54,7 +54,7 @@ class Source:
         self._relative_origin = -1
         self._text_at = 0
         self._text: list[str] = []
-        # What the next character is inside of: "" or a kind of comment, block or line; the lexer has more.
+        # The token that the next character is inside of: "", or a block or line comment; the lexer adds others.
         self._mode = ""
         self._depth = 0
         self._comment: list[str] = []
@@ -77,7 +77,7 @@ class Source:
         self._at = 0
 
     def close(self) -> None:
-        """No more input will come: what is unfinished is as long as it gets."""
+        """End the input: an unfinished token ends here."""
         self.feed("")
         self._closed = True
 
@@ -88,7 +88,7 @@ class Source:
 
     @property
     def position(self) -> Position:
-        """Where the next character is."""
+        """The position of the next character."""
         return Position(self._line, self._at - self._origin, self._file)
 
     # ------------------------------------------------------------ statements
@@ -130,11 +130,11 @@ class Source:
         return self._span(self._at, self._at)
 
     @property
-    def fresh(self) -> bool:
-        """Whether nothing of the statement that has begun was read yet."""
+    def is_at_start(self) -> bool:
+        """Whether the statement has begun and nothing of it was read yet."""
         return self._at == self._text_at and not self._text and not self._mode
 
-    def take(self) -> str:
+    def take_text(self) -> str:
         """End the statement; its text, from ``base`` to the last character read."""
         self._text.append(self._buffer[self._text_at : self._at])
         text = "".join(self._text)
@@ -143,24 +143,24 @@ class Source:
         return text
 
     @property
-    def inside(self) -> bool:
+    def is_inside(self) -> bool:
         """Whether a statement has begun and not ended."""
         return self._inside
 
-    def forget(self) -> None:
-        """Let go of the text of the present statement so far; it is not wanted."""
+    def drop_text(self) -> None:
+        """Release the text of the current statement so far, which is not needed."""
         self._text.clear()
         self._text_at = self._at
         del self._waiting[1:]
 
     @property
-    def rest(self) -> tuple[str, int]:
-        """The buffer and where the next character is in it, for who knows the statement that begins there."""
+    def unread_input(self) -> tuple[str, int]:
+        """The buffer and the index of the next character in it, to look up a cached statement."""
         return self._buffer, self._at
 
     def skip(self, size: int, lines: int, end_column: int) -> None:
-        """Skip a whole statement of ``size`` characters that is known: how many lines it ends below its beginning,
-        and the column behind it relative to its last line."""
+        """Skip a cached statement of ``size`` characters, which ends ``lines`` lines below its beginning;
+        ``end_column`` is the column behind it in its last line."""
         self._at += size
         if lines:
             self._line += lines
@@ -174,7 +174,7 @@ class Source:
         return lines, self._at - (self._origin if lines else self._relative_origin)
 
     def _span(self, begin: int, end: int) -> Span:
-        """The span of characters of the present line."""
+        """The span of characters of the current line."""
         line, origin = self._relative_line, self._relative_origin
         return _new(Span, (line, begin - origin, line, end - origin))
 
@@ -195,7 +195,7 @@ class Source:
         """
         text = self._buffer[self._at : end]
         if text == "\n" and pairs and end == len(self._buffer) and not self._closed:
-            return  # behind most statements; it may be half of a pair
+            return  # the case behind most statements; it may be half of a pair
         if "\n" not in text and "\r" not in text:
             self._at = end
             return
@@ -209,7 +209,7 @@ class Source:
         self._at = end
 
     def _new_line(self, count: int, begin: int) -> None:
-        """The line that begins at an index of the buffer is ``count`` below the present one."""
+        """Begin a line at an index of the buffer, ``count`` lines below the current one."""
         self._line += count
         self._relative_line += count
         self._origin = self._relative_origin = begin - 1
@@ -227,7 +227,7 @@ class Source:
         return self._go_on_block_comment() if self._mode == "block" else self._go_on_line_comment()
 
     def _go_on_line_comment(self) -> bool:
-        """Read to the end of the line; false if it has not come yet."""
+        """Read to the end of the line; false if it has not arrived yet."""
         end = self._buffer.find("\n", self._at)
         whole = end >= 0
         if not whole:
@@ -245,7 +245,7 @@ class Source:
         return True
 
     def _syncline(self, comment: str) -> None:
-        """Obey ``//#line``, ``//#push`` and ``//#pop``: they say where the next line is."""
+        """Apply ``//#line``, ``//#push`` and ``//#pop``, which set the position of the next line."""
         match = _SYNCLINE.match(comment)
         if match is None or (match[4] and not self._pushed):
             return
@@ -257,12 +257,12 @@ class Source:
             self._file, line = self._pushed.pop()
         else:
             self._file, line = match[3], int(match[2])
-        # The line end behind the comment is still to be counted.
+        # The line end behind the comment has not been counted yet.
         self._relative_line += line - 1 - self._line
         self._line = line - 1
 
     def _go_on_block_comment(self) -> bool:
-        """Read to the end of the comment, which may hold others; false if it has not come yet."""
+        """Read to the end of the comment, which may contain others; false if it has not arrived yet."""
         while True:
             match = _COMMENT_PART.search(self._buffer, self._at)
             if match is None:

@@ -1,6 +1,5 @@
-"""What each rule of the grammar makes, from the whole statement down to where expressions begin.
-
-See expressions.py for how the functions are named and called.
+"""The nodes of the statement rules of the grammar, from the whole statement down to expressions. The functions are
+named and called as those of ``expressions`` are.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ class Command(NamedTuple):
 
 
 class Each(NamedTuple):
-    """The head of a for over items: the name of the loop variable, if any, and what to go over."""
+    """The head of a for over items: the name of the loop variable, if any, and the items."""
 
     name: str | None
     items: Node
@@ -341,6 +340,12 @@ def at(span: Span, condition: Condition, body: Node, leave: Node | None = None) 
 
 
 @RULES.rule
+def at_sync(span: Span, condition: Condition, body: Node, leave: Node | None = None) -> Node:
+    """``at sync (...)``: a later addition (manual of 2.7, section Synchronous and asynchronous at)."""
+    return ast.At(condition, body, leave, True, span=span)
+
+
+@RULES.rule
 def whenever(span: Span, condition: Condition, body: Node, otherwise: Node | None = None) -> Node:
     return ast.Whenever(condition, body, otherwise, span=span)
 
@@ -371,7 +376,7 @@ def freezeif(span: Span, condition: Condition, body: Node) -> Node:
 
 
 def _without_arguments(event: Node) -> tuple[Node, tuple[Node, ...] | None]:
-    """In the old forms ``emit e(1)`` and ``at (?e(1))`` what looks like a call is the event and its payload."""
+    """Split the apparent call of the old forms ``emit e(1)`` and ``at (?e(1))`` into the event and its payload."""
     if isinstance(event, ast.Call) and event.args is not None and event.name != "[]":
         return ast.Call(event.target, event.name, span=event.span), event.args
     return event, None

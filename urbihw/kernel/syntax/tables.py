@@ -1,24 +1,23 @@
 """From the grammar to the tables that drive the parser, made by lark and kept on disk.
 
 lark reads urbiscript.lark and computes the LALR(1) tables (half a second); this file copies them into plain rows and
-rules and saves those as JSON under the user's cache directory (``$XDG_CACHE_HOME/urbihw`` or ``~/.cache/urbihw``), in
-a file named after a hash of the grammar.  A later start reads that file and does not import lark at all.  Where the
-directory cannot be written, or the file is damaged, everything works, only slower.
+rules and saves those as JSON in the user's cache folder (see ``cache_folder``), in a file named after a hash of the
+grammar.  A later start reads that file and does not import lark at all.  A damaged file is replaced.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import os
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
-# To be raised when the form of the saved tables changes.
+from urbihw.kernel.syntax.cache_folder import read_cached, write_cached
+
+# Increment this when the format of the saved tables changes.
 FORMAT = 2
 
 GRAMMAR = Path(__file__).with_name("urbiscript.lark")
@@ -26,9 +25,10 @@ GRAMMAR = Path(__file__).with_name("urbiscript.lark")
 
 @dataclass(frozen=True)
 class Rule:
-    """``origin`` is made of ``size`` symbols; ``action`` makes its value from those at the places ``kept``.
+    """A rule: ``origin`` consists of ``size`` symbols; ``action`` makes its value from the symbols at the indices
+    ``kept``.
 
-    Without an action the value is that of the only symbol kept.
+    Without an action the value is that of the only kept symbol.
     """
 
     origin: str
@@ -51,7 +51,8 @@ class Tables:
 
     @cached_property
     def passing(self) -> list[str | None]:
-        """By rule: what it makes of a symbol that it only passes on, from one level of precedence to the next."""
+        """By rule: the symbol to which it only passes on a value, from one level of precedence to the next; None for
+        others."""
         return [rule.origin if rule.size == 1 and rule.action is None else None for rule in self.rules]
 
     @cached_property
@@ -65,8 +66,8 @@ class Tables:
         return frozenset(row["}"] for row in self.rows if row.get("}", -1) >= 0)
 
     def pass_on(self, way: tuple[int, int, str]) -> int:
-        """Find out, and remember in ``passed``, in which state a symbol is passed on no further: the way is the state
-        below it, its own, and the token that follows."""
+        """Compute, and cache in ``passed``, the state in which a symbol is not passed on any further.  ``way`` is the
+        state below it, its own state, and the token that follows."""
         below, end, kind = way
         while (act := self.rows[end].get(kind, 0)) < 0 and (origin := self.passing[~act]) is not None:
             end = self.rows[below][origin]
@@ -78,49 +79,37 @@ class Tables:
 def load_tables() -> Tables:
     """The tables of the grammar, from the cache if it has them."""
     grammar = GRAMMAR.read_text("utf-8")
-    path = cache_directory() / f"syntax-{FORMAT}-{hashlib.sha256(grammar.encode()).hexdigest()[:24]}.json"
-    tables = _read(path)
+    name = f"syntax-{FORMAT}-{hashlib.sha256(grammar.encode()).hexdigest()[:24]}.json"
+    saved = read_cached(name)
+    tables = None if saved is None else _unpack(saved)
     if tables is None:
         tables = build_tables(grammar)
-        _write(path, tables)
+        write_cached(name, _pack(tables))
     return tables
 
 
-def cache_directory() -> Path:
-    """Where the tables are saved; it need not exist."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "urbihw"
-
-
-def _read(path: Path) -> Tables | None:
+def _unpack(saved: bytes) -> Tables | None:
     try:
-        data = json.loads(path.read_text("utf-8"))
+        data = json.loads(saved)
         rules = tuple(Rule(origin, size, action, tuple(kept)) for origin, size, action, kept in data["rules"])
         return Tables(tuple(data["rows"]), rules)
-    except (OSError, ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError):
         return None
 
 
-def _write(path: Path, tables: Tables) -> None:
+def _pack(tables: Tables) -> bytes:
     rules = [[rule.origin, rule.size, rule.action, rule.kept] for rule in tables.rules]
-    text = json.dumps({"rows": tables.rows, "rules": rules}, separators=(",", ":"))
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        # Another server may be writing the same file: it appears whole or not at all.
-        with tempfile.NamedTemporaryFile("w", encoding="utf-8", dir=path.parent, delete=False) as file:
-            file.write(text)
-        os.replace(file.name, path)
-    except OSError:
-        return
+    return json.dumps({"rows": tables.rows, "rules": rules}, separators=(",", ":")).encode()
 
 
 def build_tables(grammar: str) -> Tables:
-    """Have lark compute the tables of a grammar."""
+    """Let lark compute the tables of a grammar."""
     from lark import Lark
     from lark.lexer import Lexer
     from lark.lexer import Token as LarkToken
     from lark.parsers.lalr_analysis import Shift
 
-    class OurOwn(Lexer):
+    class IncrementalLexer(Lexer):
         """Tells lark not to make a lexer: ours is incremental and feeds the tables itself."""
 
         def __init__(self, _conf: Any) -> None:
@@ -129,9 +118,9 @@ def build_tables(grammar: str) -> Tables:
         def lex(self, _state: Any, _parser: Any) -> Iterator[LarkToken]:
             raise NotImplementedError
 
-    lark = Lark(grammar, parser="lalr", lexer=OurOwn, maybe_placeholders=False)
+    lark = Lark(grammar, parser="lalr", lexer=IncrementalLexer, maybe_placeholders=False)
     table = lark.parse_interactive().parser_state.parse_conf.parse_table
-    # lark names the literals of a grammar its own way; here a keyword or sign is its own name.
+    # lark has its own names for the literals of a grammar; here a keyword or sign is its own name.
     texts = {terminal.name: terminal.pattern.value for terminal in lark.terminals}
     start = table.start_states["start"]
     # lark numbers its states differently each time: number them in the order in which they can be reached.
@@ -155,7 +144,7 @@ def build_tables(grammar: str) -> Tables:
 
 
 def _rule(rule: Any) -> Rule:
-    """Our form of a rule of lark, which keeps what lark's own trees would keep."""
+    """Convert a rule of lark; it keeps the symbols that lark's own trees would keep."""
     kept = tuple(place for place, symbol in enumerate(rule.expansion) if not getattr(symbol, "filter_out", False))
     passing = rule.options.expand1 and not rule.alias and len(kept) == 1
     origin = str(rule.origin.name)

@@ -42,6 +42,9 @@ KEYWORDS = _words(
 # Names that are keywords in front of another name where a statement begins; later than 2.3.
 CONTEXTUAL = frozenset(["get", "set"])
 
+# Names that are keywords where no name may stand: behind ``at``; later than 2.3.
+CONTEXTUAL_INSIDE = frozenset(["sync"])
+
 # Other spellings; foreach and loopn are the deprecated names of two forms of for.
 SYNONYMS = {
     "and": "&&",
@@ -57,7 +60,7 @@ SYNONYMS = {
 
 IGNORED = frozenset(["private", "protected", "public"])
 
-# The last two are deprecated without any meaning left.
+# The last two are deprecated and have no meaning any more.
 RESERVED = _words(
     """
     asm auto bool char const_cast delete double dynamic_cast explicit export extern float friend goto inline int
@@ -92,8 +95,8 @@ ESCAPES = {
     "v": "\v",
 }
 
-# How a kind is called in an error message, where that is not its text; the original quotes the comma, and `not` is
-# the same token as `!` there.
+# The name of a kind in an error message, where that is not its text.  The original quotes the comma, and `not` is the
+# same token as `!` there.
 _SHOWN = {
     "NAME": "identifier",
     "FLOAT": "float",

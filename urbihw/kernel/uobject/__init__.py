@@ -1,4 +1,4 @@
-"""The API of device writers: the manual's part on UObjects in Python dress.
+"""The API of device writers: the UObject API of the manual, in Python.
 
 ::
 
@@ -12,12 +12,12 @@
 
         def moved(self) -> None: ...
 
-``host.register(Servo)`` makes the urbiscript class ``Servo``; ``Servo.new(3)`` makes an instance of both worlds and
-calls ``init(3)``.  The same class also runs in a process of its own (``urbihw.remote``).  Reading order: ``uvar`` (a
-variable with an owner, on ``hooked``, a slot with a device behind it), ``declarations`` and ``uobject`` (the base
-class), ``values`` (what was written, checked), ``functions`` and ``threads`` (its methods), ``motion`` (who may move a
-robot), ``host`` (what a platform holds of the kernel), ``robot`` (what the daemon holds of a platform), ``natives``
-(how urbiscript sees it).  Devices of other processes are in ``uremote``.
+``host.register(Servo)`` makes the urbiscript class ``Servo``; ``Servo.new(3)`` makes the Python object and the
+urbiscript object and calls ``init(3)``.  The same class also runs in a process of its own (``urbihw.remote``).  Reading
+order: ``uvar`` (a variable with an owner, on ``hooked``, a slot with a device behind it), ``declarations`` and
+``uobject`` (the base class), ``values`` (checks of written values), ``functions`` and ``threads`` (its methods),
+``motion`` (who may move a robot), ``host`` (the kernel as a platform sees it), ``robot`` (a platform as the daemon sees
+it), ``natives`` (the urbiscript side).  Devices of other processes are in ``uremote``.
 May import ``runtime`` and ``sched``.
 """
 

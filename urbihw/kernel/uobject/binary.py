@@ -1,11 +1,12 @@
-"""Binary values as device code sees them: bytes with a header that says what they are.
+"""Binary values as device code sees them: bytes with a header that describes their format.
 
 The header is that of the urbiscript Binary, its keywords: ``rgb 640 480`` or ``jpeg 640 480`` for images, ``raw 2 44100
 16 1`` or ``wav ...`` for sounds (channels, rate, bits, format: 1 signed, 2 unsigned).  Source: remote UObject protocol,
 section 6.  Any other header is passed through.
 
-A value never changes once it was made.  ``data`` may be any buffer: ``bytes`` are shared by all who read the value, a
-``bytearray`` or ``memoryview`` is copied when it is written to a variable, unless the variable is in zero-copy mode.
+A value never changes after its construction.  ``data`` may be any buffer: ``bytes`` are shared by all readers of the
+value; a ``bytearray`` or ``memoryview`` is copied when it is written to a variable, unless the variable is in zero-copy
+mode.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ SOUND_FORMATS = ("raw", "wav")
 
 @dataclass(frozen=True, slots=True)
 class UBinary:
-    """Some bytes, and the keywords that tell what they are."""
+    """Bytes and the keywords that describe their format."""
 
     data: Buffer
     keywords: str = ""
@@ -34,13 +35,13 @@ class UBinary:
 
 
 class UImage(UBinary):
-    """An image: ``UImage.of(data, 640, 480, "rgb")``."""
+    """An image, made with ``UImage.of(data, 640, 480, "rgb")``."""
 
     __slots__ = ()
 
     @classmethod
     def of(cls, data: Buffer, width: int, height: int, format: str = "rgb") -> UImage:
-        """An image; raises ValueError for sizes that do not fit the data."""
+        """Make an image.  Raises ValueError for a size that does not fit the data."""
         if width < 0 or height < 0:
             raise ValueError(f"an image cannot be {width} by {height}")
         if format == "rgb" and memoryview(data).nbytes != width * height * 3:
@@ -51,22 +52,22 @@ class UImage(UBinary):
 
     @property
     def format(self) -> str:
-        """``rgb``, ``jpeg`` ..."""
+        """The format: ``rgb``, ``jpeg`` ..."""
         return self.keywords.split(" ", 1)[0]
 
     @property
     def width(self) -> int:
-        """In pixels; 0 if the header does not say."""
+        """Width in pixels; 0 if the header does not contain it."""
         return _number(self.keywords, 1)
 
     @property
     def height(self) -> int:
-        """In pixels; 0 if the header does not say."""
+        """Height in pixels; 0 if the header does not contain it."""
         return _number(self.keywords, 2)
 
 
 class USound(UBinary):
-    """A sound: ``USound.of(samples, channels=1, rate=16000, bits=16)``."""
+    """A sound, made with ``USound.of(samples, channels=1, rate=16000, bits=16)``."""
 
     __slots__ = ()
 
@@ -75,7 +76,7 @@ class USound(UBinary):
         cls, data: Buffer, channels: int = 1, rate: int = 16000, bits: int = 16, *, signed: bool = True,
         format: str = "raw",
     ) -> USound:
-        """A sound; raises ValueError for samples that are not whole."""
+        """Make a sound.  Raises ValueError if the data ends within a sample."""
         frame = channels * bits // 8
         if channels < 1 or rate < 1 or bits not in (8, 16, 24, 32):
             raise ValueError(f"a sound cannot have {channels} channels, {rate} Hz and {bits} bits")
@@ -85,22 +86,22 @@ class USound(UBinary):
 
     @property
     def format(self) -> str:
-        """``raw`` or ``wav``."""
+        """The format: ``raw`` or ``wav``."""
         return self.keywords.split(" ", 1)[0]
 
     @property
     def channels(self) -> int:
-        """1 or 2; 0 if the header does not say."""
+        """Number of channels, 1 or 2; 0 if the header does not contain it."""
         return _number(self.keywords, 1)
 
     @property
     def rate(self) -> int:
-        """Samples a second."""
+        """Sampling rate in samples per second (Hz)."""
         return _number(self.keywords, 2)
 
     @property
     def bits(self) -> int:
-        """Size of a sample of one channel."""
+        """Size of one sample of one channel, in bits."""
         return _number(self.keywords, 3)
 
     @property
@@ -110,7 +111,7 @@ class USound(UBinary):
 
     @property
     def duration(self) -> float:
-        """Seconds; 0 if the header does not say."""
+        """Duration in seconds; 0 if the header does not determine it."""
         each = self.rate * self.channels * self.bits // 8
         return len(self) / each if each else 0.0
 
@@ -121,7 +122,7 @@ def _number(keywords: str, index: int) -> int:
 
 
 def make_binary(data: Buffer, keywords: str) -> UBinary:
-    """An image, a sound or something else, as its keywords say."""
+    """Make an image, a sound or another binary value, according to its keywords."""
     kind = keywords.split(" ", 1)[0]
     if kind in IMAGE_FORMATS:
         return UImage(data, keywords)

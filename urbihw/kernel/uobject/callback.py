@@ -1,4 +1,4 @@
-"""What is called when a variable changes: adapted to how many arguments it takes and of which type."""
+"""Callbacks of variables: a handler is adapted to the number and the type of its arguments."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Handler = Callable[..., Any]
 
 
 class Callback:
-    """One handler of one variable; ``run(uvar)`` calls it, and measures it while statistics are wanted."""
+    """One handler of one variable.  ``run(uvar)`` calls it, and measures the call while statistics are enabled."""
 
     __slots__ = ("__weakref__", "_owner", "_plain", "_stats", "handler", "name", "run")
 
@@ -27,10 +27,10 @@ class Callback:
         self._stats = registry_of(world).stats
         self._plain = self._adapted(world, handler)
         self.run: Callable[[Any], Any] = self._plain
-        self._stats.watch(self)
+        self._stats.add_measured(self)
 
-    def measured(self, on: bool) -> None:
-        """Whether to measure each call."""
+    def set_measuring(self, on: bool) -> None:
+        """Switch the measurement of calls on or off."""
         self.run = (lambda var: self._stats.timed(self.name, lambda: self._plain(var))) if on else self._plain
 
     def _adapted(self, world: World, handler: Handler) -> Callable[[Any], Any]:
@@ -48,5 +48,5 @@ class Callback:
         return lambda var: handler(convert(var.current(owner), 1))
 
     def is_(self, other: Callback | Handler) -> bool:
-        """Whether this is that callback, or the one of that handler."""
+        """Whether ``other`` is this callback, or the handler of this callback."""
         return self is other or self.handler == other

@@ -1,7 +1,7 @@
-"""What the class of a device declares: its variables, events and functions.
+"""Declarations in a device class: its variables, events and functions.
 
 In the manual's words: ``variable()`` is UBindVar, ``owned()`` is UBindVar and UOwned (and ``reading()`` is an owned one
-that nobody else may write), ``event()`` is UBindEvent, ``@function`` is UBindFunction, ``@threaded`` is
+that only the device may write), ``event()`` is UBindEvent, ``@function`` is UBindFunction, ``@threaded`` is
 UBindThreadedFunction.
 """
 
@@ -31,7 +31,7 @@ class Bound:
 
 
 class variable(Bound):
-    """A bound variable (UBindVar) with an initial value; on an instance, its UVar."""
+    """A bound variable (UBindVar) with an initial value; on an instance, the attribute is its UVar."""
 
     owned = False
     writable = True
@@ -52,19 +52,19 @@ class variable(Bound):
 
 
 class owned(variable):
-    """An owned variable (UOwned): a target written by urbiscript, a value sensed by the device."""
+    """An owned variable (UOwned): urbiscript writes its target, the device reports its sensed value."""
 
     owned = True
 
 
 class reading(owned):
-    """A bound variable that only the device writes; urbiscript that assigns it is told so."""
+    """A bound variable that only the device writes; an assignment from urbiscript raises an error."""
 
     writable = False
 
 
 class event(Bound):
-    """A bound event (UBindEvent); on an instance, its UEvent."""
+    """A bound event (UBindEvent); on an instance, the attribute is its UEvent."""
 
     def __init__(self, name: str = "") -> None:
         super().__init__()
@@ -89,10 +89,10 @@ def function(method: F) -> F: ...
 
 
 def function(method: F | str) -> F | Callable[[F], F]:
-    """Bind a method (UBindFunction), under its own name or ``@function("name")``; annotations give the conversions (see
-    ``convert``).
+    """Bind a method (UBindFunction) under its own name or, with ``@function("name")``, under another.  The annotations
+    determine the conversions of the arguments (see ``convert``).
 
-    A ValueError that it raises is an error in urbiscript, with the same words.
+    A ValueError raised by the method becomes an urbiscript error with the same message.
     """
     if isinstance(method, str):
         name = method
@@ -109,7 +109,7 @@ def function(method: F | str) -> F | Callable[[F], F]:
 def threaded(lock: Lock = Lock.NONE, name: str = "") -> Callable[[F], F]:
     """Bind a method that runs in a thread while the calling job waits (UBindThreadedFunction).
 
-    ``lock`` says what it must not run beside; an urbiscript ``name`` may be given.
+    ``lock`` selects the functions that must not run at the same time; ``name`` is the urbiscript name.
     """
 
     def bind(method: F) -> F:
@@ -121,7 +121,7 @@ def threaded(lock: Lock = Lock.NONE, name: str = "") -> Callable[[F], F]:
 
 
 def bound_attributes(kind: type[UObject]) -> list[Bound]:
-    """The declarations of a class and its bases, bases first."""
+    """The declarations of a class and its bases, base classes first."""
     found: dict[str, Bound] = {}
     for base in reversed(kind.__mro__):
         for name, value in vars(base).items():

@@ -1,11 +1,12 @@
-"""What device code tells the daemon: the kind of failure; what is done about it is the daemon's decision.
+"""Failures that device code reports to the daemon: the class states the kind of failure, the daemon decides how to
+react.
 
 ::
 
     DeviceError
-      NotReady      not now, but perhaps later without anybody changing anything: port missing, robot switched off
-      BadConfig     never, unless somebody changes something: bad option, two devices with one id  (also a ValueError)
-      Gone          was there and is not any more                                               (also a ConnectionError)
+      NotReady    temporary: a later attempt may succeed (port missing, robot switched off)
+      BadConfig   permanent until the user changes something: bad option, two devices with one id (also a ValueError)
+      Gone        the robot was connected and is lost (also a ConnectionError)
 
 Every message is one line that says what happened, where, and what to do about it.
 """
@@ -18,12 +19,12 @@ class DeviceError(Exception):
 
 
 class NotReady(DeviceError):
-    """The robot cannot be reached now; trying again later may help."""
+    """The robot cannot be reached now; a later attempt may succeed."""
 
 
 class BadConfig(DeviceError, ValueError):
-    """The robot cannot work as it is set up; somebody has to change something."""
+    """The robot cannot work with the present configuration; the user has to change it."""
 
 
 class Gone(DeviceError, ConnectionError):
-    """The robot was there and is gone."""
+    """The connection to the robot is lost."""

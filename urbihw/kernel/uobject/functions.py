@@ -1,4 +1,4 @@
-"""Methods of devices as urbiscript functions: arguments are checked and converted, results are converted back."""
+"""Device methods as urbiscript functions: arguments are checked and converted, results are converted back."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Method = Callable[..., Any]
 
 
 def bound_functions(kind: type[UObject]) -> dict[str, str]:
-    """urbiscript name to Python name of the bound methods; ``init`` is always bound."""
+    """Map the urbiscript names of the bound methods to their Python names; ``init`` is always bound."""
     names = {"init": "init"}
     for python, value in inspect.getmembers(kind, inspect.isfunction):
         urbi = getattr(value, "__urbi_name__", None)
@@ -35,7 +35,7 @@ def bound_functions(kind: type[UObject]) -> dict[str, str]:
 
 
 def arity(method: Method) -> tuple[int, int]:
-    """The least and the greatest number of arguments of a bound method or function; -1 for no limit."""
+    """The minimum and the maximum number of arguments of a bound method or function; -1 stands for no limit."""
     parameters = list(inspect.signature(method).parameters.values())
     places = [one for one in parameters if one.kind in (one.POSITIONAL_ONLY, one.POSITIONAL_OR_KEYWORD)]
     least = sum(1 for one in places if one.default is one.empty)
@@ -44,7 +44,7 @@ def arity(method: Method) -> tuple[int, int]:
 
 
 def class_function(world: World, urbi: str, python: str, method: Method) -> Primitive:
-    """The function of a prototype: it calls the method of the instance on which it is called.
+    """The function in a slot of a prototype: it calls the method of the instance that is its target.
 
     ``init`` may take any arguments although its base takes none, so only named parameters count.
     """
@@ -61,7 +61,7 @@ def class_function(world: World, urbi: str, python: str, method: Method) -> Prim
 
 
 def instance_function(world: World, urbi: str, method: Method, lock: Lock | None) -> Primitive:
-    """A function of one instance."""
+    """The function in a slot of one instance."""
     return _function(world, urbi, method, lambda this: method, lock)
 
 
@@ -100,7 +100,7 @@ def _function(
 
 
 def _key(lock: Lock, this: Any, urbi: str) -> Hashable:
-    """What must not run twice at the same time."""
+    """The key of calls that must not run at the same time; None if there is no such restriction."""
     if lock is Lock.NONE:
         return None
     if lock is Lock.FUNCTION:

@@ -1,4 +1,6 @@
-"""A hooked slot as urbiscript and the kernel see it: reading, writing, and who is told (see ``uvar``)."""
+"""A hooked slot as urbiscript and the kernel see it: reads, writes and notifications.  ``uvar`` has the device's
+side.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +18,7 @@ from urbihw.kernel.runtime.watch import notify
 from urbihw.kernel.uobject.callback import Callback
 from urbihw.kernel.uobject.registry import registry_of
 from urbihw.kernel.uobject.uvalue import to_urbi
+from urbihw.kernel.value import Value
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
@@ -25,35 +28,35 @@ log = logging.getLogger("urbihw.uobject")
 
 
 class Subscriber(Protocol):
-    """A connection that wants to hear of a variable."""
+    """A connection that is notified of the changes of a variable."""
 
-    def changed(self, var: UVar, value: Any) -> None:
-        """The variable has this urbiscript value now."""
+    def changed(self, var: UVar, value: Value) -> None:
+        """Called when the variable has a new urbiscript value."""
         ...
 
 
 class Guard(Protocol):
-    """What lets a write through, or raises an error that says why not."""
+    """A check before each write: it accepts the write or raises an urbiscript error with the reason."""
 
-    def admit(self, wanted: Any, value: Any) -> None:
-        """Somebody assigns ``wanted``, of which the range leaves ``value``."""
+    def admit(self, wanted: Any, value: Value) -> None:
+        """Check a write.  ``wanted`` is the assigned value, ``value`` what the range of the slot leaves of it."""
         ...
 
     @property
     def since(self) -> int:
-        """``Job.epoch`` of the oldest statement that may write."""
+        """The lowest ``Job.epoch`` of a statement that may write."""
         ...
 
 
 class Mirror(Protocol):
-    """The server's side of a variable of a process of its own."""
+    """The server-side counterpart of a variable whose device runs in another process."""
 
     def sensed(self, var: UVar) -> None:
         """The owner reported a value."""
         ...
 
-    def assigned(self, var: UVar, value: Any) -> None:
-        """Somebody in this process assigns the variable as an outsider: the server is to do it."""
+    def assigned(self, var: UVar, value: Value) -> None:
+        """Code in this process assigns the variable and is not its owner: the server must execute the assignment."""
         ...
 
     def property_set(self, var: UVar, name: str) -> None:
@@ -62,7 +65,7 @@ class Mirror(Protocol):
 
 
 class Hooked(Executable):
-    """One hooked variable; lives in the slot ``name`` of ``holder`` (and of others it was copied to)."""
+    """One hooked variable.  It is stored in the slot ``name`` of ``holder`` and in the slots to which it was copied."""
 
     __slots__ = (
         "_access",
@@ -88,7 +91,7 @@ class Hooked(Executable):
         "writer",
     )
 
-    def __init__(self, world: World, holder: Obj, name: str, *, owned: bool = False, value: Any = None) -> None:
+    def __init__(self, world: World, holder: Obj, name: str, *, owned: bool = False, value: Value = None) -> None:
         super().__init__(world, [world.uvar_proto])
         registry = registry_of(world)
         self.name = name
@@ -103,7 +106,7 @@ class Hooked(Executable):
         self.rtp: bool | None = None
         self.writable = True
         self.effector: Guard | None = None
-        """Asked before each write, if the variable moves something."""
+        """The check before each write, if the variable moves an effector; else None."""
         self.remove_throwing = True
         self.mirror: Mirror | None = None
         self.writer: Subscriber | None = None
@@ -113,37 +116,35 @@ class Hooked(Executable):
         self._change: tuple[Callback, ...] = ()
         self._access: tuple[Callback, ...] = ()
         self._meta: SlotMeta = meta_of(holder, name)
-        self.put(holder, name)
+        self.add_slot(holder, name)
 
-    def put(self, holder: Obj, name: str) -> None:
-        """Stand in one more slot."""
+    def add_slot(self, holder: Obj, name: str) -> None:
+        """Store this variable in one more slot."""
         self._homes.append((holder, name))
         meta_of(holder, name).accessor = self
-        self.world.ops.put(holder, name, self)
-
-    def drop(self) -> None:
-        """Stand in no slot any more, and tell nobody of anything: the value stays where the variable was."""
-        for holder, name in self._homes:
-            meta = peek_meta(holder, name)
-            if meta is not None and meta.accessor is self:
-                meta.accessor = None
-                holder.slots[name] = self._sensed
-        self.subscribers = self.mirror = None
-        self._forget()
+        self.world.ops.put_slot(holder, name, self)
 
     @property
     def holder(self) -> Obj:
-        """The object whose slot it is in the first place."""
+        """The object that contains the variable's first slot."""
         return self._homes[0][0]
 
     @property
+    def has_subscribers(self) -> bool:
+        """Whether the variable has a subscriber: a device, a connection, a condition or a handler of ``->changed``."""
+        if self._change or self.subscribers:
+            return True
+        metas = (peek_meta(holder, name) for holder, name in self._homes)
+        return any(meta and (meta.watchers or (meta.changed and meta.changed.subscriptions)) for meta in metas)
+
+    @property
     def constant(self) -> bool:
-        """Whether the property ``constant`` keeps everybody from writing."""
+        """Whether the property ``constant`` prevents writes."""
         return self._meta.constant
 
     @property
     def full_name(self) -> str:
-        """``object.slot``: the unique name of the object, and the slot."""
+        """The full name, ``object.slot``: the unique name of the object, and the name of the slot."""
         holder, name = self._homes[0]
         unique = holder.slots.get("__uobjectName")
         return f"{self.world.text(unique) if unique is not None else self._name_of(holder)}.{name}"
@@ -157,30 +158,34 @@ class Hooked(Executable):
 
     # ---------------------------------------------------------------- the urbiscript side
 
-    def call(self, this: Any, args: tuple[Any, ...]) -> Any:
-        """The slot is read."""
+    def call(self, this: Value, args: tuple[Value, ...]) -> Value:
+        """Called when urbiscript reads the slot."""
         if args:
             raise errors.arity(len(args), 0)
         return self.read(this)
 
-    def c0(self, this: Any) -> Any:
-        """The slot is read."""
+    def c0(self, this: Value) -> Value:
+        """Called when urbiscript reads the slot without arguments."""
         if self._access:
             self._run(self._access)
         return self._sensed
 
-    def read(self, target: Any) -> Any:
-        """What outsiders read: the sensed value, after the access callbacks had a chance to refresh it."""
+    def read(self, target: Value) -> Value:
+        """The value for readers other than the owner: the sensed value, after the access callbacks had a chance to
+        refresh it.
+        """
         if self._access:
             self._run(self._access)
         return self._sensed
 
     def refresh(self) -> None:
-        """Run the access callbacks, as if somebody read the variable."""
+        """Run the access callbacks, as before a read."""
         self._run(self._access)
 
-    def write(self, target: Any, value: Any) -> Any:
-        """An outsider assigns the slot: the value within ``rangemin`` and ``rangemax``, blended, becomes the target."""
+    def write(self, target: Value, value: Value) -> Value:
+        """Write the slot as a non-owner: the value is limited to ``rangemin`` and ``rangemax``, blended, and becomes
+        the target.
+        """
         wanted = value
         if self._meta.properties is not None:
             value = self._limited(value)
@@ -202,47 +207,49 @@ class Hooked(Executable):
         self.assign(value)
         return value
 
-    def assign(self, value: Any) -> None:
-        """A value of an outsider, as it is."""
+    def assign(self, value: Value) -> None:
+        """Write a non-owner's value without limits and blending."""
         before, self._target = self._target, value
         if self.owned:
             if self._owner_change:
-                self._tell_owner(before)
+                self._notify_owner(before)
             if self.subscribers:
-                self._tell(value, owners=True)
+                self._notify(value, owners=True)
             return
         seen, self._sensed = self._sensed, value
         self.stamp = self.world.scheduler.clock.now()
         if self._owner_change:
             try:
-                self._tell_owner(before)
+                self._notify_owner(before)
             except errors.UrbiError:
                 self._sensed = seen
                 raise
         if self.subscribers:
-            self._tell(value)
+            self._notify(value)
         if self._change:
             self._run(self._change)
         self._announce()
 
     def blender(self) -> Blender | None:
-        """What blends movements of this variable, None if nothing does."""
+        """The blender of concurrent movements of this variable; None if there is none."""
         found = blender_of(self.world, self._meta, lambda value: self.assign(self._limited(value)))
         if found is not None and self.effector is not None:
             guard = self.effector
             found.guard(lambda value: guard.admit(value, self._limited(value)), lambda: guard.since)
         return found
 
-    def _tell_owner(self, before: Any) -> None:
-        """Run the owner's callbacks; a value that it refuses (ValueError) is taken back and the writer told."""
+    def _notify_owner(self, before: Value) -> None:
+        """Run the owner's callbacks.  If one raises ValueError, the value is restored and the error goes to the
+        writer.
+        """
         for callback in self._owner_change:
             try:
                 callback.run(self)
             except Exception as error:
                 self._refused(callback, error, before)
 
-    def _owner_failed(self, failed: Callback, error: Exception, before: Any) -> None:
-        """One of the owner's callbacks raised: see to that, and run those behind it."""
+    def _owner_failed(self, failed: Callback, error: Exception, before: Value) -> None:
+        """Handle the exception of one of the owner's callbacks, and run the remaining ones."""
         behind = self._owner_change[self._owner_change.index(failed) + 1 :] if failed in self._owner_change else ()
         self._refused(failed, error, before)
         for callback in behind:
@@ -251,7 +258,7 @@ class Hooked(Executable):
             except Exception as other:
                 self._refused(callback, other, before)
 
-    def _refused(self, callback: Callback, error: Exception, before: Any) -> None:
+    def _refused(self, callback: Callback, error: Exception, before: Value) -> None:
         if isinstance(error, ValueError):
             self._target = before
             raise errors.primitive(str(error), self.name) from error
@@ -260,7 +267,7 @@ class Hooked(Executable):
             raise error
         self._failed(callback, error)
 
-    def _limited(self, value: Any) -> Any:
+    def _limited(self, value: Value) -> Value:
         properties = self._meta.properties
         if value.__class__ is not float or not properties:
             return value
@@ -283,7 +290,7 @@ class Hooked(Executable):
         if isinstance(self._sensed, BinaryObject):
             self._sensed = self.world.nil
 
-    def _tell(self, value: Any, owners: bool = False) -> None:
+    def _notify(self, value: Value, owners: bool = False) -> None:
         assert self.subscribers is not None
         me: Any = self
         for subscriber, owns in list(self.subscribers.items()):
@@ -313,15 +320,12 @@ class Hooked(Executable):
                 self._failed(callback, error)
 
     def _failed(self, callback: Callback, error: Exception) -> None:
-        """A callback raised: it is reported, and removed unless that is not wanted."""
+        """Report the exception of a callback, and remove the callback unless ``remove_throwing`` is off."""
         if self.remove_throwing:
             self._keep(lambda kept: kept is not callback)
         reason = "; ".join(self.world.describe(error)) if isinstance(error, errors.UrbiError) else repr(error)
         end = "removed because it failed" if self.remove_throwing else "failed"
         log.error("callback on %s %s: %s", self.name, end, reason)
-
-    def _forget(self) -> None:
-        self._keep(lambda kept: False)
 
     def _keep(self, wanted: Callable[[Callback], bool]) -> None:
         self._owner_change = tuple(filter(wanted, self._owner_change))

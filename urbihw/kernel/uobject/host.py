@@ -1,11 +1,13 @@
-"""What a platform holds of the kernel: register classes, make objects, run urbiscript, come back from other threads.
+"""The kernel as a platform sees it: it registers classes, makes objects, runs urbiscript and accepts calls from other
+threads.
 
-``Observer`` is told of everything that devices bind; in a process of their own it tells the server.
+``Observer`` is notified of everything that devices bind; the observer of a remote process forwards it to the server.
 """
 
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -13,7 +15,7 @@ from urbihw.kernel import errors
 from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.uobject.modules import classes_of, import_module
-from urbihw.kernel.uobject.registry import registry_of
+from urbihw.kernel.uobject.registry import Registry
 from urbihw.kernel.uobject.uevent import UEvent
 from urbihw.kernel.uobject.uobject import UObject, UObjectFace, UObjectHub, install_functions
 from urbihw.kernel.uobject.uvalue import to_urbi
@@ -25,13 +27,15 @@ if TYPE_CHECKING:
 log = logging.getLogger("urbihw.uobject")
 
 RTP_MODULE = "urbi/rtp"
+HOOK_CHANGED = "URBI_UVAR_HOOK_CHANGED"
+"""The environment variable that switches off the event ``changed`` of new variables."""
 
 U = TypeVar("U", bound=UObject)
 H = TypeVar("H", bound=UObjectHub)
 
 
 class Programs(Protocol):
-    """What runs urbiscript text (see ``lobby.shell.Programs``)."""
+    """Runs urbiscript text; implemented by ``lobby.shell.Programs``."""
 
     def evaluate(self, text: str, this: Any, file: str | None = None) -> Any:
         """Run a program in the running job."""
@@ -39,74 +43,77 @@ class Programs(Protocol):
 
 
 class Observer:
-    """Hears of what devices do; this one does nothing, as is right for devices in the process of the server."""
+    """Is notified of the actions of devices.  This base class does nothing, which is right for devices in the server's
+    process.
+    """
 
     def registered(self, face: UObjectFace) -> None:
-        """There is one more class."""
+        """A class was registered."""
 
     def made(self, device: UObject) -> None:
-        """There is one more instance; its declarations are bound."""
+        """An instance was made; its declarations are bound."""
 
     def bound_var(self, device: UObject, var: UVar) -> None:
-        """A variable is bound."""
+        """A variable was bound."""
 
     def bound_event(self, device: UObject, name: str, event: UEvent) -> None:
-        """An event is bound."""
+        """An event was bound."""
 
     def bound_function(self, device: UObject, name: str, method: Callable[..., Any]) -> None:
-        """A function is bound late."""
+        """A function was bound after construction."""
 
     def notified(self, device: UObject, var: UVar) -> None:
-        """A device wants to hear of a variable."""
+        """A device has set a change callback on a variable."""
 
     def access_notified(self, device: UObject, var: UVar) -> None:
-        """A device wants to hear when a variable is read."""
+        """A device has set an access callback on a variable."""
 
     def listened(self, device: UObject, event: UEvent, handler: Callable[..., Any] | None) -> None:
-        """A device wants to hear of an event."""
+        """A device has added a handler to an event."""
 
     def destroyed(self, device: UObject) -> None:
-        """An instance ended."""
+        """An instance was destroyed."""
 
     def put(self, holder: UObject | None, name: str, value: Any) -> None:
-        """A plain slot of a device, or of Global, was set to an urbiscript value."""
+        """A plain slot of a device, or of Global if ``holder`` is None, was set to an urbiscript value."""
 
     def find(self, path: str) -> Any:
-        """The object that a path means, if the observer knows better; else None."""
+        """The object for a path, if the observer knows another one than the kernel; else None."""
         return None
 
-    def adopt(self, var: UVar) -> None:
-        """A variable was asked for by its name."""
+    def looked_up(self, var: UVar) -> None:
+        """A variable was looked up by its name."""
 
     def send(self, text: str) -> bool:
-        """Run urbiscript; false if the kernel at hand is to do it."""
+        """Run urbiscript; returns false if this kernel must run it."""
         return False
 
 
 class Host:
-    """One kernel as seen by device code."""
+    """One kernel as device code sees it."""
 
     def __init__(self, world: World, programs: Programs) -> None:
         self.world = world
-        self.registry = registry_of(world)
-        self.registry.find_var = self.var
-        self.registry.load_module = self.load_module
+        holder = world.global_.slots["uobjects"]
+        assert isinstance(holder, Obj)
+        self.registry = Registry(world, holder, self, HOOK_CHANGED not in os.environ)
+        world.install_part(self.registry)
         self.observer = Observer()
         self.rtp = False
-        """Whether the module ``urbi/rtp`` was loaded: values of devices in another process may travel by RTP."""
+        """Whether the module ``urbi/rtp`` is loaded: values of devices in another process may then be sent by RTP."""
         self._programs = programs
         self._classes: dict[type[UObject], UObjectFace] = {}
         self._hubs: dict[type[UObject], UObjectHub] = {}
 
     def now(self) -> float:
-        """Seconds of the kernel's clock."""
+        """Present time of the kernel's clock, in seconds."""
         return self.world.scheduler.clock.now()
 
     # ---------------------------------------------------------------- classes and instances
 
     def register(self, kind: type[UObject]) -> UObjectFace:
-        """Make a device class known to urbiscript, as a slot of ``uobjects``, which everybody sees (UStart); once is
-        enough.  Of a hub, the one instance is made."""
+        """Make a device class known to urbiscript as a slot of ``uobjects``, visible to all connections (UStart).  A
+        second call has no effect.  For a hub class, its single instance is made too."""
         known = self._classes.get(kind)
         if known is not None:
             return known
@@ -131,9 +138,10 @@ class Host:
         return list(self._classes.values())
 
     def load_module(self, name: str) -> list[UObjectFace]:
-        """Import a module from URBI_UOBJECT_PATH and register its classes; raises BadConfig, one line that says why.
+        """Import a module from URBI_UOBJECT_PATH and register its classes.  Raises BadConfig with the reason in one
+        line.
 
-        ``urbi/rtp`` is a part of this package and switches RTP on.
+        ``urbi/rtp`` is built in and enables RTP.
         """
         if name == RTP_MODULE:
             self.rtp = True
@@ -141,9 +149,9 @@ class Host:
         return [self.register(kind) for kind in classes_of(import_module(name))]
 
     def create(self, kind: type[U], name: str | None = None, *args: Any) -> U:
-        """A new instance, as ``Class.new(args)`` would make it, but for this: no program may destroy it.
+        """Make an instance as ``Class.new(args)`` does, except that urbiscript programs cannot destroy it.
 
-        ``name`` makes it a slot of Global.
+        With ``name``, the instance is also stored in that slot of Global.
         """
         face = self.register(kind).clone()
         face.lasting = True
@@ -155,7 +163,7 @@ class Host:
         return made
 
     def hub(self, kind: type[H]) -> H:
-        """The instance of a class of hubs (getUObjectHub)."""
+        """The single instance of a hub class (getUObjectHub)."""
         self.register(kind)
         found = self._hubs[kind]
         assert isinstance(found, kind)
@@ -164,7 +172,7 @@ class Host:
     # ---------------------------------------------------------------- objects by name
 
     def var(self, name: str) -> UVar:
-        """The variable ``object.slot``, hooked if need be; raises ValueError if there is no such object."""
+        """The variable ``object.slot``; a plain slot is hooked.  Raises ValueError if there is no such object."""
         path, dot, slot = name.rpartition(".")
         return self.registry.call(lambda: self._var(path if dot else "Global", slot))
 
@@ -172,11 +180,13 @@ class Host:
         holder = self._object(path)
         known = holder.slots.get(slot)
         found = known if isinstance(known, UVar) else UVar(self.world, holder, slot, value=known)
-        self.observer.adopt(found)
+        self.observer.looked_up(found)
         return found
 
     def event(self, name: str) -> UEvent:
-        """The event ``object.slot``, made if there is none; raises ValueError if there is no such object."""
+        """The event ``object.slot``; it is made if the slot does not exist.  Raises ValueError if there is no such
+        object.
+        """
         path, dot, slot = name.rpartition(".")
         return self.registry.call(lambda: self._event(path if dot else "Global", slot))
 
@@ -185,7 +195,7 @@ class Host:
         known = holder.slots.get(slot)
         if not isinstance(known, Event):
             known = Event(self.world, [self.world.event_proto])
-            self.world.ops.put(holder, slot, known)
+            self.world.ops.put_slot(holder, slot, known)
         return UEvent(self.world, known, f"{path}.{slot}")
 
     def _object(self, path: str) -> Obj:
@@ -195,24 +205,38 @@ class Host:
         except errors.UrbiError:
             raise ValueError(f"there is no object {path}") from None
 
+    def has_slot(self, name: str) -> bool:
+        """Whether Global has a slot of this name."""
+        return name in self.world.global_.slots
+
+    def device(self, name: str) -> UObject | None:
+        """The device in a slot of Global; None if the slot does not exist or holds no device."""
+        face = self.world.global_.slots.get(name)
+        return face.python if isinstance(face, UObjectFace) else None
+
+    def name_of(self, device: UObject) -> str | None:
+        """The name of the first slot of Global that holds a device; None if there is none."""
+        slots = self.world.global_.slots
+        return next((name for name, value in slots.items() if value is device.face), None)
+
     def put(self, name: str, value: Any) -> None:
-        """Set a slot of Global to a Python value, a device (its face), or an urbiscript value."""
+        """Set a slot of Global to a Python value, a device or an urbiscript value."""
         self.put_slot(None, name, value)
 
     def put_slot(self, device: UObject | None, name: str, value: Any) -> None:
         """Set a plain slot of a device, or of Global if that is None."""
         made = to_urbi(self.world, value)
-        self.world.ops.put(self.world.global_ if device is None else device.face, name, made)
+        self.world.ops.put_slot(self.world.global_ if device is None else device.face, name, made)
         self.observer.put(device, name, made)
 
     # ---------------------------------------------------------------- running
 
     def run(self, text: str, file: str, done: Callable[[str], None] = lambda problem: None) -> None:
-        """Run urbiscript of the robot itself in Global, in a job of its own, as if loaded from ``file``.
+        """Run urbiscript of the platform in Global, in a job of its own, as if it was loaded from ``file``.
 
-        What it changes in the library is what the library should be from then on (``record.adopt``).
-        ``done(problem)`` is called at the end, with "" or one line that says what went wrong and where
-        (``file:line.column: message``).
+        Its changes to the library become part of the library's protected state (``record.adopt``).  ``done(problem)``
+        is called at the end, with "" or with one line that states the error and its place (``file:line.column:
+        message``).
         """
 
         def body() -> None:
@@ -226,7 +250,7 @@ class Host:
         self.world.scheduler.spawn(body, file)
 
     def send(self, text: str, source: str) -> None:
-        """Run urbiscript at the server, from any thread; ``source`` names the device in the log if it goes wrong."""
+        """Run urbiscript at the server, from any thread; ``source`` names the device in the log if the code fails."""
 
         def report(problem: str) -> None:
             if problem:
@@ -256,50 +280,50 @@ class Host:
         return f"{target}.{function}({values}),"
 
     def each_round(self, action: Callable[[], None]) -> None:
-        """Call ``action`` (outside any job; it must be quick) at the end of each round of the scheduler: the time to
-        send in one message what all jobs wanted in that round."""
+        """Call ``action`` at the end of each round of the scheduler, outside any job; it must return quickly.  It can
+        send the requests of all jobs of that round in one message."""
         self.world.scheduler.add_round_hook(action)
 
     def post(self, action: Callable[[], None]) -> None:
-        """From any thread: run ``action`` in the kernel's thread, soon."""
+        """From any thread: run ``action`` in the kernel's thread as soon as possible."""
         self.world.scheduler.post(lambda: self.guarded(action, "posted action"))
 
     def guarded(self, action: Callable[[], Any], what: str) -> None:
-        """Run device code so that its errors are logged in one line and go no further."""
+        """Run device code.  An exception is logged in one line and is not propagated."""
         self.registry.guarded(action, what)
 
     # ---------------------------------------------------------------- what devices tell
 
     def made(self, device: UObject) -> None:
-        """An instance was made."""
+        """Notify the observer of a new instance."""
         self.observer.made(device)
 
     def bound_var(self, device: UObject, var: UVar) -> None:
-        """A variable was bound."""
+        """Notify the observer of a bound variable."""
         self.observer.bound_var(device, var)
 
     def bound_event(self, device: UObject, name: str, event: UEvent) -> None:
-        """An event was bound."""
+        """Notify the observer of a bound event."""
         self.observer.bound_event(device, name, event)
 
     def bound_function(self, device: UObject, name: str, method: Callable[..., Any]) -> None:
-        """A function was bound late."""
+        """Notify the observer of a function that was bound after construction."""
         self.observer.bound_function(device, name, method)
 
     def notified(self, device: UObject, var: UVar) -> None:
-        """A callback was set."""
+        """Notify the observer of a change callback."""
         self.observer.notified(device, var)
 
     def access_notified(self, device: UObject, var: UVar) -> None:
-        """An access callback was set."""
+        """Notify the observer of an access callback."""
         self.observer.access_notified(device, var)
 
     def listened(self, device: UObject, event: UEvent, handler: Callable[..., Any] | None) -> None:
-        """A handler of an event was set."""
+        """Notify the observer of an event handler."""
         self.observer.listened(device, event, handler)
 
     def destroyed(self, device: UObject) -> None:
-        """An instance ended."""
+        """Notify the observer of a destroyed instance."""
         name = device.unique_name
         self.registry.remove(name, device.face)
         self.observer.destroyed(device)

@@ -1,10 +1,10 @@
-"""The allowed names of a robot's parts and the units of their slots: plain data, and checks.
+"""The allowed names of a robot's components and the units of their slots: plain data, and checks.
 
-The manual's chapter 22 ("Standard Component List") names the components, what they are part of and the interfaces of
-those that are devices; ``DEVICES`` are the names that its chapters about single robots use beside them.  The interfaces
-themselves, with the slots and the unit of each, are objects of urbiscript (``Interface``, in the standard library).
+The manual's chapter 22 ("Standard Component List") lists the components, their parents and the interfaces of those that
+are devices; ``DEVICES`` contains the additional names in its chapters about single robots.  The interfaces themselves,
+with the slots and the unit of each, are objects of urbiscript (``Interface``, in the standard library).
 
-The functions say what is wrong with a part of a structure tree; the contract test of the platforms calls them.
+The functions report the faults of a component of a structure tree; the contract test of the platforms calls them.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from typing import Final
 
 EXPERIMENTAL: Final = "experimental"
-"""What the name of a part begins with that has no standard name: ``experimentalGripForce``."""
+"""Prefix of the name of a component that has no standard name: ``experimentalGripForce``."""
 
 CATEGORIES: Final = ("humanoid", "four-legged", "wheeled", "industrial arm")
-"""What ``robot.type`` may be (manual, "Identity")."""
+"""Allowed values of ``robot.type`` (manual, "Identity")."""
 
 PLACES: Final = (
     *("up", "inBetween", "down", "top"),
@@ -26,12 +26,12 @@ PLACES: Final = (
     *("right", "center", "left"),
     *("x", "y", "z"),
 )
-"""The constants of Localization; other places are numbers from 0 on."""
+"""The constants of Localization; other positions are numbers from 0 on."""
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A component: the names it may be part of (any, if none is given), and the interfaces it may have as a device."""
+    """A component: the allowed names of its parent (any, if empty), and the interfaces it may have as a device."""
 
     part_of: tuple[str, ...] = ()
     interfaces: tuple[str, ...] = ()
@@ -42,7 +42,7 @@ def _part(part_of: str = "", interfaces: str = "") -> Part:
 
 
 _TURNING: Final = "body neck head hip knee ankle shoulder elbow wrist torso arm leg camera"
-"""The manual's list for yaw, pitch and roll, and the components that it describes as having them."""
+"""The manual's list of parents for yaw, pitch and roll, and the components that have these according to its text."""
 _ROTATION: Final = "RotationalMotor RotationalSpeedMotor"
 _TRANSLATION: Final = "LinearMotor LinearSpeedMotor"
 
@@ -86,18 +86,19 @@ COMPONENTS: Final[dict[str, Part]] = {
     "gyro": _part("body", "GyroSensor"),
     "accel": _part("body", "AccelerationSensor"),
     "camera": _part("head body eye arm", "VideoIn"),
-    # The list of 2.3 has these two the other way round; speakers speak.
+    # The list of the 2.3 manual exchanges these two; a speaker is an output.
     "speaker": _part("head body", "AudioOut"),
     "micro": _part("head body", "AudioIn"),
     "speech": _part("robot", "SpeechRecognizer"),
     "voice": _part("robot", "TextToSpeech"),
 }
-"""The list of the manual's chapter 22."""
+"""The components listed in the manual's chapter 22."""
 
 DEVICES: Final[dict[str, Part]] = {
     "laser": _part("body head", "Laser"),  # "Localization", P3dx.body.laser
     "sonar": _part("body head", "DistanceSensor"),  # P3dx.body.sonar, Nao, TriBot
     "led": _part("body head eye ear foot", "Led"),  # "Localization", Spykee
+    "headLed": _part("body head", "Led"),  # Spykee
     "battery": _part("body robot", "Battery"),  # P3dx.body.battery, TriBot, Nao
     "odometry": _part("body"),  # P3dx.body.odometry
     "planner": _part("robot"),  # P3dx.planner
@@ -110,12 +111,12 @@ DEVICES: Final[dict[str, Part]] = {
     "infrared": _part("body head", "Sensor DistanceSensor"),  # DistanceSensor: "infrared, laser, ultrasonic"
     "temperature": _part("", "TemperatureSensor"),
 }
-"""The names that chapters 23 to 29 use for devices, each with where it stands there."""
+"""The additional device names in the manual's chapters 23 to 29, each with its source."""
 
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit and the range beyond which a value is surely in another one (degrees, millimetres, raw counts)."""
+    """A unit, and a limit: a value beyond it is certainly in a wrong unit (degrees, millimetres, raw counts)."""
 
     least: float
     most: float
@@ -143,11 +144,13 @@ UNITS: Final[dict[str, Unit]] = {
     "dB": Unit(-200.0, 200.0),
     "pixel": Unit(0.0, 1e5),
 }
-"""Every unit that a slot of Interface may have; "" is for what is no number."""
+"""The units of all slots of Interface; "" is for slots that are no numbers."""
 
 
 def problems_of_path(path: Sequence[str]) -> list[str]:
-    """What is wrong with the names on the way from the root to a part (places left out); nothing, if it is empty."""
+    """The faults of the component names on the path from the root to a component (positions left out); empty if there
+    are none.
+    """
     found = []
     known = COMPONENTS | DEVICES
     if not path or path[0] != "robot":
@@ -164,7 +167,7 @@ def problems_of_path(path: Sequence[str]) -> list[str]:
 
 
 def problems_of_kinds(path: Sequence[str], kinds: Sequence[str]) -> list[str]:
-    """What is wrong with the interfaces of a device (all of them, those of its kinds' kinds too)."""
+    """The faults of the interfaces of a device, inherited interfaces included; empty if there are none."""
     name = path[-1]
     part = (COMPONENTS | DEVICES).get(name)
     if not kinds:
@@ -175,7 +178,7 @@ def problems_of_kinds(path: Sequence[str], kinds: Sequence[str]) -> list[str]:
 
 
 def problem_of_value(unit: str, value: float) -> str:
-    """What is wrong with a value that should be in a unit; empty if it may be (nan is: not measured)."""
+    """The fault of a value that should have a unit; empty if the value is plausible (nan means: not measured)."""
     known = UNITS.get(unit)
     if known is None:
         return f"there is no unit {unit!r}"

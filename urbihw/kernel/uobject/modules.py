@@ -1,7 +1,8 @@
-"""Modules of devices: found along URBI_UOBJECT_PATH, imported, and asked for their classes.
+"""Python modules with devices: search along URBI_UOBJECT_PATH, import, and list of their classes.
 
-A module is a Python file, or a folder with ``__init__.py``.  Its classes are those named in ``__uobjects__``, or,
-without that, the classes derived from UObject that are defined in it and whose names do not begin with an underscore.
+A module is a Python file, or a folder with ``__init__.py``.  Its device classes are those named in ``__uobjects__``.
+Without ``__uobjects__`` they are the classes derived from UObject that the module itself defines and whose names do not
+begin with an underscore.
 """
 
 from __future__ import annotations
@@ -20,12 +21,12 @@ PATH = "URBI_UOBJECT_PATH"
 
 
 def search_path() -> list[Path]:
-    """The folders in which modules are looked for; an empty part of the variable stands for the working directory."""
+    """The folders of the search path; an empty entry of the variable stands for the working directory."""
     return [Path(part or ".") for part in os.environ.get(PATH, "").split(":")]
 
 
 def find(name: str) -> Path:
-    """The file of a module, given with or without extension; raises BadConfig that tells where was looked."""
+    """The file of a module, whose name may have an extension.  Raises BadConfig with the list of searched folders."""
     wanted = Path(name.removesuffix(".py"))
     folders = [Path()] if wanted.is_absolute() else search_path()
     for folder in folders:
@@ -37,9 +38,9 @@ def find(name: str) -> Path:
 
 
 def import_module(name: str) -> ModuleType:
-    """A module, imported once; raises BadConfig, one line, for whatever goes wrong in it.
+    """Import a module, once.  Raises BadConfig with one line for any exception of the module.
 
-    Its folder is put on the path of Python's own modules, so that it finds its neighbours.
+    The folder of the module is added to Python's module path, so that the module can import its neighbours.
     """
     path = find(name).resolve()
     key = f"_uobject_{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
@@ -62,7 +63,7 @@ def import_module(name: str) -> ModuleType:
 
 
 def _reason(error: BaseException, path: Path) -> str:
-    """What went wrong and, if it was in the module itself, in which line."""
+    """The error in words, with the line number if it arose in the module itself."""
     line = error.lineno if isinstance(error, SyntaxError) else None
     trace = error.__traceback__
     while trace is not None:
@@ -75,7 +76,7 @@ def _reason(error: BaseException, path: Path) -> str:
 
 
 def classes_of(module: ModuleType) -> list[type[UObject]]:
-    """The device classes of a module, hubs first; raises BadConfig if there are none."""
+    """The device classes of a module, hubs first.  Raises BadConfig if there are none."""
     declared = getattr(module, "__uobjects__", None)
     if declared is None:
         declared = [

@@ -1,15 +1,16 @@
-"""Who may move a robot: the motion epoch, the leases of clients, and where each effector write came from.
+"""Who may move a robot: the motion epoch, the leases of clients, and the origin of each effector write.
 
-A robot has one ``Motion``.  Its *epoch* is a number that each stop advances.  Whatever is to move the robot carries an
-``Origin``: the epoch in which it was written and the client that asked for it.  An origin of an older epoch, or of a
-client that is gone, is dead; what carries it is dropped wherever it waits: in a job, in a device, on the way to the bus
-worker.  So nobody keeps a list of what a stop has to end.
+A robot has one ``Motion``.  Its *epoch* is a number that is incremented by each stop.  Each request for a movement
+carries an ``Origin``: the epoch in which it was written and the client that wrote it.  An origin of an older epoch, or
+of a client that has disconnected, is invalid; a request with an invalid origin is dropped wherever it waits: in a job,
+in a device, on the way to the bus worker.  So no list of movements has to be searched at a stop.
 
-A statement is as old as the moment in which it began (``Job.epoch``).  A statement that began before a stop and tries
-to move the robot after it gets an error that says why; a program that catches it goes on as if begun anew.
+The age of a statement is the epoch in which it began (``Job.epoch``).  If a statement began before a stop and tries to
+move the robot after it, it gets an error with the reason; a program that catches the error continues like a new
+statement.
 
-A client (a lobby) holds a *lease* on the effectors that it wrote last.  When its connection ends they are stopped,
-and also when it ends its sending side, because then it cannot stop them any more.
+A client (a lobby) holds a *lease* on the effectors that it wrote last.  They are stopped when its connection ends.
+They are also stopped when the client closes its sending side, because it then cannot stop them any more.
 """
 
 from __future__ import annotations
@@ -26,25 +27,25 @@ from urbihw.kernel.uobject.uobject import UObject
 from urbihw.kernel.uobject.uvar import UVar
 
 if TYPE_CHECKING:
-    from urbihw.kernel.runtime.world import World
     from urbihw.kernel.sched.job import Job
+    from urbihw.kernel.uobject.host import Host
 
 ROBOT = "robot"
-"""The client of what no connection asked for: files loaded at start, devices in the server."""
+"""The client name of writes without a connection: files loaded at start, and devices in the server."""
 
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Where an effector write came from.
+    """The origin of an effector write.
 
     Attributes:
-        epoch: of the robot when it was written.
-        client: name of the connection, its address behind it; ``ROBOT`` for none.
-        tag: the innermost tag of the user's, "" for none.
-        place: where the statement stands, such as ``3.1-20``; "" where no program of a user's is.
-        time: when the statement first wrote this effector, in seconds of the kernel's clock.
+        epoch: epoch of the robot at the time of the write.
+        client: name and address of the connection; ``ROBOT`` for writes without a connection.
+        tag: the innermost tag made by the user, "" for none.
+        place: location of the statement, such as ``3.1-20``; "" outside user programs.
+        time: time of the statement's first write to this effector, in seconds of the kernel's clock.
         lease: the lobby, None for the robot itself.
-        mark: tells what was written before a device was stopped alone from what came after it.
+        mark: distinguishes writes before a stop of a single device from writes after it.
     """
 
     epoch: int
@@ -61,21 +62,21 @@ class Origin:
 
 
 class Motion:
-    """The authority over the motion of one robot, as the kernel sees it; the bus worker has the last word.
+    """The authority over the motion of one robot in the kernel; the bus worker checks each command again.
 
     Attributes:
-        epoch: as the bus worker counts it.
-        stops: how many stops of any kind there were, of parts of the robot too.
-        reason: why it was last stopped.
-        latched: why an emergency stop holds, "" if none does.
-        keep: motion goes on when the client that asked for it is gone.
-        held: device -> why it may not move at present.
-        at_rest: nothing was let through since the last stop.
+        epoch: the epoch number, as counted by the bus worker.
+        stops: number of stops of any kind, including stops of parts of the robot.
+        reason: reason of the last stop.
+        latched: reason of the active emergency stop, "" if there is none.
+        keep: whether a movement continues when its client has disconnected.
+        held: device -> reason why it may not move at present.
+        at_rest: whether no write was accepted since the last stop.
     """
 
-    def __init__(self, world: World, name: str, release: Callable[[tuple[Hashable, ...], str], None]) -> None:
-        """``release(devices, reason)`` stops the devices of a client that is gone."""
-        self._world = world
+    def __init__(self, host: Host, name: str, release: Callable[[tuple[Hashable, ...], str], None]) -> None:
+        """``release(devices, reason)`` stops the devices of a client that has disconnected."""
+        self._world = host.world
         self._name = name
         self._release = release
         self.epoch = 0
@@ -88,21 +89,21 @@ class Motion:
         self._mark = 0
         self._ended: dict[Hashable, tuple[int, str]] = {}
         self._moved_by: dict[Hashable, Origin] = {}
-        world.client_gone.append(self._client_gone)
+        self._world.client_gone.append(self._client_gone)
 
     def close(self) -> None:
-        """Hear no more of clients."""
+        """Unsubscribe from the lobbies."""
         if self._client_gone in self._world.client_gone:
             self._world.client_gone.remove(self._client_gone)
 
     # ---------------------------------------------------------------- stopping
 
     def asked(self) -> str:
-        """Who asks for a stop now, in words."""
+        """The requester of the present stop, in words."""
         return f"stop asked by {self.origin()}"
 
     def advance(self, reason: str, epoch: int | None = None) -> None:
-        """The robot is stopped: all that was written before is dead.  ``epoch`` is the worker's new one."""
+        """Register a stop of the robot: all earlier writes become invalid.  ``epoch`` is the worker's new epoch."""
         if epoch is not None and epoch <= self.epoch:
             return
         scheduler = self._world.scheduler
@@ -115,19 +116,19 @@ class Motion:
         self._moved_by.clear()
 
     def end(self, device: Hashable, reason: str) -> None:
-        """The movements of one device are over: statements that began before may not move it any more."""
+        """End the movements of one device: statements that began before may not move it any more."""
         self._world.scheduler.epoch += 1
         self._ended[device] = self._world.scheduler.epoch, reason
         self._moved_by.pop(device, None)
 
     def renew(self) -> None:
-        """The running job knows of the stop: what it does from now on is new."""
+        """Make the running job valid again after a stop: its next writes count as new."""
         job = self._world.scheduler.current
         if job is not None:
             job.renew()
 
     def check(self) -> None:
-        """Raise the error that a statement gets which began before the last stop."""
+        """Raise the error for a statement that began before the last stop."""
         job = self._world.scheduler.current
         if job is not None and job.epoch < self._mark:
             raise errors.Stopped(f"{self._name} was stopped after this statement had begun: {self.reason}")
@@ -140,10 +141,10 @@ class Motion:
         return self._world.scheduler.current
 
     def admit(self, device: Hashable, last: Origin | None = None, statement: object = None) -> Origin:
-        """The running job writes an effector of ``device``: where that comes from.
+        """Check a write of the running job to an effector of ``device``, and return the origin of the write.
 
-        ``last`` serves again if it is of the same ``statement``.  Raises an urbiscript error when the statement began
-        before the last stop, an emergency stop holds, or the client is gone.
+        ``last`` is reused if it belongs to the same ``statement``.  Raises an urbiscript error when the statement began
+        before the last stop, an emergency stop is active, or the client has disconnected.
         """
         self.check()
         self.check_device(device)
@@ -158,11 +159,11 @@ class Motion:
         return origin
 
     def since(self, device: Hashable) -> int:
-        """``Job.epoch`` of the oldest statement that may move a device."""
+        """The lowest ``Job.epoch`` of a statement that may move a device."""
         return max(self._mark, self._ended.get(device, (0, ""))[0])
 
     def check_device(self, device: Hashable) -> None:
-        """Raise the error of what may not move this device now: an emergency stop, its heat, its loss."""
+        """Raise the error for a device that may not move now: emergency stop, overheating, lost device."""
         if self.latched:
             why = f"{self._name} is held by an emergency stop ({self.latched}): release it first"
             raise errors.Refused(why)
@@ -174,7 +175,7 @@ class Motion:
             raise errors.Stopped(f"the movement of {device} is over: {reason}")
 
     def is_live(self, origin: Origin, device: Hashable = None) -> bool:
-        """Whether what carries this origin may still move the robot, or this device of it."""
+        """Whether a request with this origin may still move the robot, or the given device of it."""
         if origin.epoch != self.epoch or self.latched or not self._lease_lasts(origin):
             return False
         return device not in self._ended or origin.mark >= self._ended[device][0]
@@ -184,7 +185,7 @@ class Motion:
         return self._world.scheduler.now
 
     def own(self) -> Origin:
-        """The origin of what the robot does by itself now."""
+        """The origin of movements that the robot starts by itself."""
         scheduler = self._world.scheduler
         return Origin(self.epoch, ROBOT, "", "", scheduler.clock.now(), None, scheduler.epoch)
 
@@ -192,12 +193,12 @@ class Motion:
         return self.keep or origin.lease is None or bool(getattr(origin.lease, "in_command", True))
 
     def origin(self) -> Origin:
-        """Where something comes from that is written now."""
+        """The origin of a write at this moment."""
         job = self._world.scheduler.current
         if job is None:
             return self.own()
         stack = current_stack()
-        # The statement itself, rather than the function that it has come to.
+        # The statement itself, not the function that it has called.
         place = str((stack.calls[-1].location if stack.calls else stack.location) or "")
         scheduler = self._world.scheduler
         client, now = _client(job.context), scheduler.clock.now()
@@ -217,17 +218,17 @@ class Motion:
 
 
 OFF: Final = "off"
-"""``limitedBy`` of what is written to a device that is switched off."""
+"""Value of ``limitedBy`` for writes to a device that is switched off."""
 
 
 class Effector:
-    """What guards one variable that moves the robot: see ``EffectorDevice``.
+    """The guard of one variable that moves the robot (see ``EffectorDevice``).
 
     Attributes:
-        origin: of the last write that was let through.
-        device: what it moves, by the name that the bus worker knows.
-        met: what a limit of the worker has left of the last write, and the name of the limit: so it is with what is
-            written until the worker tells something else, or a stop.  None while no limit acts.
+        origin: origin of the last accepted write.
+        device: the device that it moves, by its name in the bus worker.
+        limited: the last write as limited by the worker, and the name of the limit.  It is valid until the next report
+            of the worker or the next stop.  None while no limit acts.
     """
 
     def __init__(self, motion: Motion, device: Hashable, var: UVar, face: EffectorDevice) -> None:
@@ -237,13 +238,14 @@ class Effector:
         self._var = var
         self._face = face
         self._statement: object = None
-        self._met: tuple[int, Any, str] | None = None
+        self._limited: tuple[int, Any, str] | None = None
         var.effector = self
 
     def admit(self, wanted: Any, value: Any) -> None:
-        """Somebody assigns ``wanted``, of which the range of the slot leaves ``value``.
+        """Check a write.  ``wanted`` is the assigned value, ``value`` what the range of the slot leaves of it.
 
-        Raises an urbiscript error for what may not move the robot (see ``Motion.admit``) or is no finite number.
+        Raises an urbiscript error if the writer may not move the robot (see ``Motion.admit``) or the value is no finite
+        number.
         """
         if wanted.__class__ is float and not math.isfinite(wanted):
             raise errors.primitive(f"takes a finite number, not {wanted:g}", self._var.name)
@@ -255,17 +257,17 @@ class Effector:
         self._face.wrote(self, wanted, value)
 
     @property
-    def met(self) -> tuple[Any, str] | None:
-        """See above."""
-        return None if self._met is None or self._met[0] != self._motion.stops else self._met[1:]
+    def limited(self) -> tuple[Any, str] | None:
+        """The limited value and the name of the limit; None while no limit acts."""
+        return None if self._limited is None or self._limited[0] != self._motion.stops else self._limited[1:]
 
-    def meet(self, value: Any, limit: str) -> None:
-        """The worker tells what a limit has left of what was written; "" for none."""
-        self._met = (self._motion.stops, value, limit) if limit else None
+    def set_limited(self, value: Any, limit: str) -> None:
+        """Store the worker's report: the limited value and the name of the limit, "" for none."""
+        self._limited = (self._motion.stops, value, limit) if limit else None
 
     @property
     def since(self) -> int:
-        """``Job.epoch`` of the oldest statement that may move it."""
+        """The lowest ``Job.epoch`` of a statement that may move this effector."""
         return self._motion.since(self.device)
 
     def limits(self) -> str:
@@ -275,15 +277,15 @@ class Effector:
 
 
 class EffectorDevice(UObject):
-    """A device that moves: it shows what was asked of it, what became of that, and who asked.
+    """A device with effectors: it shows the requested value, the applied value and the writer.
 
-    ``requested`` and ``applied`` are the last value written and what the limits left of it, in the unit of the slot
-    that was written; ``limitedBy`` names the limit, "" when there was none; ``why`` tells who wrote it.  ``limited``
-    is emitted with the name of the limit when a write meets one that the write before did not meet.
+    ``requested`` and ``applied`` are the last written value and the value after the limits, in the unit of the written
+    slot; ``limitedBy`` is the name of the limit, "" if there was none; ``why`` describes the writer.  ``limited`` is
+    emitted with the name of the limit when a write is limited and the write before was not.
 
-    A write while the device is switched off is limited by ``OFF``: ``applied`` is nan, ``why`` says how to switch it
-    on, and so does one warning to each client that writes meanwhile, or, where ``off_is_error``, the error that the
-    device raises for each such write.
+    A write while the device is switched off is limited by ``OFF``: ``applied`` is nan and ``why`` explains how to
+    switch the device on.  Each client that writes gets the same explanation once as a warning or, if ``off_is_error``
+    is set, as the error of each such write.
     """
 
     off_is_error: ClassVar[bool] = False
@@ -295,12 +297,12 @@ class EffectorDevice(UObject):
     limited = event()
 
     def guard(self, motion: Motion, device: Hashable, var: UVar) -> Effector:
-        """Let a variable be written only by who may move ``device`` now."""
+        """Guard a variable: only a writer that may move ``device`` at that time can write it."""
         self.notify_access(self.why, self._tell_why)
         return Effector(motion, device, var, self)
 
     def wrote(self, effector: Effector, wanted: Any, value: Any) -> None:
-        """A write was let through."""
+        """A write was accepted."""
         self._last_effector = effector
         self.requested.sense(wanted)
         off = self.explain_off()
@@ -311,21 +313,23 @@ class EffectorDevice(UObject):
             return
         if self._warned:
             self._warned = []
-        met = effector.met
-        if met is not None:
-            self.show_applied(*met)
+        limited = effector.limited
+        if limited is not None:
+            self.show_applied(*limited)
         else:
             self.show_applied(value, effector.limits() if value is not wanted and value != wanted else "")
 
     def limit_applied(self, value: Any, limit: str) -> None:
-        """The worker tells what the limits left of the last write, and which did; "" when it has left a limit."""
+        """Store the worker's report about the last write: the limited value and the name of the limit, "" when no limit
+        acts any more.
+        """
         if self._last_effector is not None:
-            self._last_effector.meet(value, limit)
+            self._last_effector.set_limited(value, limit)
         if self.limitedBy.sensed != OFF:
             self.show_applied(value, limit)
 
     def show_applied(self, value: Any, limit: str) -> None:
-        """What became of the last write, and which limit acted on it."""
+        """Set ``applied`` and ``limitedBy`` after a write."""
         self.applied.sense(value)
         if limit != self.limitedBy.sensed:
             self.limitedBy.sense(limit)
@@ -333,15 +337,15 @@ class EffectorDevice(UObject):
                 self.limited.emit(limit)
 
     def explain_off(self) -> str:
-        """Why nothing moves although it is told to, and how to switch it on, in words; "" while it is on; override."""
+        """The reason why the device ignores writes and how to switch it on, in words; "" while it is on.  Override."""
         return ""
 
     _last_effector: Effector | None = None
     _warned: Sequence[Any] = ()
-    """The clients that were told since it is off."""
+    """The clients that were warned since the device was switched off."""
 
     def _warn(self, origin: Origin, text: str) -> None:
-        """Tell the client that wrote, once: a trajectory writes with each of its steps."""
+        """Warn the writing client once; a trajectory writes at each of its steps."""
         output = getattr(origin.lease, "output", None)
         if output is not None and all(lease is not origin.lease for lease in self._warned):
             present = [lease for lease in self._warned if getattr(lease, "connected", True)]
@@ -366,7 +370,7 @@ def _client(lease: Any) -> str:
 
 
 def _tag(job: Job) -> str:
-    """The innermost tag of a job that a user has named."""
+    """The name of the innermost user-made tag of a job."""
     lobby = getattr(getattr(job.context, "tag", None), "tag", None)
     for entry in reversed(job.entries):
         name = entry.tag.name
@@ -376,4 +380,4 @@ def _tag(job: Job) -> str:
 
 
 _UNNAMED = frozenset({"scope", "tag", "loop"})
-"""What the kernel calls the tags that it makes by itself."""
+"""The names of tags that the kernel makes itself."""

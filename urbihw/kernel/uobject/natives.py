@@ -1,8 +1,7 @@
-"""How urbiscript sees UObject, UVar and ``uobjects`` (manual, sections 20.67 to 20.69; release notes of 2.1)."""
+"""UObject, UVar and ``uobjects`` as urbiscript sees them (manual, sections 20.67 to 20.69; release notes of 2.1)."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -14,62 +13,65 @@ from urbihw.kernel.runtime.slot import meta_of
 from urbihw.kernel.runtime.values import String
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.uobject.errors import DeviceError
+from urbihw.kernel.uobject.host import Host, Programs
 from urbihw.kernel.uobject.registry import Registry, registry_of
 from urbihw.kernel.uobject.uobject import UObjectFace
 from urbihw.kernel.uobject.uvar import UVar, check_hookable, hook
+from urbihw.kernel.value import Value
 
 UVAR = Table("UVar")
 UOBJECT = Table("UObject")
 UOBJECTS = Table("uobjects")
 SYSTEM = Table("System")
 
-HOOK_CHANGED = "URBI_UVAR_HOOK_CHANGED"
-AIR: Final = 0.01
-"""Seconds after which others have a turn while a program makes variables: thousands may be made in one statement."""
+TIME_SLICE_S: Final = 0.01
+"""Maximum time in seconds without a turn for other jobs while a program makes variables: one statement may make
+thousands.
+"""
 
 
 # ---------------------------------------------------------------- UVar
 
 
 @UVAR.primitive("new")
-def new(world: World, this: Any, holder: Any, name: str) -> Any:
-    """Hook a variable: ``UVar.new(object, "slot")`` makes the slot, or keeps the value of the one there is.
+def new(world: World, this: Value, holder: Value, name: str) -> Value:
+    """Hook a variable: ``UVar.new(object, "slot")`` makes the slot; an existing slot keeps its value.
 
-    Others have a turn when a program makes very many.
+    A program that makes very many variables gives other jobs turns.
     """
     made = hook(world, world.as_obj(holder), name)
     if world.scheduler.running().context is not None:
-        world.scheduler.give_way(AIR)
+        world.scheduler.give_way(TIME_SLICE_S)
     return made
 
 
 @UVAR.primitive("copy")
-def copy(world: World, this: UVar, holder: Any, name: str) -> Any:
-    """Let another slot share this variable; one that has another variable, or a function, is left alone."""
+def copy(world: World, this: UVar, holder: Value, name: str) -> Value:
+    """Share this variable with another slot.  A slot with another variable or with a function is left unchanged."""
     target = world.as_obj(holder)
     if isinstance(target.slots.get(name), UVar):
         raise errors.redefinition(name)
     check_hookable(target, name)
-    this.put(target, name)
+    this.add_slot(target, name)
     return this
 
 
 @UVAR.primitive("notifyChange")
-def notify_change(world: World, this: UVar, handle: Any, code: Any = None) -> None:
-    """Call a function each time the variable is written to."""
+def notify_change(world: World, this: UVar, handle: Value, code: Value = None) -> None:
+    """Register a function that is called at each write of the variable."""
     this.notify_change(_Handler(world, this, handle if code is None else code, "notifyChange"))
 
 
 @UVAR.primitive("notifyAccess")
-def notify_access(world: World, this: UVar, handle: Any, code: Any = None) -> None:
-    """Call a function each time the variable is read."""
+def notify_access(world: World, this: UVar, handle: Value, code: Value = None) -> None:
+    """Register a function that is called at each read of the variable."""
     this.notify_access(_Handler(world, this, handle if code is None else code, "notifyAccess"))
 
 
 class _Handler:
-    """A callback that speaks to the connection of who set it, whoever writes the variable."""
+    """A callback that runs with the lobby of the connection that registered it, whichever job writes the variable."""
 
-    def __init__(self, world: World, var: UVar, function: Any, name: str) -> None:
+    def __init__(self, world: World, var: UVar, function: Value, name: str) -> None:
         self.context = world.scheduler.running().context
         self._run: Callable[[], Any] = lambda: world.invoke(function, var, (), name)
         self._scheduler = world.scheduler
@@ -88,38 +90,38 @@ class _Handler:
 
 @UVAR.primitive("unnotify")
 def unnotify(world: World, this: UVar) -> None:
-    """Forget the functions that this connection wanted to be called."""
+    """Remove the callbacks that this connection registered."""
     context = world.scheduler.running().context
     this.unnotify_where(lambda handler: isinstance(handler, _Handler) and handler.context is context)
 
 
 @UVAR.primitive("owned")
 def owned(world: World, this: UVar) -> bool:
-    """Whether the variable holds a target and a sensed value."""
+    """Whether the variable holds both a target and a sensed value."""
     return this.owned
 
 
 @UVAR.primitive("val")
-def val(world: World, this: UVar) -> Any:
-    """The value that outsiders read."""
+def val(world: World, this: UVar) -> Value:
+    """The value for readers other than the owner."""
     return this.read(this)
 
 
 @UVAR.primitive("target")
-def target(world: World, this: UVar) -> Any:
-    """What was last written to the variable."""
+def target(world: World, this: UVar) -> Value:
+    """The last value written to the variable."""
     return this.current(True)
 
 
 @UVAR.primitive("age")
 def age(world: World, this: UVar) -> float:
-    """Seconds since the value was taken."""
+    """Seconds since the value was measured."""
     return this.age()
 
 
 @UVAR.primitive("timestamp")
 def timestamp(world: World, this: UVar) -> float:
-    """When the value was taken, in seconds of the server's clock."""
+    """Time of the measurement of the value, in seconds of the server's clock."""
     return this.stamp
 
 
@@ -128,12 +130,12 @@ def timestamp(world: World, this: UVar) -> float:
 
 @UOBJECT.raw("new", least=0, most=-1)
 def make(world: World) -> Any:
-    """A clone of this, after its ``init`` was called with the arguments; if that fails the clone is destroyed.
+    """Clone this object and call ``init`` of the clone with the arguments.  If ``init`` fails, the clone is destroyed.
 
-    A number other than 0 that ``init`` gives is a failure too.
+    A non-zero number as the result of ``init`` is a failure too.
     """
 
-    def run(this: Any, *args: Any) -> Any:
+    def run(this: Value, *args: Value) -> Value:
         made = world.send(this, "clone")
         if made is this or made.__class__ is float:
             return made
@@ -153,10 +155,10 @@ def make(world: World) -> Any:
 
 
 @UOBJECT.primitive("destroy")
-def destroy(world: World, this: Any) -> None:
-    """End a device, in both worlds: it is no slot of ``uobjects`` any more.
+def destroy(world: World, this: Value) -> None:
+    """Destroy a device, in Python and in urbiscript; its slot is removed from ``uobjects``.
 
-    Raises an urbiscript error for a class of the server, and for a device that the server has not for a program's sake.
+    Raises an urbiscript error for a class of the server and for a device that the server itself made.
     """
     if not isinstance(this, UObjectFace):
         _destroy_foreign(world, this)
@@ -166,8 +168,8 @@ def destroy(world: World, this: Any) -> None:
         this.python.destroy()
 
 
-def _destroy_foreign(world: World, this: Any) -> None:
-    """``destroy`` of an object of another process, or of urbiscript."""
+def _destroy_foreign(world: World, this: Value) -> None:
+    """Destroy an object of another process, or a urbiscript object."""
     registry = registry_of(world)
     name = this.slots.get("__uobjectName") if isinstance(this, Obj) else None
     if not isinstance(name, String):
@@ -183,20 +185,20 @@ def _destroy_foreign(world: World, this: Any) -> None:
 
 
 @UOBJECTS.primitive("enableStats")
-def enable_stats(world: World, this: Any, on: Any) -> None:
-    """Whether calls of bound functions, callbacks and timers are measured."""
+def enable_stats(world: World, this: Value, on: Value) -> None:
+    """Switch the measurement of bound functions, callbacks and timers on or off."""
     registry_of(world).stats.enabled = bool(on)
 
 
 @UOBJECTS.primitive("getStats")
-def get_stats(world: World, this: Any) -> dict[str, list[float]]:
-    """Name of what was called to [average, least, greatest duration in seconds, number of calls]."""
+def get_stats(world: World, this: Value) -> dict[str, list[float]]:
+    """The statistics: name -> [average, minimum, maximum duration in seconds, number of calls]."""
     return registry_of(world).stats.get()
 
 
 @UOBJECTS.primitive("clearStats")
-def clear_stats(world: World, this: Any) -> None:
-    """Forget what was measured."""
+def clear_stats(world: World, this: Value) -> None:
+    """Clear the statistics."""
     registry_of(world).stats.clear()
 
 
@@ -204,10 +206,10 @@ def clear_stats(world: World, this: Any) -> None:
 
 
 @SYSTEM.primitive("loadModule", "loadLibrary")
-def load_module(world: World, this: Any, module: Any) -> None:
-    """Import a Python module, to be found in URBI_UOBJECT_PATH, and register its UObjects."""
+def load_module(world: World, this: Value, module: Any) -> None:
+    """Import a Python module from URBI_UOBJECT_PATH and register its UObjects."""
     try:
-        registry_of(world).load_module(world.text(module))
+        registry_of(world).host.load_module(world.text(module))
     except DeviceError as error:
         raise errors.primitive(str(error)) from error
 
@@ -218,34 +220,34 @@ class HookChanged:
     def __init__(self, registry: Registry) -> None:
         self._registry = registry
 
-    def read(self, target: Any) -> Any:
-        """Whether variables made from now on have the event ``changed``."""
+    def read(self, target: Value) -> Value:
+        """Whether new variables have the event ``changed``."""
         return self._registry.world.boolean(self._registry.hook_changed)
 
-    def write(self, target: Any, value: Any) -> Any:
-        """Somebody switches it."""
+    def write(self, target: Value, value: Value) -> Value:
+        """Switch the event ``changed`` of new variables on or off."""
         self._registry.hook_changed = bool(value)
         return value
 
 
-def install(world: World) -> Registry:
-    """Put UObject, UVar, ``uobjects`` and ``uobjects_handle`` into Global; the registry of the world."""
+def install(world: World, programs: Programs) -> Host:
+    """Install UObject, UVar, ``uobjects`` and ``uobjects_handle`` in Global; returns the host of the world's
+    devices.
+    """
     slots = world.global_.slots
     for name, proto in (("UVar", world.uvar_proto), ("UObject", world.uobject_proto)):
         proto.slots["type"] = world.string(name)
         slots[name] = world.classes[name] = proto
-    holder = slots["uobjects"]
-    assert isinstance(holder, Obj)
-    registry = world.uobjects = Registry(world, holder)
-    world.record.open_ended.append(holder)
-    registry.hook_changed = HOOK_CHANGED not in os.environ
+    host = Host(world, programs)
+    registry = host.registry
+    world.record.open_ended.append(registry.holder)
     UVAR.install(world, world.uvar_proto)
     UOBJECT.install(world, world.uobject_proto)
-    UOBJECTS.install(world, holder)
+    UOBJECTS.install(world, registry.holder)
     SYSTEM.install(world, slots["System"])
     hook = HookChanged(registry)
     world.uvar_proto.slots["hookChanged"] = make_primitive(world, "hookChanged", hook.read, 0, 0)
     meta_of(world.uvar_proto, "hookChanged").accessor = hook
     slots["uobjects_handle"] = Plain(world, [world.object])
     world.flush()
-    return registry
+    return host

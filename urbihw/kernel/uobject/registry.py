@@ -1,4 +1,6 @@
-"""What all devices of one kernel share: their names, statistics, threads, and the way in from other threads."""
+"""State shared by all devices of one kernel: their names, statistics, threads, and the entry point for other
+threads.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +8,7 @@ import itertools
 import logging
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 from weakref import WeakValueDictionary
 
 from urbihw.kernel import errors
@@ -22,36 +24,44 @@ log = logging.getLogger("urbihw.uobject")
 T = TypeVar("T")
 
 
-class Registry:
-    """The devices of one world; ``world.uobjects``.
+class ModuleHost(Protocol):
+    """Looks up variables and loads modules for the registry; implemented by the kernel's ``Host``."""
 
-    ``holder`` is urbiscript's ``uobjects``, whose slots are the classes and instances by their unique names.
-    ``hook_changed`` is ``UVar.hookChanged``: whether variables made from now on have the ``changed`` event.
+    def var(self, name: str) -> Any:
+        """The variable (``UVar``) of a name.  Raises ValueError if there is no such object."""
+        ...
+
+    def load_module(self, name: str) -> Any:
+        """Import a Python module and register its classes; raises DeviceError."""
+        ...
+
+
+class Registry:
+    """The devices of one world: ``registry_of(world)``.
+
+    ``holder`` is urbiscript's ``uobjects``; its slots are the classes and instances, by their unique names.
+    ``hook_changed`` is ``UVar.hookChanged``: whether new variables have the ``changed`` event.
     """
 
-    def __init__(self, world: World, holder: Obj) -> None:
+    def __init__(self, world: World, holder: Obj, host: ModuleHost, hook_changed: bool) -> None:
         self.world = world
+        self.host = host
         self.holder = holder
         self.stats = Stats()
         self.threads = Threads(world.scheduler)
-        self.hook_changed = True
+        self.hook_changed = hook_changed
         self.thread = threading.get_ident()
-        self.find_var: Callable[[str], Any] = lambda name: None
-        """Finds a variable by its name (``UVar``); the host knows how."""
-        self.load_module: Callable[[str], Any] = _no_host
         self.connections: dict[Any, Any] = {}
-        """Lobby to the remote behind it."""
+        """Lobby -> connection of the remote that uses the lobby."""
         self.owners: dict[Obj, Any] = {}
-        """Object of a remote to its connection."""
-        self.left: WeakValueDictionary[tuple[str, str], Obj] = WeakValueDictionary()
-        """Token of a remote that is gone and name to an object of it that somebody still holds: if it comes back, they
-        are what they were."""
+        """Object of a remote -> connection of the remote."""
+        self.orphaned_objects: WeakValueDictionary[tuple[str, str], Obj] = WeakValueDictionary()
+        """Token of a disconnected remote and name -> an object of it that is still referenced.  The object is reused if
+        the remote connects again."""
         self.replaceable: dict[str, Obj] = {}
-        """Classes of the server of which a remote may have its own, by name; they are back when it is gone."""
-        self.open_port: Any = None
-        """Makes what carries RTP packets; the remote protocol says what."""
-        self.midnight = 0.0
-        """Seconds from ``System.timeReference`` to the moment at which the clock showed zero."""
+        """Classes of the server that a remote may replace by its own, by name; they are restored when the remote
+        disconnects.
+        """
         self.tickets = itertools.count(1)
         self.prefix = "object_"
         self._count = 0
@@ -59,7 +69,7 @@ class Registry:
         self._hooked = False
 
     def fresh_name(self) -> str:
-        """A name for one more instance: ``object_`` and a number."""
+        """A name for a new instance: ``object_`` and a number."""
         while True:
             self._count += 1
             name = f"{self.prefix}{self._count}"
@@ -67,29 +77,29 @@ class Registry:
                 return name
 
     def connection_with(self, name: str) -> Any:
-        """The connection to which a name of ``uobjects`` belongs, None if to none."""
+        """The connection that owns a name of ``uobjects``; None if there is none."""
         return next((one for one in self.connections.values() if one.has_name(name)), None)
 
     def count_name(self, name: str) -> None:
-        """A name was taken by somebody else: do not give it out again."""
+        """Register a name that a remote has chosen, so that ``fresh_name`` does not return it."""
         head, _, number = name.rpartition("_")
         if head == "object" and number.isdigit() and len(number) < 12:
             self._count = max(self._count, int(number))
 
     def add(self, name: str, face: Obj) -> None:
-        """Make an object a slot of ``uobjects``; it learns its name."""
-        self.world.ops.put(face, "__uobjectName", self.world.string(name))
-        self.world.ops.put(self.holder, name, face)
+        """Store an object in a slot of ``uobjects`` and set its name."""
+        self.world.ops.put_slot(face, "__uobjectName", self.world.string(name))
+        self.world.ops.put_slot(self.holder, name, face)
 
     def remove(self, name: str, face: Obj) -> None:
-        """Take an object out of ``uobjects``; harmless if it is not there."""
+        """Remove an object from ``uobjects``; no error if it is not there."""
         if self.holder.slots.get(name) is face:
             self.world.ops.remove_slot(self.holder, name)
             if name in self.replaceable:
-                self.world.ops.put(self.holder, name, self.replaceable[name])
+                self.world.ops.put_slot(self.holder, name, self.replaceable[name])
 
     def object(self, path: str) -> Any:
-        """The value that a path of names means, ``object_3`` or ``robot.arm``; raises ``lookup failed``."""
+        """The value for a path of names, such as ``object_3`` or ``robot.arm``.  Raises ``lookup failed``."""
         world = self.world
         found: Any = world.global_
         for index, name in enumerate(path.split(".")):
@@ -101,7 +111,7 @@ class Registry:
 
     def var(self, name: str) -> Any:
         """The variable of a name."""
-        return self.find_var(name)
+        return self.host.var(name)
 
     def class_name(self, face: Any) -> str:
         """The class of a device, for messages."""
@@ -110,7 +120,7 @@ class Registry:
     # ---------------------------------------------------------------- running device code
 
     def guarded(self, action: Callable[[], Any], what: str) -> None:
-        """Run device code so that it is measured, and its errors are logged in one line and go no further."""
+        """Run device code and measure it.  An exception is logged in one line and is not propagated."""
         try:
             if self.stats.enabled:
                 self.stats.timed(what, action)
@@ -123,7 +133,7 @@ class Registry:
             log.debug("its traceback", exc_info=error)
 
     def after_round(self, action: Callable[[], None], late: bool = False) -> None:
-        """Run ``action`` once at the end of the present round of the scheduler, those that are ``late`` last."""
+        """Run ``action`` once at the end of the present round of the scheduler; ``late`` actions run last."""
         if not self._hooked:
             self._hooked = True
             self.world.scheduler.add_round_hook(self._round_over)
@@ -140,11 +150,11 @@ class Registry:
 
     @property
     def foreign(self) -> bool:
-        """Whether this is another thread than the kernel's."""
+        """Whether the calling thread is not the kernel's thread."""
         return threading.get_ident() != self.thread
 
     def call(self, action: Callable[[], T]) -> T:
-        """From any thread: run ``action`` in the kernel's thread and wait for what it gives or raises."""
+        """From any thread: run ``action`` in the kernel's thread and wait for its result or exception."""
         if threading.get_ident() == self.thread:
             return action()
         over = threading.Event()
@@ -165,12 +175,6 @@ class Registry:
         return answers[0]
 
 
-def _no_host(name: str) -> Any:
-    raise RuntimeError("this world has no host")
-
-
 def registry_of(world: World) -> Registry:
     """The registry of a world."""
-    found: Any = world.uobjects
-    assert isinstance(found, Registry)
-    return found
+    return world.part(Registry)

@@ -1,7 +1,9 @@
-"""The object that stands for a whole robot: what the daemon opens, asks and closes.  A platform derives from it.
+"""The object that represents a whole robot: the daemon opens it, asks for its status and closes it.  A platform derives
+its robot from this class.
 
-The daemon makes one with ``host.create``, calls ``open``, waits for the answer, and only then lets clients in.  From
-then on a robot that goes away is the robot's own business: it says so in its slots and events and comes back by itself.
+The daemon makes it with ``host.create``, calls ``open``, waits for the answer, and only then accepts clients.  From
+then on the robot itself handles a lost connection: it reports the loss in its slots and events and reconnects by
+itself.
 """
 
 from __future__ import annotations
@@ -16,17 +18,17 @@ from urbihw.kernel.uobject.uobject import UObject
 
 @dataclass(frozen=True)
 class RobotSettings:
-    """How to reach a robot and how to treat it.
+    """How to reach a robot and how to operate it.
 
     Attributes:
         url: of its bus (see ``urbihw.buses``).
-        rate: how often its devices are read and written, in Hz.
-        dead_man: seconds without a sign of life from the kernel after which the robot is stopped; 0 for never.
-        torque_off_on_stop: stopping also switches the motors off; a robot that stands then falls.
-        options: what else the platform knows, by name.
-        keep_motion: what a client set in motion goes on when its connection ends.
-        resume: a movement goes on when the device or the link that it lost comes back; else it ends.
-        limits: what each device may be asked for: the table ``[limits]`` of the settings.
+        rate: rate at which its devices are read and written, in Hz.
+        dead_man: seconds without a heartbeat of the kernel after which the robot is stopped; 0 for never.
+        torque_off_on_stop: whether a stop also switches the motors off; a standing robot then falls.
+        options: further options of the platform, by name.
+        keep_motion: whether the movements of a client continue when its connection ends.
+        resume: whether a movement continues when a lost device or link comes back; otherwise it ends.
+        limits: limits of the commands to each device: the table ``[limits]`` of the settings.
         control: path of the control socket of the bus worker; "" for none.
     """
 
@@ -48,35 +50,37 @@ class Robot(UObject):
     """Base of the robots."""
 
     classes: ClassVar[tuple[type[UObject], ...]] = ()
-    """The device classes to register with it, so that the platform's urbiscript library finds them."""
+    """The device classes that are registered with the robot, so that the platform's urbiscript library finds them."""
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
-        """Begin to find the robot, and return at once.
+        """Start the search for the robot, and return at once.
 
-        ``opened(None)`` is called once, in the kernel's thread, when its devices are slots with values;
-        ``opened(error)`` when that cannot be.  Nothing moves.  Raises BadConfig for settings without sense.
+        ``opened(None)`` is called once, in the kernel's thread, when the devices are slots with values;
+        ``opened(error)`` is called if that is impossible.  Nothing moves.  Raises BadConfig for invalid settings.
         """
         raise NotImplementedError
 
     def configure(self, settings: RobotSettings) -> None:
-        """Take new settings while running; the url counts from the next ``open`` on."""
+        """Apply new settings while running; a new url takes effect at the next ``open``."""
         raise NotImplementedError
 
     def close(self) -> None:
-        """Stop the effectors and let go of the robot; within a second, and twice is fine."""
+        """Stop the effectors and release the robot, within one second; a second call has no effect."""
         raise NotImplementedError
 
     def abandon(self) -> None:
-        """From any thread, when the process is about to end without ``close``: see to it that the effectors stop."""
+        """From any thread, when the process ends without ``close``: make sure that the effectors stop."""
 
     def stop(self) -> None:
-        """Stop the effectors now; what is begun afterwards moves them again."""
+        """Stop the effectors now; commands given afterwards move them again."""
         raise NotImplementedError
 
     def status(self) -> str:
-        """A few words for the service manager, such as ``18 servos, 1 sensor, 98 Hz``."""
+        """The status in a few words for the service manager, such as ``18 servos, 1 sensor, 98 Hz``."""
         raise NotImplementedError
 
     def alive(self) -> bool:
-        """Whether what drives the robot still works, be the robot there or not; if not, the daemon is started anew."""
+        """Whether the driver of the robot still works, with or without a connected robot; if not, the daemon is
+        restarted.
+        """
         return True

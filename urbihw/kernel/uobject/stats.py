@@ -1,4 +1,4 @@
-"""How long bound functions, callbacks and timers take: ``uobjects.enableStats``, ``getStats``, ``clearStats``.
+"""Durations of bound functions, callbacks and timers: ``uobjects.enableStats``, ``getStats``, ``clearStats``.
 
 Source: manual, release notes of 2.1 (average, least and greatest duration, and number of calls, of all bound functions
 called, timers included).
@@ -13,15 +13,15 @@ from weakref import WeakSet
 
 
 class Measured(Protocol):
-    """What measures itself while statistics are wanted, so that it costs nothing at other times."""
+    """Something that measures itself only while statistics are enabled, so that it costs nothing at other times."""
 
-    def measured(self, on: bool) -> None:
-        """Measure, or do not."""
+    def set_measuring(self, on: bool) -> None:
+        """Switch the measurement on or off."""
         ...
 
 
 class Stats:
-    """Durations by the name of what ran, in seconds; nothing is measured unless ``enabled``."""
+    """Durations in seconds, by the name of the called function; nothing is measured unless ``enabled``."""
 
     def __init__(self) -> None:
         self._enabled = False
@@ -30,23 +30,23 @@ class Stats:
 
     @property
     def enabled(self) -> bool:
-        """Whether anything is measured."""
+        """Whether the measurement is on."""
         return self._enabled
 
     @enabled.setter
     def enabled(self, on: bool) -> None:
         self._enabled = on
         for one in self._watched:
-            one.measured(on)
+            one.set_measuring(on)
 
-    def watch(self, one: Measured) -> None:
-        """Tell something whenever measuring begins or ends."""
+    def add_measured(self, one: Measured) -> None:
+        """Notify ``one`` whenever the measurement is switched on or off."""
         self._watched.add(one)
         if self._enabled:
-            one.measured(True)
+            one.set_measuring(True)
 
     def add(self, name: str, seconds: float) -> None:
-        """One more call."""
+        """Count one call."""
         entry = self._entries.get(name)
         if entry is None:
             self._entries[name] = [seconds, seconds, seconds, 1.0]
@@ -57,7 +57,7 @@ class Stats:
         entry[3] += 1
 
     def timed(self, name: str, action: Callable[[], Any]) -> Any:
-        """Run something and count it, if enabled."""
+        """Run ``action``, and count the call if enabled."""
         if not self.enabled:
             return action()
         began = time.perf_counter()
@@ -67,9 +67,9 @@ class Stats:
             self.add(name, time.perf_counter() - began)
 
     def get(self) -> dict[str, list[float]]:
-        """Name to [average, least, greatest, number of calls]."""
+        """The statistics: name -> [average, minimum, maximum, number of calls]."""
         return {name: [total / n, least, most, n] for name, (total, least, most, n) in self._entries.items()}
 
     def clear(self) -> None:
-        """Forget what was measured."""
+        """Clear the statistics."""
         self._entries.clear()

@@ -1,8 +1,8 @@
-"""Bound functions that run in threads: the urbiscript job waits, the others go on.
+"""Bound functions that run in threads: the calling job waits, other jobs continue.
 
-A lock mode says what must not run at the same time (manual, section 3.3.3); a kernel-wide limit says how many threads
-there may be at all.  Who has to wait is served in the order of asking.  All bookkeeping is done in the kernel's thread,
-so there is nothing to lock.
+A lock mode defines which functions must not run at the same time (manual, section 3.3.3); a kernel-wide limit bounds
+the number of threads.  Waiting jobs are served in the order of their calls.  All bookkeeping is done in the kernel's
+thread and needs no locks.
 """
 
 from __future__ import annotations
@@ -13,12 +13,16 @@ from collections.abc import Callable, Hashable
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
+from urbihw.kernel.sched.waiting import Completion
+
 if TYPE_CHECKING:
     from urbihw.kernel.sched.scheduler import Scheduler
 
 
 class Lock(Enum):
-    """What a threaded function must not run beside: nothing, itself, or others of its object, class or module."""
+    """The functions that must not run at the same time as a threaded function: none, the function itself, or others of
+    its object, class or module.
+    """
 
     NONE = "none"
     FUNCTION = "function"
@@ -29,16 +33,15 @@ class Lock(Enum):
 
 LOCK_NONE, LOCK_FUNCTION, LOCK_INSTANCE, LOCK_CLASS, LOCK_MODULE = Lock
 
-DEFAULT_LIMIT = 64
-"""Threads at a time, unless ``set_thread_limit`` says otherwise."""
+DEFAULT_THREAD_LIMIT = 64
+"""Default maximum number of threads; ``set_thread_limit`` changes it."""
 
 
 class _Call:
-    def __init__(self, work: Callable[[], Any], key: Hashable, done: Callable[[], None]) -> None:
+    def __init__(self, work: Callable[[], Any], key: Hashable, answer: Completion[Any]) -> None:
         self.work = work
         self.key = key
-        self.done = done
-        self.answers: list[tuple[Any, Exception | None]] = []
+        self.answer = answer
 
 
 class Threads:
@@ -49,39 +52,25 @@ class Threads:
         self._waiting: deque[_Call] = deque()
         self._held: set[Hashable] = set()
         self._running = 0
-        self.limit = DEFAULT_LIMIT
+        self.limit = DEFAULT_THREAD_LIMIT
 
     def run(self, work: Callable[[], Any], key: Hashable = None) -> Any:
-        """Run ``work`` in a thread while the running job waits; its value, or the exception it raised.
+        """Run ``work`` in a thread while the running job waits; returns its value or raises its exception.
 
-        Works of the same ``key`` run one after the other; None is no key.  A job that is stopped leaves its work
-        running, whose value is then lost.
+        Calls with the same ``key`` run one after the other; None stands for no key.  If the job is stopped, its
+        ``work`` continues and the value is discarded.
         """
-        scheduler = self._scheduler
-        job = scheduler.running()
-        waits = [True]
-
-        def done() -> None:
-            if waits:
-                scheduler.wake(job)
-
-        call = _Call(work, key, done)
+        call = _Call(work, key, Completion(self._scheduler))
         self._waiting.append(call)
         self._start()
         try:
-            while not call.answers:
-                scheduler.suspend(None)
+            return call.answer.wait()
         finally:
-            waits.clear()
             if call in self._waiting:
                 self._waiting.remove(call)
-        value, error = call.answers[0]
-        if error is not None:
-            raise error
-        return value
 
     def _start(self) -> None:
-        """Start what may run."""
+        """Start the waiting calls that may run now."""
         for call in list(self._waiting):
             if self._running >= self.limit:
                 return
@@ -94,15 +83,11 @@ class Threads:
             threading.Thread(target=self._work, args=(call,), name="urbihw-uobject", daemon=True).start()
 
     def _work(self, call: _Call) -> None:
-        try:
-            answer: tuple[Any, Exception | None] = (call.work(), None)
-        except Exception as error:
-            answer = (None, error)
-        self._scheduler.post(lambda: self._over(call, answer))
+        finish = call.answer.outcome_of(call.work)
+        self._scheduler.post(lambda: self._over(call, finish))
 
-    def _over(self, call: _Call, answer: tuple[Any, Exception | None]) -> None:
-        call.answers.append(answer)
+    def _over(self, call: _Call, finish: Callable[[], None]) -> None:
         self._running -= 1
         self._held.discard(call.key)
         self._start()
-        call.done()
+        finish()

@@ -1,4 +1,4 @@
-"""The timers of one device: before a pass of urbiscript those set by ``set_timer``, after it ``update``."""
+"""The timers of one device: those of ``set_timer`` run before a pass of urbiscript, ``update`` runs after it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class Timers:
-    """Periodic calls; a call that comes late is not made up for."""
+    """Periodic calls; a late call is not repeated to catch up."""
 
     def __init__(self, host: Host, owner: str, hub: bool) -> None:
         self._host = host
@@ -23,7 +23,9 @@ class Timers:
         self._update: int | None = None
 
     def add(self, period: float, callback: Callable[[], Any]) -> int:
-        """Call ``callback`` every ``period`` seconds, or every ``System.period`` if that is 0; the handle."""
+        """Call ``callback`` every ``period`` seconds, or every ``System.period`` if ``period`` is 0.  Returns the
+        handle.
+        """
         scheduler = self._host.world.scheduler
         each = period if period > 0 else self._host.world.period
         self._count += 1
@@ -39,13 +41,13 @@ class Timers:
         return handle
 
     def remove(self, handle: int) -> None:
-        """End a timer; harmless twice."""
+        """Remove a timer; a second call has no effect."""
         timer = self._timers.pop(handle, None)
         if timer is not None:
             timer.cancel()
 
     def set_update(self, period: float, update: Callable[[], Any]) -> None:
-        """Call ``update`` periodically at the end of a round; negative for no more."""
+        """Call ``update`` every ``period`` seconds at the end of a round; a negative period ends it."""
         if self._update is not None:
             self.remove(self._update)
             self._update = None
@@ -61,7 +63,7 @@ class Timers:
             self._update = self.add(period, due)
 
     def clear(self) -> None:
-        """End all."""
+        """Remove all timers."""
         self._update = None
         for handle in list(self._timers):
             self.remove(handle)

@@ -1,4 +1,4 @@
-"""An event of a device: emitted by it, or listened to (manual, section 3.8)."""
+"""An event of a device: the device emits it, or listens to it (manual, section 3.8)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Handler = Callable[..., Any]
 
 
 class UEvent:
-    """An urbiscript event as device code sees it; ``path`` is its name if it was found by that."""
+    """An urbiscript event as device code sees it; ``path`` is its name if it was looked up by name."""
 
     def __init__(self, world: World, face: Event, path: str = "") -> None:
         self._world = world
@@ -27,7 +27,7 @@ class UEvent:
     def emit(self, *payload: Any) -> None:
         """Emit the event with a payload of Python values and devices, from any thread; handlers run as jobs.
 
-        In a process of one's own (``mirror``) the server emits it, and tells those here who listen.
+        In a remote process (``mirror``) the server emits the event and notifies the listeners of this process.
         """
         registry = registry_of(self._world)
         if registry.foreign:
@@ -41,21 +41,21 @@ class UEvent:
         def emit() -> None:
             self.face.emit(values)
 
-        self._world.soon(emit)
+        self._world.call_soon(emit)
 
     def listen(self, begun: Handler | None, ended: Handler | None = None) -> Listener:
-        """Call ``begun(*payload)`` when an emission begins, ``ended(*payload)`` when it is over."""
+        """Call ``begun(*payload)`` when an emission begins, and ``ended(*payload)`` when it ends."""
         listener = Listener(self._world, begun, ended)
         self.face.subscribe(listener)
         return listener
 
-    def forget(self, listener: Listener) -> None:
-        """Listen no more; harmless twice."""
+    def remove_listener(self, listener: Listener) -> None:
+        """Remove a listener; a second call has no effect."""
         self.face.subscriptions.pop(listener, None)
 
 
 class Listener:
-    """Device code that hears of emissions; it must return at once."""
+    """Device code that is called at emissions; it must return at once."""
 
     def __init__(self, world: World, begun: Handler | None, ended: Handler | None) -> None:
         self._world = world
@@ -63,12 +63,12 @@ class Listener:
         self._ended = ended
 
     def offer(self, emission: Emission) -> None:
-        """An emission begins."""
+        """Called when an emission begins."""
         emission.matches.append((self, True))
         self._call(self._begun, emission)
 
     def ended(self, emission: Emission, match: Any) -> None:
-        """It is over."""
+        """Called when an emission ends."""
         self._call(self._ended, emission)
 
     def _call(self, handler: Handler | None, emission: Emission) -> None:

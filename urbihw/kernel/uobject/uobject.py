@@ -1,11 +1,12 @@
 """The base class of devices: binds Python attributes to urbiscript slots, methods to urbiscript functions.
 
-``declarations`` has what a class says of itself; here is what an instance does: ``bind_var`` and ``bind_function`` are
-UBindVar and UBindFunction done late, ``notify_change`` is UNotifyChange, ``set_update`` is USetUpdate, ``set_timer`` is
-USetTimer, ``var`` is UVar by name, ``send`` and ``call`` are what their namesakes are.  Periods are in seconds.
+``declarations`` has the declarations of a class; this module has the operations of an instance: ``bind_var`` and
+``bind_function`` are UBindVar and UBindFunction after construction, ``notify_change`` is UNotifyChange, ``set_update``
+is USetUpdate, ``set_timer`` is USetTimer, ``var`` is UVar by name; ``send`` and ``call`` have the same names in the C++
+API.  Periods are in seconds.
 
-All callbacks run in the kernel's thread and must not block it; functions bound as ``threaded`` may.  Everything here
-may be called from any thread.
+All callbacks run in the kernel's thread and must not block it; only functions bound as ``threaded`` may block.  All
+methods may be called from any thread.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class UObjectFace(Obj):
-    """How urbiscript sees a device: the object whose slots are bound."""
+    """A device as urbiscript sees it: the object that has the bound slots."""
 
     __slots__ = ("host", "kind", "lasting", "python")
 
@@ -40,14 +41,14 @@ class UObjectFace(Obj):
         self.kind = kind
         self.python: UObject | None = None
         self.lasting = False
-        """Whether it is the server's own, so that no program may destroy it."""
+        """Whether the server itself made the device, so that no program may destroy it."""
 
     def clone(self) -> UObjectFace:
-        """A new instance, in both worlds; ``new`` then calls ``init``."""
+        """Make a new instance, in Python and in urbiscript; ``new`` then calls ``init``."""
         return self.make(self.host.registry.fresh_name())
 
     def make(self, name: str) -> UObjectFace:
-        """A new instance under a unique name."""
+        """Make a new instance under a unique name."""
         made = UObjectFace(self.world, [self], self.host, self.kind)
         self.host.registry.add(name, made)
         try:
@@ -60,7 +61,9 @@ class UObjectFace(Obj):
 
 
 class UObject(Device):
-    """Base of all devices.  Derive, declare, and write ``init``; do not override ``__init__``."""
+    """Base class of all devices.  Derive from it, add declarations, and write ``init``; do not override
+    ``__init__``.
+    """
 
     uname: ClassVar[str] = ""
     """The name of the urbiscript class; the Python name if empty."""
@@ -82,13 +85,15 @@ class UObject(Device):
 
     @property
     def unique_name(self) -> str:
-        """The unique name of this instance, its slot in ``uobjects``."""
+        """The unique name of this instance: its slot in ``uobjects``."""
         return self.host.world.text(self.face.slots["__uobjectName"])
 
     # ---------------------------------------------------------------- binding
 
     def bind_var(self, name: str, value: Any = None, *, owned: bool = False, writable: bool = True) -> UVar:
-        """Bind one more variable of this instance (UBindVar, UOwned); not ``writable``: see ``reading``."""
+        """Bind one more variable of this instance (UBindVar, UOwned).  If not ``writable``, only the device writes it
+        (see ``reading``).
+        """
         return self.host.registry.call(lambda: self._bind_var(name, value, owned, writable))
 
     def _bind_var(self, name: str, value: Any, owned: bool, writable: bool) -> UVar:
@@ -106,47 +111,47 @@ class UObject(Device):
     def _bind_event(self, name: str) -> UEvent:
         world = self.host.world
         face = Event(world, [world.event_proto])
-        world.ops.put(self.face, name, face)
+        world.ops.put_slot(self.face, name, face)
         made = self.events[name] = UEvent(world, face)
         self.host.bound_event(self, name, made)
         return made
 
     def bind_function(self, method: Callable[..., Any], name: str = "", lock: Lock | None = None) -> None:
-        """Bind one more function of this instance (UBindFunction); with a ``lock``, one that runs in a thread."""
+        """Bind one more function of this instance (UBindFunction); with a ``lock`` it runs in a thread."""
         urbi = name or method.__name__
 
         def bind() -> None:
             world = self.host.world
-            world.ops.put(self.face, urbi, instance_function(world, urbi, method, lock))
+            world.ops.put_slot(self.face, urbi, instance_function(world, urbi, method, lock))
             self.host.bound_function(self, urbi, method)
 
         self.host.registry.call(bind)
 
     def put_slot(self, name: str, value: Any) -> None:
-        """Make a plain slot of this instance, holding a Python value or another device."""
+        """Make a plain slot of this instance that holds a Python value or another device."""
         self.host.registry.call(lambda: self.host.put_slot(self, name, value))
 
     def init(self, *args: Any, **named: Any) -> Any:
-        """Called by ``new`` with its arguments; override with the arguments you want.
+        """Called by ``new`` with its arguments.  Override it with the parameters of your device.
 
-        A ValueError ends the construction with its words; so does a result that is a number other than 0.
+        A ValueError ends the construction with its message; so does a non-zero number as the result.
         """
 
     # ---------------------------------------------------------------- others
 
     def var(self, name: str) -> UVar:
-        """A variable of any object by its name, ``object.slot``; it is hooked if it was a plain slot.
+        """The variable ``object.slot`` of any object; a plain slot is hooked.
 
         Raises ValueError if there is no such object.
         """
         return self.host.var(name)
 
     def send(self, text: str) -> None:
-        """Have urbiscript run at the server, in a job of its own; an error in it is logged."""
+        """Run urbiscript at the server, in a job of its own; an error in it is logged."""
         self.host.send(text, type(self).__name__)
 
     def call(self, target: str, function: str, *args: Any) -> None:
-        """Have ``target.function(args)`` called at the server, in a job of its own; an error in it is logged."""
+        """Call ``target.function(args)`` at the server, in a job of its own; an error in it is logged."""
         self.host.call(target, function, *args)
 
     def register(self, hub: type[UObjectHub]) -> None:
@@ -156,7 +161,7 @@ class UObject(Device):
         self._hubs.append(found)
 
     def set_thread_limit(self, limit: int) -> None:
-        """How many threaded functions of the whole kernel may run at a time."""
+        """Set the maximum number of threads for threaded functions of the whole kernel."""
         if limit < 1:
             raise ValueError(f"the number of threads cannot be limited to {limit}")
         self.host.registry.threads.limit = limit
@@ -164,7 +169,9 @@ class UObject(Device):
     # ---------------------------------------------------------------- notification
 
     def notify_change(self, var: UVar | str, callback: Callable[..., Any]) -> None:
-        """Call ``callback`` after each write of a variable, one's own or another's or one by name (UNotifyChange)."""
+        """Call ``callback`` after each write of a variable (UNotifyChange).  The variable may be any device's; it is
+        given itself or by name.
+        """
         found = self.var(var) if isinstance(var, str) else var
         owner = self.variables.get(found.name) is found
 
@@ -175,8 +182,8 @@ class UObject(Device):
         self.host.registry.call(hook)
 
     def notify_access(self, var: UVar | str, callback: Callable[..., Any]) -> None:
-        """Call ``callback`` before each read of a variable (UNotifyAccess); in another process than the server, where
-        reading cannot be heard of, every ``System.period``."""
+        """Call ``callback`` before each read of a variable (UNotifyAccess).  In a remote process, where reads cannot be
+        observed, ``callback`` is called every ``System.period``."""
         found = self.var(var) if isinstance(var, str) else var
 
         def hook() -> None:
@@ -186,7 +193,9 @@ class UObject(Device):
         self.host.registry.call(hook)
 
     def at_event(self, which: UEvent | str, begun: Handler | None, ended: Handler | None = None) -> None:
-        """Call ``begun(*payload)`` when an event begins, one's own or one by name, ``ended(*payload)`` when it ends."""
+        """Call ``begun(*payload)`` when an event begins and ``ended(*payload)`` when it ends.  The event is given
+        itself or by name.
+        """
         found = self.host.event(which) if isinstance(which, str) else which
 
         def listen() -> None:
@@ -198,14 +207,15 @@ class UObject(Device):
     # ---------------------------------------------------------------- timers
 
     def set_timer(self, period: float, callback: Callable[[], Any]) -> int:
-        """Call ``callback`` every ``period`` seconds, before a pass of urbiscript (USetTimer); 0 is as often as useful.
+        """Call ``callback`` every ``period`` seconds, before a pass of urbiscript (USetTimer); 0 selects
+        ``System.period``.
 
-        Gives the handle for ``remove_timer``.
+        Returns the handle for ``remove_timer``.
         """
         return self.host.registry.call(lambda: self._timers.add(period, callback))
 
     def remove_timer(self, handle: int) -> None:
-        """End a timer; harmless twice."""
+        """Remove a timer; a second call has no effect."""
         self.host.registry.call(lambda: self._timers.remove(handle))
 
     def set_update(self, period: float) -> None:
@@ -213,18 +223,20 @@ class UObject(Device):
         self.host.registry.call(lambda: self._timers.set_update(period, self.update))
 
     def update(self) -> Any:
-        """Called periodically once ``set_update`` was; override."""
+        """Called periodically after ``set_update``.  Override."""
 
     # ---------------------------------------------------------------- life
 
     def on_connected(self) -> None:
-        """The server is there (again); called only in a process of one's own.  Override."""
+        """Called when the server is connected (again); only in a remote process.  Override."""
 
     def on_disconnected(self) -> None:
-        """The server is gone; called only in a process of one's own.  Override."""
+        """Called when the connection to the server is lost; only in a remote process.  Override."""
 
     def destroy(self) -> None:
-        """End this instance: its timers, its callbacks at other variables, its slot in ``uobjects``; twice is fine."""
+        """Destroy this instance: its timers, its callbacks on other variables, its slot in ``uobjects``.  A second call
+        has no effect.
+        """
         self.host.registry.call(self._destroy)
 
     def _destroy(self) -> None:
@@ -233,7 +245,7 @@ class UObject(Device):
             if self.variables.get(var.name) is not var:
                 var.unnotify(callback)
         for heard, listener in self._listeners:
-            heard.forget(listener)
+            heard.remove_listener(listener)
         for hub in self._hubs:
             if self in hub.members:
                 hub.members.remove(self)
@@ -242,7 +254,9 @@ class UObject(Device):
 
 
 class UObjectHub(UObject):
-    """What acts for a group of devices: one instance of each class of hubs, whose ``update`` runs after theirs."""
+    """A device that acts for a group of devices: one instance per hub class, whose ``update`` runs after those of the
+    devices.
+    """
 
     def __init__(self, host: Host, face: UObjectFace) -> None:
         self.members: list[UObject] = []
@@ -250,6 +264,6 @@ class UObjectHub(UObject):
 
 
 def install_functions(world: World, kind: type[UObject], face: UObjectFace) -> None:
-    """Make the bound methods of a class slots of its urbiscript prototype."""
+    """Store the bound methods of a class as slots of its urbiscript prototype."""
     for urbi, python in bound_functions(kind).items():
         face.slots[urbi] = class_function(world, urbi, python, getattr(kind, python))

@@ -1,4 +1,4 @@
-"""Values that cross between device code and urbiscript: ``runtime.convert``, and binaries, devices, variables.
+"""Conversion of values between device code and urbiscript: ``runtime.convert``, and binaries, devices, variables.
 
 ================================  =================================================
 device code                       urbiscript
@@ -11,7 +11,7 @@ UObject                           the object whose slots it has (its ``face``)
 UVar                              itself: ``camera.getSlot("val")``
 ================================  =================================================
 
-Any other urbiscript object is handed through as it is.
+Any other urbiscript object is passed unchanged.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ if TYPE_CHECKING:
 
 
 class Device:
-    """What stands behind an urbiscript object; the base of UObject."""
+    """The Python object behind an urbiscript object; the base of UObject."""
 
     __slots__ = ()
     face: Obj
 
 
 def to_urbi(world: World, value: Any, keep: bool = False) -> Any:
-    """The urbiscript value for one of device code; raises TypeError if there is none.
+    """The urbiscript value of a Python value.  Raises TypeError if there is none.
 
     ``keep`` keeps a reference to the buffer of a binary instead of a copy.
     """
@@ -57,7 +57,7 @@ def to_urbi(world: World, value: Any, keep: bool = False) -> Any:
 
 
 def from_urbi(value: Any) -> Any:
-    """The value of device code for an urbiscript one."""
+    """The Python value of an urbiscript value."""
     if value.__class__ is float:
         return value
     if isinstance(value, String):

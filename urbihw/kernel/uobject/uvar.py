@@ -1,17 +1,17 @@
-"""A variable with an owner: what stands in a slot on which a device hooked itself (manual, sections 3.5 to 3.9, 20.69).
+"""A variable with an owner: the content of a slot that a device has hooked (manual, sections 3.5 to 3.9, 20.69).
 
-urbiscript reads and writes the slot as if the value itself stood there.  An *owned* variable holds two values: the
-``target``, what urbiscript last wrote, and the ``sensed`` value, what the device last reported.  Outsiders write the
-target and read the sensed value; the owner's ``value`` is the other way round.
+urbiscript reads and writes the slot like a plain value.  An *owned* variable holds two values: the ``target``, last
+written by urbiscript, and the ``sensed`` value, last reported by the device.  Non-owners write the target and read the
+sensed value; for the owner, ``value`` reads the target and writes the sensed value.
 
-Writing runs the ``notify_change`` callbacks at once, in the job that wrote: the owner's when an outsider wrote, the
-others' when the value that outsiders read changed.  An owner refuses a value by raising ValueError: the assignment then
-fails with its words, and the target stays what it was.  Any other callback that raises is removed and reported, so that
-one bad device cannot break every assignment (unless ``remove_throwing`` is off).  Conditions (``at (motor.val > 0)``)
-and ``->changed`` follow the value that outsiders read.
+A write calls the ``notify_change`` callbacks at once, in the writing job: the owner's callbacks when a non-owner wrote,
+the others' when the value for non-owners changed.  An owner refuses a value by raising ValueError: the assignment then
+fails with its message, and the target keeps its value.  Any other callback that raises is removed and reported, so that
+one faulty device cannot break every assignment (unless ``remove_throwing`` is off).  Conditions (``at (motor.val >
+0)``) and ``->changed`` follow the value for non-owners.
 
-The owner's side may be used from any thread: from another than the kernel's, each call is done in the kernel's thread
-and waited for.
+The owner may use the variable from any thread: a call from another thread than the kernel's is executed in the kernel's
+thread, and the caller waits for it.
 """
 
 from __future__ import annotations
@@ -40,17 +40,17 @@ class UVar(Hooked):
 
     @property
     def target(self) -> Any:
-        """What outsiders last wrote, as a Python value."""
+        """The last value written by a non-owner, as a Python value."""
         return from_urbi(self._target)
 
     @property
     def sensed(self) -> Any:
-        """What outsiders read, as a Python value."""
+        """The value for non-owners, as a Python value."""
         return from_urbi(self._sensed)
 
     @property
     def value(self) -> Any:
-        """The owner's view: of an owned variable the target, else the value."""
+        """The owner's view: the target of an owned variable, else the value."""
         return from_urbi(self._target if self.owned else self._sensed)
 
     @value.setter
@@ -58,9 +58,10 @@ class UVar(Hooked):
         self.sense(value)
 
     def sense(self, value: Any, stamp: float | None = None) -> None:
-        """The owner reports a value, taken at ``stamp`` (seconds of the kernel's clock; now, if None).
+        """Report a value as the owner.  ``stamp`` is the time of its measurement in seconds of the kernel's clock; None
+        stands for now.
 
-        Callbacks, conditions and ``->changed`` run only if it differs from the last one.
+        Callbacks, conditions and ``->changed`` run only if the value differs from the last one.
         """
         if get_ident() != self.thread:
             registry_of(self.world).call(lambda: self.sense(value, stamp))
@@ -71,22 +72,25 @@ class UVar(Hooked):
         old = self._sensed
         if value is old or (value.__class__ is float and old.__class__ is float and value == old):
             return
-        self._take(value)
+        self._set_sensed(value)
 
     def learn(self, value: Any, stamp: float, changed: bool = True) -> None:
-        """The server tells the urbiscript value of another's variable, and whether that is a change."""
+        """Store a value that the server has sent for a variable of another owner; ``changed`` tells whether it is a
+        change.
+        """
         self.stamp = stamp
         self._sensed = self._target = value
         if not changed:
             return
         if self._change or self._watched():
-            self.world.soon(self._sensed_changed)
+            self.world.call_soon(self._sensed_changed)
 
     def receive(self, value: Any, stamp: float, writer: Subscriber | None) -> None:
-        """A connection reports an urbiscript value: as ``sense``, of equal values too; it does not come back to it.
+        """Store an urbiscript value reported by a connection.  Unlike ``sense``, equal values count too; the value is
+        not sent back.
 
-        The properties of a variable that is not owned act on it as on what outsiders write: if another value is kept
-        in its place, the connection is told too.
+        The properties of a variable that is not owned act on the value as on a write; if they change it, the connection
+        gets the resulting value.
         """
         wanted = value
         if self._meta.properties is not None and not self.owned:
@@ -98,79 +102,81 @@ class UVar(Hooked):
         self.stamp = stamp
         before, self.writer = self.writer, writer if value is wanted else None
         try:
-            self._take(value)
+            self._set_sensed(value)
         finally:
             self.writer = before
 
-    def _take(self, value: Any) -> None:
+    def _set_sensed(self, value: Any) -> None:
         self._sensed = value
         if not self.owned:
             self._target = value
         if self.mirror is not None:
             self.mirror.sensed(self)
         if self.subscribers:
-            self._tell(value)
+            self._notify(value)
         if self._change or self._watched():
-            self.world.soon(self._sensed_changed)
+            self.world.call_soon(self._sensed_changed)
         elif self.bypass:
             self._forget_binary()
 
     def current(self, owner: bool) -> Any:
-        """The urbiscript value: of an owned variable the target, for its owner."""
+        """The urbiscript value; for the owner of an owned variable, the target."""
         return self._target if owner and self.owned else self._sensed
 
     def get(self) -> Any:
-        """What urbiscript reads here, as a Python value: the way to read another's variable."""
+        """The value that urbiscript reads here, as a Python value.  Use it to read a variable of another device."""
         return registry_of(self.world).call(lambda: from_urbi(self.read(self)))
 
     def set(self, value: Any) -> None:
-        """Assign as urbiscript does: the way to write another's variable."""
+        """Assign as urbiscript does.  Use it to write a variable of another device."""
 
         def assign() -> None:
             if self.mirror is not None:
                 self.mirror.assigned(self, to_urbi(self.world, value))
             else:
-                self.world.soon(lambda: self.write(self, to_urbi(self.world, value)) and None)
+                self.world.call_soon(lambda: self.write(self, to_urbi(self.world, value)) and None)
 
         registry_of(self.world).call(assign)
 
     def age(self) -> float:
-        """Seconds since the value was taken: since ``dated()`` if the owner says so, else since it last changed."""
+        """Seconds since the measurement of the value: since ``dated()`` if the owner sets it, else since the last
+        change.
+        """
         stamp = self.stamp if self.dated is None else self.dated()
         return self.world.scheduler.clock.now() - stamp
 
     def own(self) -> None:
-        """Hold a target and a sensed value from now on (UOwned)."""
+        """Make the variable hold both a target and a sensed value from now on (UOwned)."""
         self.owned = True
 
     def protect(self) -> None:
-        """Only the owner writes from now on; others are refused."""
+        """Refuse all writes but the owner's from now on."""
         if self.writable:
             self.writable = False
             self.notify_change(_refuse, owner=True)
 
     def set_bypass(self, on: bool = True) -> None:
-        """Zero-copy mode: binaries written by the owner are not copied, may be changed by him afterwards, and can only
-        be read from within ``notify_change`` callbacks; at other times the variable is nil."""
+        """Zero-copy mode: binaries written by the owner are not copied and the owner may change them afterwards.  They
+        can be read only from within ``notify_change`` callbacks; at other times the variable is nil."""
         self.bypass = on
 
     def use_rtp(self, on: bool = True) -> None:
-        """Whether values may travel by RTP if the device runs in another process; otherwise, binary ones do if the
-        module ``urbi/rtp`` was loaded."""
+        """Allow or forbid RTP for the values of a device in another process.  By default, binary values use RTP if the
+        module ``urbi/rtp`` is loaded."""
         self.set_property("rtp", on)
         self.rtp = on
 
     def get_property(self, name: str) -> Any:
-        """A property of the slot, such as ``rangemin``, as a Python value; None if it was not set."""
+        """A property of the slot, such as ``rangemin``, as a Python value; None if it is not set."""
         return from_urbi((self._meta.properties or {}).get(name))
 
     def property_names(self) -> list[str]:
-        """The properties that were set."""
+        """The names of the properties that are set."""
         return list(self._meta.properties or ())
 
     def set_property(self, name: str, value: Any) -> None:
         """Set a property of the slot: ``rangemin``, ``rangemax``, ``speedmin``, ``speedmax``, ``delta``, ``blend``, or
-        any other name."""
+        one of any other name."""
         if get_ident() != self.thread:
             registry_of(self.world).call(lambda: self.set_property(name, value))
             return
@@ -183,10 +189,11 @@ class UVar(Hooked):
     # ---------------------------------------------------------------- notification
 
     def notify_change(self, callback: Handler, *, owner: bool = False) -> Callback:
-        """Call ``callback()`` or ``callback(x)`` after each write: by outsiders for the owner, else of the value.
+        """Call ``callback()`` or ``callback(x)`` after each write: for the owner, after writes by others; else when the
+        value changed.
 
-        ``x`` is this variable, or its value if the annotation says another type than UVar.  What is returned can be
-        handed to ``unnotify``.
+        ``x`` is this variable; with an annotation of another type than UVar, ``x`` is its value.  The result can be
+        passed to ``unnotify``.
         """
         made = Callback(self.world, callback, owner)
         if owner:
@@ -196,24 +203,24 @@ class UVar(Hooked):
         return made
 
     def notify_access(self, callback: Handler) -> Callback:
-        """Call ``callback()`` or ``callback(x)`` before the value is read."""
+        """Call ``callback()`` or ``callback(x)`` before each read of the value."""
         made = Callback(self.world, callback)
         self._access += (made,)
         return made
 
     def unnotify(self, callback: Callback | Handler | None = None) -> None:
-        """Forget a callback, or all of them."""
+        """Remove a callback; without an argument, remove all."""
         self._keep(lambda kept: callback is not None and not kept.is_(callback))
 
     def unnotify_where(self, unwanted: Callable[[Handler], bool]) -> None:
-        """Forget the callbacks whose handlers are ``unwanted``."""
+        """Remove the callbacks whose handlers satisfy ``unwanted``."""
         self._keep(lambda kept: not unwanted(kept.handler))
 
 
 def hook(world: World, holder: Obj, name: str) -> UVar:
-    """The variable in a slot, which is hooked if it held a plain value or nothing.
+    """The variable of a slot; a slot with a plain value, or a missing one, is hooked.
 
-    Raises an urbiscript error for a function, which nobody could call any more, and for a constant.
+    Raises an urbiscript error for a constant, and for a function because it could not be called any more.
     """
     known = holder.slots.get(name)
     if isinstance(known, UVar):
@@ -223,10 +230,10 @@ def hook(world: World, holder: Obj, name: str) -> UVar:
 
 
 def check_hookable(holder: Obj, name: str) -> None:
-    """Raise the error for a slot in which no variable may be put: see ``hook``."""
+    """Raise the error for a slot that cannot hold a variable (see ``hook``)."""
     owner = holder.find(name)
     if owner is not None and isinstance(owner.slots[name], Executable) and not isinstance(owner.slots[name], UVar):
-        # What is read by a function and written like a variable is one to everybody.
+        # A slot that is read by a function and written like a variable is a variable for its users.
         inherited = peek_meta(owner, name)
         if inherited is None or inherited.accessor is None:
             raise errors.primitive(f"{name} is a function, not a variable")

@@ -1,4 +1,4 @@
-"""What urbiscript wrote into a slot, checked: for the callbacks of devices, whose ValueError the writer is told."""
+"""Checked access to values written by urbiscript, for callbacks of devices; the writer gets the ValueError."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ from urbihw.kernel.uobject.uvar import UVar
 
 
 def number(var: UVar) -> float:
-    """The value of a variable as a finite float; true and false are 1 and 0.  Raises ValueError for anything else."""
+    """The value of a variable as a finite float; true and false count as 1 and 0.  Raises ValueError for any other
+    value.
+    """
     return finite_number(var.value)
 
 
 def finite_number(value: object) -> float:
-    """A value as a finite float.  Raises ValueError for anything else."""
+    """A value as a finite float.  Raises ValueError for any other value."""
     if not isinstance(value, int | float):
         raise ValueError("this slot takes a number")
     if not math.isfinite(value):
@@ -22,7 +24,9 @@ def finite_number(value: object) -> float:
 
 
 def finite_numbers(value: object, least: int, most: int, what: str) -> list[float]:
-    """A list of ``least`` to ``most`` finite numbers.  Raises ValueError, saying that ``what`` was expected."""
+    """A list of ``least`` to ``most`` finite numbers.  Raises ValueError with the message that ``what`` was
+    expected.
+    """
     if not isinstance(value, list | tuple) or not least <= len(value) <= most:
         raise ValueError(f"expected {what}")
     try:
@@ -32,6 +36,6 @@ def finite_numbers(value: object, least: int, most: int, what: str) -> list[floa
 
 
 def set_range(var: UVar, least: float, most: float) -> None:
-    """Clamp what urbiscript writes to least..most; it sees both as the properties ``rangemin`` and ``rangemax``."""
+    """Limit what urbiscript writes to least..most; both are visible as the properties ``rangemin`` and ``rangemax``."""
     var.set_property("rangemin", least)
     var.set_property("rangemax", most)

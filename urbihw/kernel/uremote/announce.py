@@ -1,6 +1,6 @@
-"""How a remote says what it has: classes, instances, variables, functions and events, as statements of urbiscript.
+"""Announcements of a remote: its classes, instances, variables, functions and events, as urbiscript statements.
 
-Source: remote UObject protocol, sections 3 and 11; ``own`` and ``arity`` are words of this server only.
+Source: remote UObject protocol, sections 3 and 11; ``own`` and ``arity`` exist only in this server.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from urbihw.kernel.uobject.functions import arity, bound_functions
 if TYPE_CHECKING:
     from urbihw.kernel.uobject.uobject import UObject
 
-MOST_ARGUMENTS = 7
-"""The greatest number of arguments of an event that is asked for."""
+MAX_ARGUMENTS = 7
+"""Maximum number of arguments of a subscribed event."""
 
 
 def class_lines(name: str, kind: type[UObject], extended: bool) -> Iterator[str]:
-    """The pieces of the chain that declares a class."""
+    """The statements that declare a class, in order."""
     yield f"class {name}{{}}"
     yield f"external object {name}"
     yield from _functions(name, kind, extended)
@@ -27,7 +27,7 @@ def class_lines(name: str, kind: type[UObject], extended: bool) -> Iterator[str]
 
 
 def instance_lines(name: str, device: UObject, extended: bool) -> Iterator[str]:
-    """The pieces of the chain that declares an instance, but its values and its ``init``."""
+    """The statements that declare an instance, without its values and its ``init``."""
     yield f"class {name}{{}}"
     yield f"external object {name}"
     for slot, var in device.variables.items():
@@ -38,7 +38,7 @@ def instance_lines(name: str, device: UObject, extended: bool) -> Iterator[str]:
 
 
 def var_lines(name: str, slot: str, source: str, owned: bool, protected: bool) -> Iterator[str]:
-    """A variable that is to be told of."""
+    """The declaration of a variable whose changes are to be notified."""
     yield f"if (!isdef({name}.{slot})) var {name}.{slot}"
     yield f"external var {name}.{slot} from {source}"
     if owned:
@@ -48,12 +48,12 @@ def var_lines(name: str, slot: str, source: str, owned: bool, protected: bool) -
 
 
 def event_line(name: str, slot: str) -> str:
-    """An event, made if it is not there."""
+    """The declaration of an event, which is made if it does not exist."""
     return f"try{{var {name}.{slot} = Event.new()}} catch(var e) {{}}"
 
 
 def function_lines(name: str, slot: str, method: Callable[..., Any], extended: bool) -> Iterator[str]:
-    """A function; where the server knows only one number of arguments, it is the least."""
+    """The declaration of a function; a server that supports only one number of arguments gets the minimum."""
     least, most = arity(method)
     yield f"external function ({least}) {name}.{slot} from {name}"
     if extended and least != most:
@@ -61,7 +61,7 @@ def function_lines(name: str, slot: str, method: Callable[..., Any], extended: b
 
 
 def init_lines(name: str, kind: type[UObject], extended: bool) -> Iterator[str]:
-    """``init``, which comes last: to the server that means that the object is complete."""
+    """The declaration of ``init``, which comes last: for the server, the object is complete then."""
     yield from function_lines(name, "init", _bound(kind.init), extended)
 
 
@@ -73,7 +73,7 @@ def _functions(name: str, kind: type[UObject], extended: bool) -> Iterator[str]:
 
 
 def _bound(method: Callable[..., Any]) -> Callable[..., Any]:
-    """The method without its ``self``."""
+    """The method without its ``self`` parameter."""
 
     def stand_in(*args: Any) -> None: ...
 
@@ -83,6 +83,6 @@ def _bound(method: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def arities(handler: Callable[..., Any]) -> range:
-    """The numbers of arguments that a handler of an event takes."""
+    """The numbers of arguments that a handler of an event accepts."""
     least, most = arity(handler)
-    return range(least, (MOST_ARGUMENTS if most < 0 else most) + 1)
+    return range(least, (MAX_ARGUMENTS if most < 0 else most) + 1)

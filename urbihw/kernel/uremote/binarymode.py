@@ -1,4 +1,4 @@
-"""A connection in binary mode: frames instead of statements, handled one after the other by the lobby's main job."""
+"""A connection in binary mode: frames instead of statements, handled in order by the lobby's main job."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from urbihw.kernel.sched.waiting import WaitQueue
 from urbihw.kernel.uobject.uvalue import to_urbi
 from urbihw.kernel.uobject.uvar import UVar
 from urbihw.kernel.uremote.frames import (
-    AT_A_TIME,
-    LIMIT,
+    MAX_FRAME_SIZE,
+    VALUES_PER_STEP,
     BadFrame,
     Decoder,
     Emit,
@@ -30,12 +30,12 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("urbihw.uobject")
 
-MOST_WAITING = 2 * LIMIT
-"""How many bytes may wait for a statement of the same connection to end."""
+MAX_WAITING_SIZE = 2 * MAX_FRAME_SIZE
+"""Maximum number of bytes that wait for the end of a statement of the same connection."""
 
 
 class _Intake:
-    """The bytes that came and were not handled yet; they are read in the job that handles them, and no earlier."""
+    """The received, unhandled bytes; they are decoded only in the job that handles them."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
@@ -45,9 +45,9 @@ class _Intake:
         self._skipped = False
 
     def feed(self, data: bytes) -> None:
-        """Bytes of the client."""
+        """Add received bytes."""
         self._decoder.add(data)
-        if self._decoder.waiting > MOST_WAITING:
+        if self._decoder.waiting > MAX_WAITING_SIZE:
             self._give_up(f"{self._decoder.waiting} bytes wait for a statement of it to end")
         self._more.wake_one()
 
@@ -58,7 +58,7 @@ class _Intake:
         lobby.quit()
 
     def get(self) -> Frame:
-        """The next frame, when it has come; the connection ends with bytes that are none."""
+        """Wait for the next frame and return it; invalid bytes end the connection."""
         while True:
             try:
                 frame = self._decoder.next()
@@ -80,8 +80,8 @@ class _Intake:
 def binary_mode(world: World, connection: Connection, on: bool, tag: str) -> None:
     """``binaryMode(on, tag)``: from now on the running job, the lobby's own, handles frames and nothing else.
 
-    Whoever stops a tag of it, or interrupts it, ends what the frame at hand does, and no more: there is nobody else to
-    handle the next one.
+    Stopping one of its tags, or interrupting the job, ends only the handling of the present frame: there is no other
+    job that could handle the next one.
     """
     lobby = connection.lobby
     lobby.output.line("true" if on else "false", tag)
@@ -92,12 +92,12 @@ def binary_mode(world: World, connection: Connection, on: bool, tag: str) -> Non
     if connection.binary:
         return
     connection.binary = True
-    intake = _Intake(connection)
-    lobby.intake = intake.feed
+    input_handler = _Intake(connection)
+    lobby.input_handler = input_handler.feed
     scheduler = world.scheduler
     while True:
         try:
-            frame = intake.get()
+            frame = input_handler.get()
             scheduler.running().renew()
             _handle(world, connection, frame)
         except Exception as error:
@@ -121,16 +121,16 @@ def _handle(world: World, connection: Connection, frame: Frame) -> None:
 
 
 def value_of(world: World, connection: Connection, value: Any) -> Any:
-    """The urbiscript value for one of a frame; raises ``lookup failed`` for an object that is not there.
+    """The urbiscript value of a frame's value.  Raises ``lookup failed`` for an object that does not exist.
 
-    Of a large value the running job makes a part at a time, and others have their turns.
+    A large value is converted in slices, between which other jobs get turns.
     """
     scheduler, made = world.scheduler, 0
 
     def one(value: Any) -> Any:
         nonlocal made
         made += 1
-        if made % AT_A_TIME == 0 and scheduler.ready:
+        if made % VALUES_PER_STEP == 0 and scheduler.ready:
             scheduler.yield_()
         if value.__class__ is float:
             return value

@@ -1,13 +1,13 @@
-"""Devices in a process of their own: what they do here is told to a server, what the server wants is done here.
+"""Devices in a remote process: their actions are sent to a server, and the server's requests are executed here.
 
-A process with remote devices has a kernel of its own, in which the devices are plugged in as anywhere; the bridge
-stands between it and a server.  It knows no socket: ``connected`` and ``lost`` tell it of the link, ``receive`` hands
-in bytes, and bytes leave by ``write``.  After a lost connection the next one makes the server's objects again what they
-were: same names, same values.
+A process with remote devices has a kernel of its own, in which the devices are installed as usual; the bridge connects
+this kernel to a server.  It uses no socket: ``connected`` and ``lost`` report the state of the link, ``receive`` gets
+its bytes, and ``write`` sends bytes.  After a lost connection, the next connection restores the server's objects: same
+names, same values.
 
-It speaks as the original remotes do (remote UObject protocol, section 11), and, to a server that knows them, a few
-words more: variables keep target and sensed value apart, numbers have all their digits, functions may have optional
-arguments.
+It uses the messages of the original remotes (remote UObject protocol, section 11).  With a server that supports them,
+it uses some extensions: variables with separate target and sensed value, numbers with all digits, functions with
+optional arguments.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from urbihw.kernel.uobject.host import Host
 from urbihw.kernel.uobject.uobject import UObject
 from urbihw.kernel.uremote import announce
 from urbihw.kernel.uremote.mirror import DeviceMirror
-from urbihw.kernel.uremote.remote import Code, Garbage, Line, Reader, quoted
+from urbihw.kernel.uremote.remote import Code, Message, ProtocolError, Reader, quoted
 from urbihw.kernel.uremote.wire_values import from_wire, to_wire
 
 log = logging.getLogger("urbihw.remote")
@@ -35,10 +35,10 @@ HELLO, BINARY = "urbihw_hello", "urbihw_binary"
 
 
 class Bridge(DeviceMirror):
-    """Between the devices of ``host`` and a server.
+    """Connects the devices of ``host`` to a server.
 
-    ``token`` tells this process apart from others, in names; ``write`` takes parts of bytes.  ``taken`` are the classes
-    that the server has from somebody else.
+    ``token`` identifies this process in names; ``write`` accepts lists of byte strings.  ``taken`` are the classes that
+    the server already has from another process.
     """
 
     def __init__(self, host: Host, token: str, write: Callable[[list[bytes | memoryview]], None]) -> None:
@@ -56,19 +56,21 @@ class Bridge(DeviceMirror):
     # ---------------------------------------------------------------- the link
 
     def connected(self) -> None:
-        """There is a server: ask what it can do, and whether it has our classes from somebody else."""
+        """Called when a server is connected: ask for its version, and whether it has our classes from another
+        process.
+        """
         self._reader = Reader()
         self._reader.valued |= {HELLO, BINARY}
         self._out.reset()
         for word, argument in (("rejoin", quoted(self._secret)), ("exactNumbers", "true")):
-            self._out.say(f"if (isdef(UObject.{word})) UObject.{word}({argument})")
+            self._out.add_statement(f"if (isdef(UObject.{word})) UObject.{word}({argument})")
         asked = ["isdef(binaryMode)", "isdef(UVar.own)", *(f"isdef(uobjects.{name})" for name in self._faces)]
-        self._out.say(f'Channel.new("{HELLO}") << [{", ".join(asked)}]')
+        self._out.add_statement(f'Channel.new("{HELLO}") << [{", ".join(asked)}]')
         self._out.flush()
 
     @property
     def congested(self) -> Callable[[], bool]:
-        """Whether the link is slow at present: then variables wait."""
+        """Whether the link is congested; values of variables then wait."""
         return self._out.congested
 
     @congested.setter
@@ -76,21 +78,21 @@ class Bridge(DeviceMirror):
         self._out.congested = slow
 
     def drained(self) -> None:
-        """The link is slow no more."""
+        """Called when the link is not congested any more."""
         self._out.flush()
 
     @property
     def all_taken(self) -> bool:
-        """Whether the server has all our classes from somebody else."""
+        """Whether the server has all our classes from another process."""
         return bool(self._faces) and len(self.taken) == len(self._faces)
 
     @property
     def empty(self) -> bool:
-        """Whether everything was destroyed."""
+        """Whether all objects were destroyed."""
         return not self._faces and not self._devices
 
     def lost(self) -> None:
-        """The server is gone."""
+        """Called when the connection is lost."""
         was, self.ready = self.ready, False
         self._out.close()
         self._close_rtp()
@@ -102,18 +104,18 @@ class Bridge(DeviceMirror):
                 emission.stop()
         self._emissions.clear()
         if was:
-            self._tell(lambda device: device.on_disconnected())
+            self._notify_devices(lambda device: device.on_disconnected())
 
-    def _tell(self, action: Callable[[UObject], None]) -> None:
+    def _notify_devices(self, action: Callable[[UObject], None]) -> None:
         for device in list(self._devices.values()):
             self._host.guarded(lambda device=device: action(device), "a device")  # type: ignore[misc]
 
     def receive(self, data: bytes) -> None:
-        """Bytes of the server, cut anywhere; raises Garbage."""
+        """Process bytes of the server, in pieces of any size.  Raises ProtocolError."""
         for line in self._reader.feed(data):
-            self._hear(line)
+            self._receive_message(line)
 
-    def _hear(self, line: Line) -> None:
+    def _receive_message(self, line: Message) -> None:
         if line.channel == HELLO:
             self._offset = line.stamp / 1000 - self._host.now()
             self._greeted(line.value)
@@ -124,23 +126,23 @@ class Bridge(DeviceMirror):
             self._reader.valued.discard(line.channel)
             self._questions.pop(line.channel)(line.value if line.valid else None)
         elif line.value is not None or line.channel == "__ExternalMessage__":
-            self._obey(line)
+            self._execute_message(line)
         elif line.channel == "error":
             log.warning("the server says: %s", line.text)
 
     def _greeted(self, value: Any) -> None:
         if not isinstance(value, list) or len(value) != 2 + len(self._faces):
-            raise Garbage(f"the server answers {value!r} where it should say what it knows")
+            raise ProtocolError(f"the server answers {value!r} where it should say what it knows")
         binary, self._extended, *known = value
         self.taken = [name for name, one in zip(self._faces, known, strict=True) if one]
         if binary is True:
-            self._out.say(f'binaryMode(1, "{BINARY}")')
+            self._out.add_statement(f'binaryMode(1, "{BINARY}")')
             self._out.flush()
         else:
             self._join()
 
     def _join(self) -> None:
-        """Announce everything there is."""
+        """Announce all classes and instances."""
         self.ready = True
         for name, face in self._faces.items():
             if name not in self.taken and name not in self._devices:
@@ -151,28 +153,28 @@ class Bridge(DeviceMirror):
         for var, name in self._foreign_vars.items():
             self._announce_foreign(var, name)
         for heard in self._heard:
-            self._announce_ear(heard)
+            self._announce_listener(heard)
         if self._host.rtp and self._extended:
             self._open_rtp()
-        self._tell(lambda device: device.on_connected())
+        self._notify_devices(lambda device: device.on_connected())
         self._out.flush()
 
     # ---------------------------------------------------------------- what the server wants
 
-    def _obey(self, line: Line) -> None:
+    def _execute_message(self, line: Message) -> None:
         message = line.value
         if not isinstance(message, list) or not message or not isinstance(message[0], float):
             log.warning("message of the server left out: %.200s", line.text or message)
             call = _CALL.match(line.text)
-            if call is not None:  # somebody waits for an answer
+            if call is not None:  # a caller waits for the answer
                 self._fail(call[1], "the call was not understood")
             return
         try:
-            self._do(message[0], message[1:], line.stamp)
+            self._execute_command(message[0], message[1:], line.stamp)
         except (ValueError, TypeError, IndexError, KeyError, errors.UrbiError) as error:
             log.warning("message %r of the server left out: %s", message[:3], error)
 
-    def _do(self, code: float, rest: list[Any], stamp: int) -> None:
+    def _execute_command(self, code: float, rest: list[Any], stamp: int) -> None:
         if code == Code.CHANGED and len(rest) == 3:
             self._changed(str(rest[0]), rest[1], float(rest[2]) - self._offset)
         elif code == Code.CALL and len(rest) >= 2:
@@ -180,7 +182,7 @@ class Bridge(DeviceMirror):
             self._world.scheduler.spawn(lambda: self._call(str(name), str(ticket), args), str(name))
         elif code in (Code.EVENT, Code.EVENT_END) and rest:
             payload = [from_wire(self._world, self._devices, value) for value in rest[1:]]
-            self._world.soon(lambda: self._emission(str(rest[0]), payload, code == Code.EVENT))
+            self._world.call_soon(lambda: self._emission(str(rest[0]), payload, code == Code.EVENT))
         elif code == Code.NEW and len(rest) == 2:
             self._new(str(rest[0]), str(rest[1]))
         elif code == Code.DELETE and len(rest) == 1:
@@ -191,7 +193,7 @@ class Bridge(DeviceMirror):
             log.warning("message with code %g of the server left out", code)
 
     def _call(self, name: str, ticket: str, args: list[Any]) -> None:
-        """Answer a call, in a job of its own."""
+        """Execute a call in a job of its own and answer it."""
         path, _, function = name.rpartition("__")[0].rpartition(".")
         face: Any = self._devices[path].face if path in self._devices else self._faces.get(path)
         try:
@@ -205,14 +207,14 @@ class Bridge(DeviceMirror):
                 self._out.answer(ticket, answer)
         except Exception as error:
             if ticket:
-                self._fail(ticket, self._words(error))
+                self._fail(ticket, self._error_text(error))
 
     def _fail(self, ticket: str, words: str) -> None:
-        """Answer a call by an exception."""
-        self._out.say(f"Global.UObject.funCall({quoted(ticket)}, Exception.new({quoted(words)}))")
+        """Answer a call with an exception."""
+        self._out.add_statement(f"Global.UObject.funCall({quoted(ticket)}, Exception.new({quoted(words)}))")
 
-    def _words(self, error: Exception) -> str:
-        """What went wrong, without the place."""
+    def _error_text(self, error: Exception) -> str:
+        """The message of an error, without its location."""
         raised = self._world.normalized(error) if isinstance(error, errors.UrbiError) else error
         if isinstance(raised, errors.Raised):
             return raised.message

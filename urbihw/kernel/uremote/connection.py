@@ -1,8 +1,9 @@
-"""One remote, as the server sees it: its objects, the calls it owes answers to, the variables it wants to hear of.
+"""One remote as the server sees it: its objects, the calls that wait for its answers, its subscribed variables and
+events.
 
-What a remote declares is its own: no other connection may change the functions of its objects, or own or report their
-variables (``claim``).  Names stay with the connection as long as it lasts, even of objects that were destroyed.  What
-waits for a remote is bounded, as it may never answer.
+The objects that a remote declares belong to it: no other connection may change their functions, or own or report their
+variables (``claim``).  Names belong to the connection until its end, even names of destroyed objects.  All queues for a
+remote are bounded, because it may never answer.
 """
 
 from __future__ import annotations
@@ -14,15 +15,15 @@ from urbihw.kernel.runtime.binary import BinaryObject
 from urbihw.kernel.runtime.code import Executable
 from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.object import Obj
-from urbihw.kernel.sched.job import Job
+from urbihw.kernel.sched.waiting import Completion
 from urbihw.kernel.uobject.registry import registry_of
 from urbihw.kernel.uobject.uvalue import from_urbi, to_urbi
 from urbihw.kernel.uobject.uvar import UVar
 from urbihw.kernel.uremote.external_text import message
 from urbihw.kernel.uremote.frames import SlotName, Update
 from urbihw.kernel.uremote.remote import CHANNEL, Code
-from urbihw.kernel.uremote.rtplink import OpenPort, RtpLink
-from urbihw.kernel.uremote.subscriptions import EventSubscription, PendingCall, VariableSubscription
+from urbihw.kernel.uremote.rtplink import RtpLink
+from urbihw.kernel.uremote.subscriptions import EventSubscription, RemoteSettings, VariableSubscription
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
@@ -31,14 +32,16 @@ if TYPE_CHECKING:
 DISCONNECTED = "Remote disconnected"
 LOAD = "load"
 
-MOST_DECLARED = 10_000
-"""How many objects one remote may have; how many variables, and how many events, it may watch."""
-MOST_CALLS = 1_000
-"""How many calls, and how many instances that are to be made, may wait for one remote."""
+MAX_DECLARED = 10_000
+"""Maximum number of objects of one remote; also the maximum of its subscribed variables, and of its subscribed
+events.
+"""
+MAX_CALLS = 1_000
+"""Maximum number of calls, and of requested instances, that wait for one remote."""
 
 
 class Connection:
-    """The remote behind a lobby.  ``token`` tells its connections apart from those of others, if it has one."""
+    """The remote that uses a lobby.  ``token`` identifies the remote across its connections, if it has one."""
 
     def __init__(self, registry: Registry, lobby: Any) -> None:
         self.registry = registry
@@ -50,8 +53,8 @@ class Connection:
         self.token = ""
         self.binary = False
         self._tickets = registry.tickets
-        self._pending: dict[str, PendingCall] = {}
-        self._newborn: dict[str, Job | None] = {}
+        self._pending: dict[str, Completion[Any]] = {}
+        self._newborn: dict[str, Completion[None]] = {}
         self._ended: dict[str, None] = {}
         self._watches: dict[UVar, VariableSubscription] = {}
         self._event_subscriptions: dict[str, tuple[Event, EventSubscription]] = {}
@@ -62,96 +65,88 @@ class Connection:
 
     @property
     def name(self) -> str:
-        """How errors and the log call it: its lobby, and the address of the client."""
+        """The name in errors and in the log: the lobby, and the address of the client."""
         peer = self.lobby.peer
         return str(self.lobby.tag.tag.name) + (f" ({peer})" if peer else "")
 
     def has_name(self, name: str) -> bool:
-        """Whether a name belongs to this remote: of an object that it has, is asked to make, or had."""
+        """Whether a name belongs to this remote: the name of an existing, requested or destroyed object."""
         return name in self.objects or name in self._newborn or name in self._ended
 
     def add_object(self, name: str, face: Obj) -> None:
-        """An object is this remote's from now on; raises an urbiscript error for one too many."""
-        if len(self.objects) >= MOST_DECLARED:
-            raise errors.primitive(f"this connection has {MOST_DECLARED} objects already")
+        """Register an object of this remote.  Raises an urbiscript error above the limit."""
+        if len(self.objects) >= MAX_DECLARED:
+            raise errors.primitive(f"this connection has {MAX_DECLARED} objects already")
         self.objects[name] = face
         self.registry.owners[face] = self
         self._ended.pop(name, None)
 
     def claim(self, target: Obj, name: str) -> None:
-        """Raise the error that says whose ``target`` is, unless it is this remote's; ``name`` is what is wanted."""
+        """Raise an error that names the owner of ``target``, unless it is this remote; ``name`` is the requested
+        name.
+        """
         owner = self.registry.owners.get(target)
         if owner is not self:
-            whose = "this server" if owner is None else owner.name
-            raise errors.primitive(f"{name} belongs to {whose}, not to this connection")
+            owner = "this server" if owner is None else owner.name
+            raise errors.primitive(f"{name} belongs to {owner}, not to this connection")
 
     # ---------------------------------------------------------------- saying
 
     def send(self, code: Code, *values: Any) -> None:
-        """One message."""
+        """Send one message."""
         if self.open:
             now, members = self.world.scheduler.now, [float(code), *values]
             direct = code == Code.CALL and not self.exact
             self.lobby.output.write(message(self.world, now, CHANNEL, self.exact, members, direct))
 
-    def say(self, channel: str, value: Any) -> None:
-        """A value on a channel, as remotes read it."""
+    def send_on_channel(self, channel: str, value: Any) -> None:
+        """Send a value on a channel, in the remotes' format."""
         self.lobby.output.write(message(self.world, self.world.scheduler.now, channel, self.exact, value))
 
     # ---------------------------------------------------------------- calls
 
     def call(self, path: str, args: tuple[Any, ...]) -> Any:
-        """Call a function of the remote while the running job waits; its value, or raises what it raised."""
+        """Call a function of the remote while the running job waits; returns its value or raises its error."""
         if not self.open:
             raise errors.primitive(DISCONNECTED)
-        if len(self._pending) >= MOST_CALLS:
-            raise errors.primitive(f"{MOST_CALLS} calls wait for an answer of {self.name} already")
+        if len(self._pending) >= MAX_CALLS:
+            raise errors.primitive(f"{MAX_CALLS} calls wait for an answer of {self.name} already")
         world = self.world
         ticket = f"_{next(self._tickets)}"
-        pending = self._pending[ticket] = PendingCall(world.scheduler.running())
+        answer: Completion[Any] = Completion(world.scheduler)
+        self._pending[ticket] = answer
         self.send(Code.CALL, world.string(f"{path}__{len(args)}"), world.string(ticket), *args)
         try:
-            while pending.value is None:
-                world.scheduler.suspend(None)
+            value = answer.wait()
         finally:
             self._pending.pop(ticket, None)
-            pending.waits = False
-        if pending.failed:
-            raise errors.primitive(DISCONNECTED)
-        if isinstance(pending.value, Obj) and world.is_a(pending.value, world.exception_proto):
-            raise errors.primitive(world.text(world.send(pending.value, "message")))
-        return pending.value
+        if isinstance(value, Obj) and world.is_a(value, world.exception_proto):
+            raise errors.primitive(world.text(world.send(value, "message")))
+        return value
 
     def answer(self, ticket: str, value: Any) -> None:
-        """The remote answers a call; raises for a ticket that nobody waits for."""
+        """Store the remote's answer to a call.  Raises an error for an unknown ticket."""
         pending = self._pending.pop(ticket, None)
         if pending is None:
             raise errors.primitive(f"missing key: {ticket}")
-        pending.value = value
-        if pending.waits:
-            self.world.scheduler.wake(pending.job)
+        pending.complete(value)
 
     # ---------------------------------------------------------------- instances
 
     def make(self, kind: str, face: Obj) -> Obj:
-        """A new instance of a class of the remote, once the remote has announced its ``init``."""
+        """Make an instance of a class of the remote: wait until the remote has announced its ``init``."""
         if not self.open:
             raise errors.primitive(DISCONNECTED)
         if self.registry.owners.get(face) is not self:
             raise errors.lookup_failed(kind)
-        if len(self._newborn) >= MOST_CALLS:
-            raise errors.primitive(f"{MOST_CALLS} instances wait to be made by {self.name} already")
+        if len(self._newborn) >= MAX_CALLS:
+            raise errors.primitive(f"{MAX_CALLS} instances wait to be made by {self.name} already")
         world = self.world
         name = self.registry.fresh_name()
-        self._newborn[name] = world.scheduler.running()
+        announced: Completion[None] = Completion(world.scheduler)
+        self._newborn[name] = announced
         self.send(Code.NEW, world.string(name), world.string(kind))
-        try:
-            while name in self._newborn:
-                world.scheduler.suspend(None)
-        except BaseException:
-            if name in self._newborn:
-                self._newborn[name] = None
-            raise
+        announced.wait()
         made: Obj | None = self.objects.get(name)
         if made is None:
             raise errors.primitive(DISCONNECTED)
@@ -159,30 +154,32 @@ class Connection:
         return made
 
     def arrived(self, name: str) -> None:
-        """The remote has announced the ``init`` of an object; one for which nobody waits any more is ended."""
+        """The remote has announced the ``init`` of an object; an object that was not requested, or not any more, is
+        destroyed.
+        """
         if name not in self._newborn:
             return
-        job = self._newborn.pop(name)
-        if job is not None:
-            self.world.scheduler.wake(job)
+        announced = self._newborn.pop(name)
+        if announced.job is not None:
+            announced.complete(None)
         elif name in self.objects:
             self.destroy(name)
 
     def destroy(self, name: str) -> None:
-        """An object is to end: the remote is told, and nobody finds it any more."""
+        """Destroy an object: notify the remote, and remove the object."""
         self.send(Code.DELETE, self.world.string(name))
         self.retire(name)
 
     def retire(self, name: str) -> None:
-        """An object has ended: nobody finds it any more, and no frame leaves for it.
+        """Remove an object that has ended; no frame is sent for it any more.
 
-        A remote aborts when it is to call a function of an object that it does not have.  Who holds a reference to the
-        object has an empty shell.
+        A remote aborts at a call of a function of an object that it does not have.  References to the object remain as
+        references to an empty object.
         """
         face = self.objects.pop(name)
         self.registry.owners.pop(face, None)
         self._ended[name] = None
-        if len(self._ended) > MOST_DECLARED:
+        if len(self._ended) > MAX_DECLARED:
             del self._ended[next(iter(self._ended))]
         self.registry.remove(name, face)
         for slot in [slot for slot, value in face.slots.items() if isinstance(value, RemoteFunction)]:
@@ -197,11 +194,11 @@ class Connection:
     # ---------------------------------------------------------------- variables and events
 
     def watch(self, var: UVar, name: str, owner: bool = False) -> None:
-        """The remote wants to hear of a variable, once more; raises an urbiscript error for one too many."""
+        """Add a subscription of the remote to a variable.  Raises an urbiscript error above the limit."""
         watch = self._watches.get(var)
         if watch is None:
-            if len(self._watches) >= MOST_DECLARED:
-                raise errors.primitive(f"this connection watches {MOST_DECLARED} variables already")
+            if len(self._watches) >= MAX_DECLARED:
+                raise errors.primitive(f"this connection watches {MAX_DECLARED} variables already")
             watch = self._watches[var] = VariableSubscription(name)
         if var.subscribers is None:
             var.subscribers = {}
@@ -212,16 +209,16 @@ class Connection:
             var.subscribers.setdefault(self, False)
 
     def release(self, name: str, slot: str, var: UVar, count: int) -> None:
-        """The remote takes back so many of its declarations of ``name.slot``.
+        """Remove ``count`` of the remote's declarations of ``name.slot``.
 
-        ``load`` is a member of every object of the C++ SDK: when it goes, the object has ended there.
+        ``load`` is a member of every object of the C++ SDK: its removal means that the object has ended there.
         """
         self.unwatch(var, count)
         if slot == LOAD and var not in self._watches and name in self.objects:
             self.retire(name)
 
     def unwatch(self, var: UVar, count: int | None) -> None:
-        """Do not tell of a variable any more if so many of the declarations were all; None stands for all."""
+        """Unsubscribe from a variable if ``count`` declarations were all; None stands for all."""
         watch = self._watches.get(var)
         if watch is None:
             return
@@ -232,7 +229,7 @@ class Connection:
                 var.subscribers.pop(self, None)
 
     def changed(self, var: UVar, value: Any) -> None:
-        """A variable that the remote watches has a value."""
+        """Send the new value of a subscribed variable."""
         if value is self.world.nil or value is self.world.void:
             return
         watch = self._watches.get(var)
@@ -242,9 +239,10 @@ class Connection:
             self.send(Code.CHANGED, self.world.string(watch.name), value, var.stamp)
 
     def update(self, var: UVar, value: Any, stamp: float) -> None:
-        """The remote reports a value, which does not come back; or writes another's variable, as anybody may.
+        """Store a value that the remote reports, without sending it back; or a write to another's variable, which is
+        open to all.
 
-        Raises an urbiscript error for a variable that is constant.
+        Raises an urbiscript error for a constant variable.
         """
         if var.constant:
             raise errors.constness()
@@ -254,21 +252,24 @@ class Connection:
             var.write(var.holder, value)
 
     def _seconds(self, stamp: float) -> float:
-        """Microseconds since the server's ``timeReference``, or since it began, whichever is nearer to now."""
+        """Convert microseconds since the server's ``timeReference``, or since its start, to seconds of its clock: the
+        result nearer to now.
+        """
         now, seconds = self.world.scheduler.clock.now(), stamp / 1e6
-        other = seconds - self.registry.midnight
+        other = seconds - self.world.part(RemoteSettings).midnight
         return seconds if abs(seconds - now) <= abs(other - now) else other
 
-    def open_rtp(self, secret: bytes, port: int, source: int, open_port: OpenPort) -> RtpLink:
-        """Values may travel by RTP from now on; this end of it.  Raises ``primitive`` if that cannot be.
+    def open_rtp(self, secret: bytes, port: int, source: int) -> RtpLink:
+        """Enable RTP for values, and return this server's end.  Raises ``primitive`` if that is impossible.
 
-        ``port`` and ``source`` are those of the remote; its address is that of the connection.
+        ``port`` and ``source`` are the remote's; its address is that of the connection.
         """
         if not self.lobby.peer:
             raise errors.primitive("this connection has no address")
         if self._rtp is not None:
             self._rtp.close()
         try:
+            open_port = self.world.part(RemoteSettings).open_port
             self._rtp = RtpLink(self.lobby.peer, secret, self.world.scheduler.post, self._heard, open_port)
         except OSError as error:
             raise errors.primitive(f"no port for RTP: {error.strerror}") from error
@@ -276,7 +277,7 @@ class Connection:
         return self._rtp
 
     def decline_rtp(self) -> None:
-        """Tell the remote not to use RTP; once is enough."""
+        """Tell the remote once not to use RTP."""
         if not self.rtp_declined:
             self.rtp_declined = True
             self.send(Code.NO_RTP)
@@ -289,22 +290,22 @@ class Connection:
         return self._rtp.send(update, self.world.scheduler.clock.now())
 
     def _heard(self, update: Update) -> None:
-        """A value came by RTP."""
+        """Handle a value received by RTP."""
         path, _, slot = update.name.rpartition(".")
         face = self.objects.get(path)
         var = None if face is None else face.slots.get(slot)
         if isinstance(var, UVar) and not isinstance(update.value, SlotName):
             found = var
-            self.world.soon(lambda: self.update(found, to_urbi(self.world, update.value), update.stamp))
+            self.world.call_soon(lambda: self.update(found, to_urbi(self.world, update.value), update.stamp))
 
     def listen(self, event: Event, name: str, arity: int) -> None:
-        """The remote wants to hear of emissions with so many arguments; asked twice is once.
+        """Subscribe the remote to emissions with ``arity`` arguments; a repeated subscription has no effect.
 
-        Raises an urbiscript error for one event too many.
+        Raises an urbiscript error above the limit of events.
         """
         if name not in self._event_subscriptions:
-            if len(self._event_subscriptions) >= MOST_DECLARED:
-                raise errors.primitive(f"this connection hears of {MOST_DECLARED} events already")
+            if len(self._event_subscriptions) >= MAX_DECLARED:
+                raise errors.primitive(f"this connection hears of {MAX_DECLARED} events already")
             subscription = EventSubscription(self, name, arity)
             self._event_subscriptions[name] = (event, subscription)
             event.subscriptions[subscription] = None
@@ -312,7 +313,7 @@ class Connection:
     # ---------------------------------------------------------------- end
 
     def close(self) -> None:
-        """The connection is gone: so are its objects; who waits for an answer is told."""
+        """The connection has ended: remove its objects, and raise an error in the jobs that wait for answers."""
         if not self.open:
             return
         self.open = False
@@ -322,25 +323,22 @@ class Connection:
         for name, face in self.objects.items():
             self.registry.remove(name, face)
             self.registry.owners.pop(face, None)
-            self.registry.left[self.token, name] = face
+            self.registry.orphaned_objects[self.token, name] = face
         for event, subscription in self._event_subscriptions.values():
             event.subscriptions.pop(subscription, None)
         for var in list(self._watches):
             self.unwatch(var, None)
         for call in self._pending.values():
-            call.value, call.failed = self.world.void, True
-            if call.waits:
-                self.world.scheduler.wake(call.job)
+            call.fail(errors.primitive(DISCONNECTED))
         waiting, self._newborn = list(self._newborn.values()), {}
-        for job in waiting:
-            if job is not None:
-                self.world.scheduler.wake(job)
+        for announced in waiting:
+            announced.complete(None)
         self.objects.clear()
         self._event_subscriptions.clear()
 
 
 class RemoteFunction(Executable):
-    """A function of a remote, as it stands in a slot; takes from ``least`` to ``most`` arguments (-1: any number)."""
+    """A function of a remote, stored in a slot; it accepts ``least`` to ``most`` arguments (-1: no limit)."""
 
     __slots__ = ("_holder", "_path", "connection", "least", "most")
 
@@ -352,12 +350,12 @@ class RemoteFunction(Executable):
         self.least = self.most = arity
 
     def replaceable(self) -> bool:
-        """Whether another function may be put in the place of this one: its connection is gone."""
+        """Whether another function may replace this one, because its connection has ended."""
         return not self.connection.open
 
     def call(self, this: Any, args: tuple[Any, ...]) -> Any:
-        """Call it; the number of arguments is checked here, as a remote may die of a wrong one, or of an object that it
-        does not have any more."""
+        """Call the function.  The number of arguments and the existence of the object are checked here, because a
+        remote may abort if they are wrong."""
         connection = self.connection
         if connection.open and connection.registry.owners.get(self._holder) is not connection:
             raise errors.lookup_failed(self._path.rpartition(".")[2])
@@ -367,7 +365,7 @@ class RemoteFunction(Executable):
 
 
 class RemoteClone(Executable):
-    """``clone`` of a class of a remote: makes an instance there."""
+    """``clone`` of a class of a remote: the remote makes the instance."""
 
     __slots__ = ("_connection", "_face", "_kind")
 
@@ -378,14 +376,14 @@ class RemoteClone(Executable):
         self._face = face
 
     def call(self, this: Any, args: tuple[Any, ...]) -> Any:
-        """A fresh instance."""
+        """Make an instance."""
         if args:
             raise errors.arity(len(args), 0)
         return self._connection.make(self._kind, self._face)
 
 
 def connection_of(world: World) -> Connection:
-    """The remote behind the lobby of the running job; made if need be."""
+    """The remote that uses the running job's lobby; made on demand."""
     registry = registry_of(world)
     found = world.scheduler.running().context
     if found is None or found.output.root is not found.output:

@@ -1,13 +1,13 @@
-"""Devices that live in other processes, as the server sees them.
+"""Devices in other processes, as the server sees them.
 
-A remote is an ordinary client.  It says in urbiscript what it has (``external object X``, ``external function (2) X.f
-from X``, ``external var X.v from X``, ``external event (1) X.e from X``), and is told on its connection, as lists on
-the channel ``__ExternalMessage__``, what is wanted of it.  Here are the verbs behind these words; ``connection`` is the
-remote of one lobby.  Source: remote UObject protocol.
+A remote is an ordinary client.  It declares its objects in urbiscript (``external object X``, ``external function (2)
+X.f from X``, ``external var X.v from X``, ``external event (1) X.e from X``), and receives requests on its connection,
+as lists on the channel ``__ExternalMessage__``.  This module implements these declarations and the functions that
+remotes call; ``connection`` is the remote of one lobby.  Source: remote UObject protocol.
 
-Any client may say these words, so each is checked: names and objects of another connection or of the server are not to
-be had.  What is open to all stays so: watching a variable, hearing of an event, writing, calling, and ``destroy`` of
-what a remote has, which the protocol gives to everybody.
+Any client may use these functions, so each is checked: a client cannot take names and objects of another connection or
+of the server.  Operations that the protocol allows to all clients remain open: subscribing to a variable or an event,
+writing, calling, and ``destroy`` of a remote's object.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from urbihw.kernel.uobject.uvar import UVar, hook
 from urbihw.kernel.uremote import rtp_control
 from urbihw.kernel.uremote.binarymode import binary_mode
 from urbihw.kernel.uremote.connection import Connection, RemoteClone, RemoteFunction, connection_of
+from urbihw.kernel.uremote.subscriptions import RemoteSettings
 
 UOBJECT = Table("UObject")
 UVAR = Table("UVar")
@@ -34,26 +35,26 @@ OBJECT = Table("Object")
 LOBBY = Table("Lobby")
 
 VERSION = (2, 6, 0, 13)
-"""The version that ``PackageInfo`` tells remotes: the first one to which they speak frames (remote UObject protocol,
+"""The version in ``PackageInfo`` for remotes: the first version to which they send frames (remote UObject protocol,
 sections 1 and 2).  The version of the language is ``System.version``."""
-LONGEST_NAME = 255
-"""Characters of the longest name of an object, variable, function or event."""
-MOST_ARGUMENTS = 64
-"""How many arguments a function or an event of a remote takes at most."""
-SHORTEST_TOKEN = 16
-"""Characters of the shortest token: who guesses the token of a remote takes its place."""
+MAX_NAME_LENGTH = 255
+"""Maximum length, in characters, of the name of an object, variable, function or event."""
+MAX_ARGUMENTS = 64
+"""Maximum number of arguments of a function or an event of a remote."""
+MIN_TOKEN_LENGTH = 16
+"""Minimum length, in characters, of a token: a client that guesses the token of a remote could replace it."""
 
 
 # ---------------------------------------------------------------- external ...
 
 
 def declare(world: World, kind: str, path: str, arity: float | None, source: str | None) -> Any:
-    """``external kind (arity) path from source``; an error that names no routine is that of the ``kind``."""
+    """``external kind (arity) path from source``.  An error without a routine names the ``kind``."""
     try:
-        if len(path) > LONGEST_NAME:
-            raise errors.primitive(f"a name has at most {LONGEST_NAME} characters, not {len(path)}")
-        if arity is not None and arity not in range(MOST_ARGUMENTS + 1):
-            raise errors.primitive(f"takes 0 to {MOST_ARGUMENTS} arguments, not {world.text(arity)}")
+        if len(path) > MAX_NAME_LENGTH:
+            raise errors.primitive(f"a name has at most {MAX_NAME_LENGTH} characters, not {len(path)}")
+        if arity is not None and arity not in range(MAX_ARGUMENTS + 1):
+            raise errors.primitive(f"takes 0 to {MAX_ARGUMENTS} arguments, not {world.text(arity)}")
         if kind == "object":
             _object(world, path)
         elif kind == "var":
@@ -69,15 +70,16 @@ def declare(world: World, kind: str, path: str, arity: float | None, source: str
 
 
 def _object(world: World, name: str) -> None:
-    """Declare an object.  Of a name that is taken the client is told, and nothing else happens: remotes of the original
-    go on then with what they declare, and expect the errors of that (remote UObject protocol, section 3)."""
+    """Declare an object.  If the name is taken, the client gets an error message and nothing else happens: remotes of
+    the original then continue with their declarations and expect errors for those (remote UObject protocol, section 3).
+    """
     registry, connection = registry_of(world), connection_of(world)
     if name in connection.objects:
         return
-    known = registry.left.get((connection.token, name))
-    whose = _whose(world, connection, name, known)
-    if whose:
-        connection.lobby.output.line(f"!!! object: {name} belongs to {whose}, nothing is declared", "error")
+    known = registry.orphaned_objects.get((connection.token, name))
+    owner = _owner_of(world, connection, name, known)
+    if owner:
+        connection.lobby.output.line(f"!!! object: {name} belongs to {owner}, nothing is declared", "error")
         return
     lobby = connection.lobby
     if name not in lobby.slots:
@@ -89,10 +91,10 @@ def _object(world: World, name: str) -> None:
     connection.add_object(name, face)
     world.ops.remove_slot(lobby, name)
     if known is None:
-        face.slots.update(made.slots)  # the name may stand for an object of somebody else, which stays as it is
+        face.slots.update(made.slots)  # the name may belong to another's object, which remains unchanged
         registry.count_name(name)
     else:
-        del registry.left[connection.token, name]
+        del registry.orphaned_objects[connection.token, name]
     registry.add(name, face)
     face.slots["isRemote"] = world.true
     face.slots["lobby"] = lobby
@@ -103,8 +105,10 @@ def _object(world: World, name: str) -> None:
         connection.decline_rtp()
 
 
-def _whose(world: World, connection: Connection, name: str, known: Obj | None) -> str:
-    """To whom a name belongs, in words; "" if this connection may have it.  ``known`` is what it had by this name."""
+def _owner_of(world: World, connection: Connection, name: str, known: Obj | None) -> str:
+    """The owner of a name, in words; "" if this connection may use it.  ``known`` is its present value for this
+    connection.
+    """
     owner = registry_of(world).connection_with(name)
     if owner is not None:
         return "" if owner is connection else str(owner.name)
@@ -129,14 +133,14 @@ def _function(world: World, path: str, arity: int) -> None:
     if old is not None and not (isinstance(old, RemoteFunction) and old.replaceable()):
         raise errors.redefinition(slot)
     connection.claim(holder, path)
-    world.ops.put(holder, slot, RemoteFunction(world, connection, holder, path, arity))
+    world.ops.put_slot(holder, slot, RemoteFunction(world, connection, holder, path, arity))
     if slot == "init":
         connection.arrived(path.rpartition(".")[0])
 
 
 def _var(world: World, path: str) -> None:
-    """Declare a variable.  If it cannot be one the client is told, and nothing else happens: what the remote declares
-    in the same breath, such as the ``init`` for which somebody waits, counts."""
+    """Declare a variable.  If that is impossible, the client gets an error message and nothing else happens: the other
+    declarations of the same message, such as an ``init`` for which a job waits, remain valid."""
     holder, slot = _holder(world, path, "var")
     connection = connection_of(world)
     old = holder.slots.get(slot)
@@ -155,7 +159,7 @@ def _var(world: World, path: str) -> None:
 
 
 def _may_be_hooked(world: World, holder: Obj, slot: str) -> bool:
-    """Whether a slot may become a variable: of a device, of what a program made, or in Global if it is not the
+    """Whether a slot may become a variable: a slot of a device or of a program's object, or of Global if it is not the
     library's."""
     if not world.record.is_shared(holder) or world.is_a(holder, world.uobject_proto):
         return True
@@ -173,7 +177,7 @@ def _event(world: World, path: str, arity: int) -> None:
     if found is None:
         connection.claim(holder, path)
         found = Event(world, [world.event_proto])
-        world.ops.put(holder, slot, found)
+        world.ops.put_slot(holder, slot, found)
     if not isinstance(found, Event):
         raise errors.primitive(f"{path} is no event")
     connection.listen(found, f"{path}__{arity}", arity)
@@ -184,14 +188,14 @@ def _event(world: World, path: str, arity: int) -> None:
 
 @UOBJECT.primitive("funCall")
 def fun_call(world: World, this: Any, ticket: str, value: Any = None) -> float:
-    """A remote's answer to a call; an Exception is raised where the call was made."""
+    """A remote's answer to a call; an Exception is raised in the calling job."""
     connection_of(world).answer(ticket, world.void if value is None else value)
     return 1.0
 
 
 @UOBJECT.primitive("unnotify")
 def unnotify(world: World, this: Any, name: str, slot: str, count: int) -> None:
-    """A remote does not want to hear of a variable any more: so many of its ``external var`` are taken back."""
+    """Remove a remote's subscription to a variable: ``count`` of its ``external var`` declarations."""
     connection = connection_of(world)
     try:
         holder = world.as_obj(registry_of(world).object(name))
@@ -204,7 +208,7 @@ def unnotify(world: World, this: Any, name: str, slot: str, count: int) -> None:
 
 @UOBJECT.primitive("syncGet")
 def sync_get(world: World, this: Any, text: str, tag: str) -> None:
-    """Evaluate a text and print its value on the channel ``tag``; or, behind ``!!!``, what went wrong."""
+    """Evaluate a text and print its value on the channel ``tag``; an error is printed after ``!!!``."""
     connection = connection_of(world)
     try:
         value = connection.lobby.programs.evaluate(text, connection.lobby)
@@ -213,24 +217,24 @@ def sync_get(world: World, this: Any, text: str, tag: str) -> None:
     except errors.UrbiError as error:
         connection.lobby.output.line(f"!!! {world.describe(error)[0]}", tag)
         return
-    connection.say(tag, value)
+    connection.send_on_channel(tag, value)
 
 
 @UOBJECT.primitive("exactNumbers")
 def exact_numbers(world: World, this: Any, on: Any) -> None:
-    """Whether this connection is sent numbers with all digits; six, as the original sends, otherwise."""
+    """Select whether numbers are sent to this connection with all digits, or with six as in the original."""
     connection_of(world).exact = bool(on)
 
 
 @UOBJECT.primitive("rejoin")
 def rejoin(world: World, this: Any, token: str) -> None:
-    """A remote comes back: if the server still holds its former connection, known by the same token, it is closed.
+    """Announce a remote that reconnects: a former connection with the same token is closed.
 
     The token is a secret of the remote.
     """
     registry, mine = registry_of(world), connection_of(world)
-    if len(token) < SHORTEST_TOKEN:
-        raise errors.primitive(f"a token has at least {SHORTEST_TOKEN} characters")
+    if len(token) < MIN_TOKEN_LENGTH:
+        raise errors.primitive(f"a token has at least {MIN_TOKEN_LENGTH} characters")
     for other in list(registry.connections.values()):
         if other is not mine and secrets.compare_digest(other.token.encode(), token.encode()):
             other.lobby.quit()
@@ -240,7 +244,7 @@ def rejoin(world: World, this: Any, token: str) -> None:
 
 @UOBJECT.primitive("arity")
 def set_arity(world: World, this: Any, path: str, least: int, most: int) -> None:
-    """A function of a remote takes from ``least`` to ``most`` arguments (-1: any number)."""
+    """Set the number of arguments of a remote's function: ``least`` to ``most`` (-1: no limit)."""
     holder, slot = _holder(world, path, "arity")
     found = holder.slots.get(slot)
     if isinstance(found, RemoteFunction):
@@ -250,13 +254,13 @@ def set_arity(world: World, this: Any, path: str, least: int, most: int) -> None
 
 @UVAR.primitive("update_timed")
 def update_timed(world: World, this: UVar, value: Any, stamp: float) -> None:
-    """A remote reports a value, taken so many microseconds after the server's ``timeReference``."""
+    """Report a value of a remote, measured ``stamp`` microseconds after the server's ``timeReference``."""
     connection_of(world).update(this, value, stamp)
 
 
 @UVAR.primitive("own")
 def own(world: World, this: UVar) -> None:
-    """The remote that says so owns this variable: it is told what others want, and they read what it reports."""
+    """Make the calling remote the owner of this variable: it receives the targets, others read its sensed values."""
     connection = connection_of(world)
     connection.claim(this.holder, this.full_name)
     connection.watch(this, this.full_name, owner=True)
@@ -265,14 +269,14 @@ def own(world: World, this: UVar) -> None:
 
 @UVAR.primitive("protect")
 def protect(world: World, this: UVar) -> None:
-    """Only the remote writes this variable; others are refused."""
+    """Refuse writes to this variable from all but the remote."""
     connection_of(world).claim(this.holder, this.full_name)
     this.protect()
 
 
 @UVAR.primitive("uvalueSerialize")
 def serialize(world: World, this: UVar) -> Any:
-    """The value that outsiders read; an error if there is none yet."""
+    """The value for readers other than the owner.  Raises an error if there is none yet."""
     value = this.read(this)
     if value is world.void:
         raise errors.unexpected_void()
@@ -281,13 +285,13 @@ def serialize(world: World, this: UVar) -> Any:
 
 @OBJECT.primitive("uvalueSerialize")
 def uvalue_serialize(world: World, this: Any) -> Any:
-    """This."""
+    """This value."""
     return this
 
 
 @LOBBY.primitive("binaryMode")
 def binary_mode_(world: World, this: Any, on: Any, tag: str) -> None:
-    """What follows on this connection is no urbiscript but frames; answers ``true`` on the channel ``tag``."""
+    """Switch this connection to frames instead of urbiscript; the answer ``true`` is printed on the channel ``tag``."""
     connection = connection_of(world)
     if this is not connection.lobby:
         raise errors.primitive("only a connection itself may change its mode")
@@ -295,12 +299,11 @@ def binary_mode_(world: World, this: Any, on: Any, tag: str) -> None:
 
 
 def install(world: World, registry: Registry) -> None:
-    """The verbs of remotes; the time and the version that they ask for."""
+    """Install the functions that remotes call, and the time reference and version that they read."""
     UOBJECT.install(world, world.uobject_proto)
     UVAR.install(world, world.uvar_proto)
     OBJECT.install(world, world.object)
     LOBBY.install(world, world.lobby_proto)
-    world.external = lambda *words: declare(world, *words)
     rtp_control.install(world, registry)
 
     def gone(lobby: Any) -> None:
@@ -310,18 +313,18 @@ def install(world: World, registry: Registry) -> None:
 
     world.client_gone.append(gone)
     system = world.global_.slots["System"]
-    _time_reference(world, registry, system)
+    _time_reference(world, system)
     _components(world, system.slots["PackageInfo"])
 
 
-def _time_reference(world: World, registry: Registry, system: Obj) -> None:
-    """``System.timeReference``: midnight of the day on which the server began.
+def _time_reference(world: World, system: Obj) -> None:
+    """Set ``System.timeReference``: midnight of the day on which the server started.
 
-    The C++ remotes keep the microseconds in 32 bits, so only a midnight gives them stamps that are of use.
+    The C++ remotes keep microseconds in 32 bits, so their time stamps are usable only relative to a midnight.
     """
     now = datetime.now()
     midnight = now.replace(hour=0, minute=0, second=0, microsecond=0)
-    registry.midnight = (now - midnight).total_seconds() - world.scheduler.clock.now()
+    world.install_part(RemoteSettings((now - midnight).total_seconds() - world.scheduler.clock.now()))
     made = world.proto()
     values = {"year": now.year, "month": now.month, "day": now.day, "us": 0}
     made.slots.update({name: float(value) for name, value in values.items()})

@@ -1,4 +1,4 @@
-"""What a server prints for a remote: lines of values."""
+"""Text output of a server for a remote: lines with values."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ if TYPE_CHECKING:
 
 
 def message(world: World, now: float, channel: str, exact: bool, value: Any, direct: bool = False) -> bytes:
-    """The line ``[stamp:channel] value``.
+    """Format the line ``[stamp:channel] value``.
 
-    A Python list is a list of its members; of those, if ``direct``, devices and variables are sent as strings with
-    their names, as functions of remotes want them.  ``exact`` is for remotes of ours: all digits, and bare names.
+    A Python list is a list of its members.  If ``direct``, devices and variables among them are sent as strings with
+    their names, as functions of remotes expect.  ``exact`` is for remotes of this implementation: all digits, and
+    unquoted names.
     """
     parts: list[bytes] = [f"[{int(now * 1000 + 1e-6):08d}:{channel}] ".encode("latin-1")]
     if isinstance(value, list):
@@ -40,7 +41,7 @@ def message(world: World, now: float, channel: str, exact: bool, value: Any, dir
 
 
 def _name(world: World, value: Any) -> str | None:
-    """The name of a device or a variable."""
+    """The name of a device or a variable; None for other values."""
     if isinstance(value, UVar):
         return value.full_name
     if isinstance(value, Obj) and not isinstance(value, String):

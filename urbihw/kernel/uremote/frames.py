@@ -1,4 +1,4 @@
-"""Binary mode: what a remote sends after ``binaryMode(1, "tag")``, as frames instead of urbiscript.
+"""Binary mode: the frames that a remote sends instead of urbiscript after ``binaryMode(1, "tag")``.
 
 One code byte and its fields, no length, no end mark.  Integers are big-endian, doubles little-endian IEEE, a string is
 its length in 16 bits and its bytes.  The stream begins with the sender's sizes, ``02 04 08 08``.  Source: remote
@@ -27,20 +27,20 @@ SIZES = b"\x02\x04\x08\x08"
 UPDATE, EMIT, RESULT, PROGRAM = 1, 2, 10, 11
 BINARY, DICTIONARY, NUMBER, LIST, STRING, SLOT, VOID = 0, 1, 2, 3, 5, 6, 7
 
-LIMIT = 64 << 20
-"""The most bytes that a frame may have; an image of 4000 by 4000 pixels has 48 million."""
-DEEPEST = 64
-"""How deep lists may nest."""
-MOST = 1 << 17
-"""The most values of a frame in all its lists; what has more, such as a cloud of points, is a Binary."""
-AT_A_TIME = 1024
-"""How many values are read, or made, in one go: a millisecond or two."""
+MAX_FRAME_SIZE = 64 << 20
+"""Maximum size of a frame in bytes; an image of 4000 by 4000 pixels has 48 million."""
+MAX_DEPTH = 64
+"""Maximum depth of nested lists."""
+MAX_VALUES = 1 << 17
+"""Maximum number of values in all lists of a frame; larger data, such as a point cloud, must be a Binary."""
+VALUES_PER_STEP = 1024
+"""Number of values that are decoded or converted in one step, which takes one or two milliseconds."""
 
 _U16, _U32, _DOUBLE = struct.Struct(">H"), struct.Struct(">I"), struct.Struct("<d")
 
 
 class BadFrame(ValueError):
-    """The bytes are no frames; what follows cannot be understood either."""
+    """The bytes are no valid frames, so that the rest of the stream cannot be decoded either."""
 
 
 class TooLong(ValueError):
@@ -49,14 +49,14 @@ class TooLong(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class SlotName:
-    """An object, sent as the bare name under which ``uobjects`` has it."""
+    """An object, sent as its unquoted name in ``uobjects``."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
 class Update:
-    """A variable has a value since ``stamp`` microseconds."""
+    """A variable has a value since ``stamp`` (in microseconds)."""
 
     name: str
     value: Any
@@ -65,7 +65,7 @@ class Update:
 
 @dataclass(frozen=True, slots=True)
 class Emit:
-    """An event is to be emitted."""
+    """A request to emit an event."""
 
     name: str
     payload: list[Any]
@@ -73,7 +73,7 @@ class Emit:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What a bound function gave."""
+    """The result of a bound function."""
 
     ticket: str
     value: Any
@@ -81,7 +81,7 @@ class Result:
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """Some urbiscript."""
+    """An urbiscript program."""
 
     text: str
 
@@ -93,18 +93,18 @@ Frame = Update | Emit | Result | Program
 
 
 class Decoder:
-    """Bytes, cut anywhere, to frames; values are Python values, UBinary and SlotName.
+    """Decodes bytes, in pieces of any size, to frames; values are Python values, UBinary and SlotName.
 
-    What was read of a frame is not read again when more of it comes, and ``next`` reads a limited number of values at a
-    time, so that no sender can keep the reader busy.
+    A partial frame is not decoded again when more bytes arrive, and ``next`` decodes a limited number of values at a
+    time, so that no sender can block the reader.
 
     Attributes:
-        skipped: each code byte that is unknown and was left out, as the original does.
+        skipped: unknown code bytes that were ignored, as in the original.
         paused: whether ``next`` has stopped for a pause, and not because more bytes are needed.
     """
 
-    def __init__(self, limit: int = LIMIT, most: int = MOST) -> None:
-        """``limit`` is the most bytes of a frame, ``most`` the most values in its lists."""
+    def __init__(self, limit: int = MAX_FRAME_SIZE, most: int = MAX_VALUES) -> None:
+        """``limit`` is the maximum size of a frame in bytes, ``most`` the maximum number of values in its lists."""
         self._buffer = bytearray()
         self._at = 0
         self._limit = limit
@@ -117,11 +117,11 @@ class Decoder:
 
     @property
     def waiting(self) -> int:
-        """How many bytes wait to be read, or are of a frame that is not complete."""
+        """Number of bytes that are undecoded or belong to an incomplete frame."""
         return len(self._buffer)
 
     def feed(self, data: bytes) -> Iterator[Frame]:
-        """The frames that these bytes complete; raises BadFrame."""
+        """The frames completed by these bytes.  Raises BadFrame."""
         self.add(data)
         while True:
             frame = self.next()
@@ -131,16 +131,16 @@ class Decoder:
                 return
 
     def add(self, data: bytes) -> None:
-        """More bytes, to be read by ``next``."""
+        """Add bytes, which ``next`` will decode."""
         self._buffer += data
 
     def next(self) -> Frame | None:
-        """The next frame, None if there is none yet (see ``paused``); raises BadFrame."""
+        """The next frame, None if there is none yet (see ``paused``).  Raises BadFrame."""
         self.paused, self._read = False, 0
         return next(self._frames, None)
 
     def _run(self) -> Iterator[Frame | None]:
-        """The frames one after the other; None when more bytes are needed, or it is time for a pause."""
+        """The frames in order; None when more bytes are needed or a pause is due."""
         yield from self._begin()
         while True:
             yield from self._need(1)
@@ -157,7 +157,7 @@ class Decoder:
                 yield from self._pause()
 
     def _begin(self) -> Iterator[None]:
-        """Skip what was left of the text, and the sizes."""
+        """Skip the rest of the text, and read the sizes."""
         yield from self._need(1)
         while self._buffer[0] in b"\r\n \t;":
             del self._buffer[0]
@@ -170,16 +170,16 @@ class Decoder:
         del self._buffer[: len(SIZES)]
 
     def _need(self, size: int) -> Iterator[None]:
-        """Wait until there are so many bytes behind what was read."""
+        """Wait until there are ``size`` undecoded bytes."""
         if self._at + size > self._limit:
             raise BadFrame(f"a frame of more than {self._limit} bytes")
         while len(self._buffer) < self._at + size:
             yield None
 
     def _pause(self) -> Iterator[None]:
-        """Stop for a while when much was read at a time."""
+        """Pause if many values were decoded in this step."""
         self._read += 1
-        if self._read >= AT_A_TIME:
+        if self._read >= VALUES_PER_STEP:
             self.paused = True
             yield None
 
@@ -214,10 +214,10 @@ class Decoder:
         return (yield from self._bytes(size)).decode("latin-1")
 
     def _count(self, deep: int, what: str) -> Generator[None, None, int]:
-        """How many members a list or a dictionary has."""
+        """The number of members of a list or a dictionary."""
         count = yield from self._u32()
         self._values += count
-        if self._values > self._most or deep > DEEPEST:
+        if self._values > self._most or deep > MAX_DEPTH:
             raise BadFrame(f"a {what} of {count} members, {deep} deep, {self._values} values in all")
         return count
 
@@ -227,7 +227,7 @@ class Decoder:
         buffer = self._buffer
         while len(found) < count:
             at = self._at
-            if len(buffer) >= at + 9 and buffer[at] == NUMBER:  # the most frequent, without a generator of its own
+            if len(buffer) >= at + 9 and buffer[at] == NUMBER:  # the most frequent type: no generator needed
                 self._at += 9
                 found.append(_DOUBLE.unpack_from(buffer, at + 1)[0])
             else:
@@ -270,8 +270,8 @@ class Decoder:
 
 
 def encode(frame: Frame) -> list[bytes | memoryview]:
-    """The bytes of a frame, in parts so that binaries are not copied; raises TooLong, and TypeError for a value that
-    cannot travel."""
+    """Encode a frame, in parts so that binaries are not copied.  Raises TooLong, and TypeError for a value that cannot
+    be sent."""
     parts: list[bytes | memoryview] = []
     if isinstance(frame, Update):
         parts.append(b"\x01" + _string(frame.name))
@@ -290,7 +290,7 @@ def encode(frame: Frame) -> list[bytes | memoryview]:
 
 
 def members_of(value: Any) -> int:
-    """How many values there are in the lists and dictionaries of a value."""
+    """The number of values in the lists and dictionaries of a value."""
     if isinstance(value, list | tuple):
         return len(value) + sum(map(members_of, value))
     if isinstance(value, dict):
@@ -306,7 +306,7 @@ def _string(text: str) -> bytes:
 
 
 def latin(text: str) -> bytes:
-    """The bytes of a text: one per character, or UTF-8 if it has others than latin-1."""
+    """The bytes of a text: one byte per character, or UTF-8 if a character is not in latin-1."""
     try:
         return text.encode("latin-1")
     except UnicodeEncodeError:

@@ -1,4 +1,4 @@
-"""What devices of a process of their own do, told to the server: the half of the bridge that faces the devices."""
+"""The actions of devices in a remote process, sent to the server: the half of the bridge that faces the devices."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ log = logging.getLogger("urbihw.remote")
 
 
 class DeviceMirror(Observer):
-    """The devices of ``host`` as the server knows them; ``ready`` is whether it was told of all of them."""
+    """The devices of ``host`` as the server knows them; ``ready`` is true when all of them are announced."""
 
     def __init__(self, host: Host, write: Callable[[list[bytes | memoryview]], None]) -> None:
         self._host = host
@@ -51,14 +51,14 @@ class DeviceMirror(Observer):
         self.peer = "127.0.0.1"
         """The address of the server, for RTP."""
         self.local = ""
-        """The address of this process as the server sees it, "" if that is not known."""
+        """The address of this process as the server sees it, "" if it is unknown."""
         self.open_port: OpenPort = UdpPort
         self.ready = False
 
     # ---------------------------------------------------------------- classes and instances
 
     def registered(self, face: UObjectFace) -> None:
-        """There is one more class; of a hub, its instance too."""
+        """A class was registered; for a hub class, its instance is announced too."""
         name = self._world.text(face.slots["__uobjectName"])
         self._faces[name] = face
         if face.python is not None:
@@ -67,7 +67,7 @@ class DeviceMirror(Observer):
             self._out.chain(announce.class_lines(name, face.kind, self._extended))
 
     def made(self, device: UObject) -> None:
-        """There is one more instance."""
+        """An instance was made."""
         name = device.unique_name
         self._devices[name] = device
         for var in device.variables.values():
@@ -86,7 +86,7 @@ class DeviceMirror(Observer):
                 self.property_set(var, known)
         kind = self._host.register(type(device)).slots["__uobjectName"].s
         if kind != name:
-            self._out.say(f"if (isdef(uobjects.{kind})) {name}.setProtos([uobjects.{kind}])")
+            self._out.add_statement(f"if (isdef(uobjects.{kind})) {name}.setProtos([uobjects.{kind}])")
         self._out.chain(announce.init_lines(name, type(device), self._extended))
 
     @staticmethod
@@ -94,7 +94,7 @@ class DeviceMirror(Observer):
         return [name for name in var.property_names() if name != "rtp"]
 
     def bound_var(self, device: UObject, var: UVar) -> None:
-        """A variable is bound."""
+        """A variable was bound."""
         name = device.unique_name
         if self._devices.get(name) is not device:
             return
@@ -105,7 +105,7 @@ class DeviceMirror(Observer):
             self._send_value(var)
 
     def bound_event(self, device: UObject, name: str, event: UEvent) -> None:
-        """An event is bound."""
+        """An event was bound."""
         path = device.unique_name
         if self._devices.get(path) is not device:
             return
@@ -114,21 +114,21 @@ class DeviceMirror(Observer):
             self._out.chain([announce.event_line(path, name)])
 
     def bound_function(self, device: UObject, name: str, method: Callable[..., Any]) -> None:
-        """A function is bound late."""
+        """A function was bound after construction."""
         if self.ready and device.unique_name in self._devices:
             self._out.chain(announce.function_lines(device.unique_name, name, method, self._extended))
 
     def notified(self, device: UObject, var: UVar) -> None:
-        """A device wants to hear of a variable: all that are announced are told of already."""
+        """No operation: the server sends the changes of all announced variables."""
 
     def access_notified(self, device: UObject, var: UVar) -> None:
-        """Reading happens at the server and cannot be heard of here: the value is refreshed every period instead."""
+        """Refresh the value periodically: reads happen at the server and cannot be observed here."""
         if var not in self._refreshed:
             self._refreshed.add(var)
             device.set_timer(0, var.refresh)
 
     def listened(self, device: UObject, event: UEvent, handler: Callable[..., Any] | None) -> None:
-        """A device wants to hear of an event."""
+        """Subscribe to an event of the server."""
         path = next((f"{device.unique_name}.{slot}" for slot, one in device.events.items() if one is event), event.path)
         if not path or handler is None:
             return
@@ -136,18 +136,18 @@ class DeviceMirror(Observer):
             name = f"{path}__{number}"
             if name not in self._heard:
                 self._heard[name] = event.face
-                self._announce_ear(name)
+                self._announce_listener(name)
 
-    def _announce_ear(self, name: str) -> None:
+    def _announce_listener(self, name: str) -> None:
         if self.ready:
             path, _, number = name.rpartition("__")
-            self._out.say(f"external event ({number}) {path} from {path.rpartition('.')[0]}")
+            self._out.add_statement(f"external event ({number}) {path} from {path.rpartition('.')[0]}")
 
     def destroyed(self, device: UObject) -> None:
-        """An instance ended."""
+        """An instance was destroyed."""
         name = device.unique_name
         if self._devices.pop(name, None) is not None and self.ready and name not in self._doomed:
-            self._out.say(f"{name}.destroy")
+            self._out.add_statement(f"{name}.destroy")
         for heard in [one for one in self._heard if one.startswith(f"{name}.")]:
             del self._heard[heard]
 
@@ -156,17 +156,17 @@ class DeviceMirror(Observer):
         path = "Global" if holder is None else holder.unique_name
         if self.ready and (holder is None or path in self._devices):
             text = literal(to_wire(value)).decode("latin-1")
-            self._out.say(f"if (!isdef({path}.{name})) var {path}.{name}|{path}.{name} = {text}")
+            self._out.add_statement(f"if (!isdef({path}.{name})) var {path}.{name}|{path}.{name} = {text}")
 
     def send(self, text: str) -> bool:
-        """The server runs it, in the background, as if plugged in: in Global."""
+        """Run urbiscript at the server, in the background and in Global, as for a device in the server's process."""
         self._out.background(f"Global.eval({quoted(text)})")
         return True
 
     # ---------------------------------------------------------------- variables
 
     def find(self, path: str) -> Any:
-        """Objects that are not ours stand here as objects with nothing but the variables asked for."""
+        """A stand-in for an object of another process, with only the variables in use."""
         if path in self._devices:
             return self._devices[path].face
         known = self._foreign.get(path)
@@ -175,8 +175,8 @@ class DeviceMirror(Observer):
             known.slots["__uobjectName"] = self._world.string(path)
         return known
 
-    def adopt(self, var: UVar) -> None:
-        """A variable of an object that is not ours is wanted."""
+    def looked_up(self, var: UVar) -> None:
+        """Subscribe to a variable of an object of another process."""
         if var not in self._foreign_vars and var.mirror is None:
             var.mirror = self
             self._foreign_vars[var] = var.full_name
@@ -209,7 +209,7 @@ class DeviceMirror(Observer):
         self._out.update(var.full_name, lambda: to_wire(var.current(False)), stamp, other)
 
     def _by_rtp(self, var: UVar, update: Update) -> bool:
-        """Send a value by RTP if that is wanted: of binary values it is, unless ``use_rtp`` said otherwise."""
+        """Send a value by RTP if enabled; binary values are sent by RTP unless ``use_rtp`` forbids it."""
         wanted = var.get_property("rtp")
         if wanted is None:
             wanted = isinstance(update.value, UBinary) if var.rtp is None else var.rtp
@@ -217,18 +217,18 @@ class DeviceMirror(Observer):
         return bool(wanted) and update.value is not None and link is not None and link.send(update, self._host.now())
 
     def assigned(self, var: UVar, value: Any) -> None:
-        """The server is to assign."""
-        self._out.say(f"{var.full_name} = {literal(to_wire(value)).decode('latin-1')}")
+        """Assign the variable at the server."""
+        self._out.add_statement(f"{var.full_name} = {literal(to_wire(value)).decode('latin-1')}")
 
     def property_set(self, var: UVar, name: str) -> None:
-        """A property is for the server to keep."""
+        """Set the property at the server."""
         if not self.ready or not self._known(var):
             return
         if name == "rtp":
             text = "true" if var.get_property(name) else "false"
-            self._out.say(f'{var.holder.slots["__uobjectName"].s}.getSlot("{var.name}").rtp = {text}')
+            self._out.add_statement(f'{var.holder.slots["__uobjectName"].s}.getSlot("{var.name}").rtp = {text}')
         else:
-            self._out.say(f"{var.full_name}->{name} = {literal(var.get_property(name)).decode('latin-1')}")
+            self._out.add_statement(f"{var.full_name}->{name} = {literal(var.get_property(name)).decode('latin-1')}")
 
     def _ask(self, text: str, answer: Callable[[Any], None]) -> None:
         self._asked += 1
@@ -249,7 +249,7 @@ class DeviceMirror(Observer):
             return
         own = device.variables.get(slot)
         if own is not None:
-            self._world.soon(lambda: self._assign(own, made))
+            self._world.call_soon(lambda: self._assign(own, made))
 
     def _assign(self, var: UVar, value: Any) -> None:
         try:
@@ -262,7 +262,7 @@ class DeviceMirror(Observer):
     # ---------------------------------------------------------------- RTP
 
     def _open_rtp(self) -> None:
-        """Agree on RTP with the server."""
+        """Agree with the server on RTP."""
         secret = secrets.token_bytes(SECRET_SIZE)
         try:
             link = RtpLink(self.peer, secret, self._host.post, self._heard_by_rtp, self.open_port, self.local)

@@ -1,4 +1,6 @@
-"""What a remote says, in order: text or frames, gathered per round; values of variables may wait for a slow link."""
+"""The output of a remote, in order: text or frames, collected per round; values of variables may wait for a congested
+link.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +17,10 @@ Part = bytes | memoryview
 
 
 class Outbox:
-    """The way out; nothing is kept while it is closed, because a new connection begins with telling everything.
+    """The output queue.  It discards everything while closed, because a new connection starts with announcing
+    everything.
 
-    While ``congested()``, only the latest value of each variable is kept, and sent when ``drained``.
+    While ``congested()``, only the latest value of each variable is kept; it is sent by ``drained``.
     """
 
     def __init__(self, write: Callable[[list[Part]], None]) -> None:
@@ -29,26 +32,26 @@ class Outbox:
         self.congested: Callable[[], bool] = lambda: False
 
     def reset(self) -> None:
-        """A new connection: it begins in text mode."""
+        """Start a new connection, in text mode."""
         self._open, self._frames = True, False
         self._parts.clear()
         self._late.clear()
 
     def close(self) -> None:
-        """The connection is gone."""
+        """The connection has ended."""
         self._open = False
         self._parts.clear()
         self._late.clear()
 
     def binary(self, on: bool) -> None:
-        """The server expects frames from now on."""
+        """Switch to frames or back to text."""
         if on:
             self.flush()
             self._frames = True
             self._parts.append(SIZES)
 
     def flush(self) -> None:
-        """Send what was gathered."""
+        """Send the collected output."""
         if self._late and not self.congested():
             late, self._late = self._late, {}
             for name, (value, stamp) in late.items():
@@ -59,31 +62,31 @@ class Outbox:
 
     # ---------------------------------------------------------------- saying
 
-    def say(self, statement: str) -> None:
-        """One statement, silently."""
+    def add_statement(self, statement: str) -> None:
+        """Send one statement, whose result is not printed."""
         self._text(f"{statement}|;\n")
 
     def background(self, statement: str) -> None:
-        """One statement that does not keep others waiting."""
+        """Send one statement that runs in the background."""
         self._text(f"{statement},\n")
 
     def chain(self, statements: Iterable[str]) -> None:
-        """Statements that are run as one."""
+        """Send statements that are run as one."""
         text = "|".join(statements)
         if text:
-            self.say(text)
+            self.add_statement(text)
 
     def answer(self, ticket: str, value: Any) -> None:
-        """The result of a call."""
+        """Send the result of a call."""
         if self._frames:
             self._frame(Result(ticket, value))
         elif value is None:
-            self.say(f"Global.UObject.funCall({quoted(ticket)})")
+            self.add_statement(f"Global.UObject.funCall({quoted(ticket)})")
         else:
             self._put(b"Global.UObject.funCall(" + quoted(ticket).encode() + b", " + literal(value) + b"),\n")
 
     def emit(self, name: str, payload: list[Any]) -> None:
-        """An emission."""
+        """Send an emission."""
         if self._frames:
             self._frame(Emit(name, payload))
         else:
@@ -93,7 +96,7 @@ class Outbox:
     def update(
         self, name: str, value: Callable[[], Any], stamp: int, other: Callable[[Update], bool] | None = None
     ) -> None:
-        """The value of a variable, by an ``other`` way if that takes it; void is not told."""
+        """Send the value of a variable, by the ``other`` transport if it accepts the value; void is not sent."""
         if other is not None and self._open and other(Update(name, value(), stamp)):
             return
         if self.congested():

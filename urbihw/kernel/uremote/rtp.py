@@ -1,15 +1,16 @@
-"""Values of variables by RTP: packets that may be lost, and never keep anybody waiting.
+"""Values of variables by RTP: packets may be lost, but never block the sender or the receiver.
 
-A packet is an RTP header (RFC 3550, section 5.1: version 2, a sequence number, a time stamp of 90 kHz, the number of
-the source), the secret of the link, and a piece of a message: the number of its stream, the number of the message, the
-place of the piece, the size of the whole.  A message is one ``Update`` frame (see ``frames``).  Each variable with
-binary values has a stream of its own, all others share one (manual, section 3.15.2).  A message of which a piece is
-missing when a later one of its stream begins is dropped; what comes late or twice is dropped too.
+A packet consists of an RTP header (RFC 3550, section 5.1: version 2, a sequence number, a time stamp of 90 kHz, the
+number of the source), the secret of the link, and a piece of a message: the number of its stream, the number of the
+message, the offset of the piece, the size of the whole message.  A message is one ``Update`` frame (see ``frames``).
+Each variable with binary values has a stream of its own; all others share one (manual, section 3.15.2).  An incomplete
+message is dropped when a later one of its stream begins; late and duplicate pieces are dropped too.
 
-The secret and the numbers of both sources are agreed on the connection; packets with others are counted and dropped.
-All messages that are being put together have at most ``LIMIT`` bytes, of what has come and not of what was announced.
+The secret and the numbers of both sources are exchanged on the connection; packets with other ones are counted and
+dropped.  The incomplete messages have together at most ``MAX_FRAME_SIZE`` bytes, counted by received and not by
+announced bytes.
 
-The payload is ours: the original's RTP module is not spoken.
+The payload format is our own: the packets of the original's RTP module are not supported.
 """
 
 from __future__ import annotations
@@ -20,27 +21,29 @@ import zlib
 from collections.abc import Iterator
 
 from urbihw.kernel.uobject.binary import UBinary
-from urbihw.kernel.uremote.frames import LIMIT, SIZES, BadFrame, Decoder, TooLong, Update, encode, members_of
+from urbihw.kernel.uremote.frames import MAX_FRAME_SIZE, SIZES, BadFrame, Decoder, TooLong, Update, encode, members_of
 
 HEADER = struct.Struct(">BBHII")
 PIECE = struct.Struct(">8sIIII")
 HEAD_SIZE = HEADER.size + PIECE.size
 VERSION, PAYLOAD_TYPE = 0x80, 96
 SECRET_SIZE = 8
-SHARED = 1
-"""The stream of all that is not binary."""
-MOST_STREAMS = 256
-MOST_VALUES = 4096
-"""The most values in the lists of a message: it is read in one go, a few milliseconds; what has more does not go by
-RTP."""
-SMALL, LARGE = 1200, 32000
-"""Bytes of a message in a packet: what passes every network whole, and what the machine's own loopback takes."""
+SHARED_STREAM = 1
+"""The stream of all values that are not binary."""
+MAX_STREAMS = 256
+MAX_VALUES = 4096
+"""Maximum number of values in the lists of a message: it is decoded in one step of a few milliseconds.  Larger values
+are not sent by RTP."""
+SMALL_PIECE_SIZE, LARGE_PIECE_SIZE = 1200, 32000
+"""Number of message bytes in a packet: a size that fits into one packet on any network, and one for the loopback
+interface.
+"""
 
 
 class Sender:
-    """Messages to packets.  ``secret`` and ``source`` are known to both sides, ``size`` is that of a piece."""
+    """Splits messages into packets.  ``secret`` and ``source`` are known to both sides; ``size`` is that of a piece."""
 
-    def __init__(self, secret: bytes, source: int, size: int = SMALL) -> None:
+    def __init__(self, secret: bytes, source: int, size: int = SMALL_PIECE_SIZE) -> None:
         self._secret = secret
         self._source = source
         self._size = size
@@ -48,11 +51,11 @@ class Sender:
         self._messages = 0
 
     def packets(self, update: Update, now: float) -> list[bytes]:
-        """The packets of a value; raises TooLong and TypeError as ``encode`` does."""
-        if members_of(update.value) > MOST_VALUES:
-            raise TooLong(f"a value with more than {MOST_VALUES} members")
+        """The packets of a value.  Raises TooLong and TypeError like ``encode``."""
+        if members_of(update.value) > MAX_VALUES:
+            raise TooLong(f"a value with more than {MAX_VALUES} members")
         data = b"".join(encode(update))
-        if len(data) > LIMIT:
+        if len(data) > MAX_FRAME_SIZE:
             raise TooLong(f"a value of {len(data)} bytes")
         stream = stream_of(update)
         self._messages = (self._messages + 1) & 0xFFFFFFFF
@@ -70,12 +73,12 @@ class Sender:
 def stream_of(update: Update) -> int:
     """The number of the stream of a value."""
     if not isinstance(update.value, UBinary):
-        return SHARED
+        return SHARED_STREAM
     return zlib.crc32(update.name.encode("utf-8")) | 2
 
 
 class _Stream:
-    """The message that is being put together."""
+    """The incomplete message of a stream."""
 
     __slots__ = ("message", "missing", "pieces", "size")
 
@@ -86,14 +89,14 @@ class _Stream:
         self.pieces: dict[int, bytes] = {}
 
     def begin(self, message: int, size: int) -> int:
-        """A new message; how many bytes of the former one are dropped."""
+        """Start a new message; returns the number of dropped bytes of the former one."""
         dropped = self.size - self.missing if self.pieces else 0
         self.message, self.size, self.missing = message, size, size
         self.pieces = {}
         return dropped
 
     def whole(self) -> bytes:
-        """The message, of which all bytes are there; empty if its pieces do not fit together."""
+        """The complete message; empty if its pieces do not fit together."""
         at, parts = 0, []
         for place, piece in sorted(self.pieces.items()):
             if place != at:
@@ -104,11 +107,11 @@ class _Stream:
 
 
 class Receiver:
-    """Packets to values.
+    """Joins packets to values.
 
     Attributes:
-        lost: how many messages there were of which something did not arrive.
-        refused: how many packets there were that are none of the link.
+        lost: number of incomplete messages.
+        refused: number of packets that do not belong to the link.
     """
 
     def __init__(self, secret: bytes, source: int) -> None:
@@ -120,7 +123,7 @@ class Receiver:
         self.refused = 0
 
     def feed(self, packet: bytes) -> Iterator[Update]:
-        """The values that a packet completes; what is no packet of this link is counted and left out."""
+        """The values completed by a packet; a packet of another source is counted and ignored."""
         if len(packet) <= HEAD_SIZE or packet[0] != VERSION or packet[1] & 0x7F != PAYLOAD_TYPE:
             self.refused += 1
             return
@@ -128,15 +131,15 @@ class Receiver:
         secret, number, message, at, size = PIECE.unpack_from(packet, HEADER.size)
         piece = packet[HEAD_SIZE:]
         end = at + len(piece)
-        # But for the last, pieces are never small, or a message might have millions of them.
-        fits = end == size or (end < size and len(piece) >= SMALL)
+        # Pieces, except the last one, have a minimum size: otherwise a message could have millions of them.
+        fits = end == size or (end < size and len(piece) >= SMALL_PIECE_SIZE)
         known = secrets.compare_digest(secret, self._secret) and source == self._source
-        if not known or size > LIMIT or not fits:
+        if not known or size > MAX_FRAME_SIZE or not fits:
             self.refused += 1
             return
         stream = self._streams.get(number)
         if stream is None:
-            if len(self._streams) >= MOST_STREAMS:
+            if len(self._streams) >= MAX_STREAMS:
                 self.refused += 1
                 return
             stream = self._streams[number] = _Stream()
@@ -155,11 +158,11 @@ class Receiver:
             self._held -= stream.size
             stream.pieces = {}
             yield from _decoded(content)
-        elif self._held > LIMIT:
+        elif self._held > MAX_FRAME_SIZE:
             self._drop_others(stream)
 
     def _drop_others(self, kept: _Stream) -> None:
-        """Too much waits for what is missing: all streams but one begin anew with their next messages."""
+        """Drop the incomplete messages of all streams but one, because they hold too many bytes."""
         for stream in self._streams.values():
             if stream.pieces and stream is not kept:
                 self.lost += 1
@@ -168,13 +171,13 @@ class Receiver:
 
 
 def _later(message: int, than: int) -> bool:
-    """Whether a message number comes after another, going round at 32 bits."""
+    """Whether a message number comes after another, modulo 2**32."""
     return than < 0 or 0 < (message - than) & 0xFFFFFFFF < 0x80000000
 
 
 def _decoded(content: bytes) -> Iterator[Update]:
     try:
-        for frame in Decoder(most=MOST_VALUES).feed(SIZES + content):
+        for frame in Decoder(most=MAX_VALUES).feed(SIZES + content):
             if isinstance(frame, Update):
                 yield frame
     except BadFrame:

@@ -1,8 +1,9 @@
-"""How programs and remotes switch RTP: the property ``rtp`` of a variable, ``UObject.rtpOpen``, and the class ``URTP``.
+"""Control of RTP by programs and remotes: the property ``rtp`` of a variable, ``UObject.rtpOpen``, and the class
+``URTP``.
 
-``URTP`` is the class by which remotes of the C++ SDK set RTP up, if both ends have it (manual, section 3.15).  Their
-packets are not spoken here (see ``rtp``), so a remote that has the class, or asks for an instance of this server's, is
-told once not to use RTP; its values stay on the connection.
+``URTP`` is the class that remotes of the C++ SDK use to set up RTP, if both ends have it (manual, section 3.15).  Their
+packet format is not supported here (see ``rtp``).  A remote that has the class, or requests an instance of this
+server's, is told once not to use RTP; its values are then sent on the connection.
 """
 
 from __future__ import annotations
@@ -19,7 +20,6 @@ from urbihw.kernel.uobject.uvar import UVar
 from urbihw.kernel.uremote.connection import connection_of
 from urbihw.kernel.uremote.remote import Code
 from urbihw.kernel.uremote.rtp import SECRET_SIZE
-from urbihw.kernel.uremote.udp import UdpPort
 
 UOBJECT = Table("UObject")
 URTP = Table("URTP")
@@ -29,7 +29,7 @@ CLASS: Final = "URTP"
 
 @URTP.raw("new", least=0, most=-1)
 def new(world: World) -> Any:
-    """Nothing: the remote that asks is told not to use RTP."""
+    """Returns void and tells the requesting remote not to use RTP."""
 
     def run(this: Any, *args: Any) -> Any:
         connection = registry_of(world).connections.get(world.scheduler.running().context)
@@ -42,15 +42,15 @@ def new(world: World) -> Any:
 
 @UOBJECT.primitive("rtpOpen")
 def rtp_open(world: World, this: Any, secret: str, port: int, source: int) -> list[Any]:
-    """Agree on RTP with a remote that receives at ``port`` and calls its source ``source``; the address, the port and
-    the source of this server."""
+    """Agree on RTP with a remote that receives at ``port`` and uses the source number ``source``; returns the address,
+    the port and the source number of this server."""
     try:
         key = bytes.fromhex(secret)
     except ValueError:
         key = b""
     if len(key) != SECRET_SIZE or not 0 < port < 65536 or not 0 <= source < 1 << 32:
         raise errors.primitive(f"expected {SECRET_SIZE} bytes in hexadecimal digits, a port and a number of 32 bits")
-    link = connection_of(world).open_rtp(key, port, source, registry_of(world).open_port)
+    link = connection_of(world).open_rtp(key, port, source)
     return [link.address, float(link.port), float(link.source)]
 
 
@@ -61,11 +61,11 @@ class RtpSwitch:
         self._world = world
 
     def read(self, target: Any) -> Any:
-        """Whether values of the variable are to travel by RTP, binary or not."""
+        """Whether values of the variable are sent by RTP, binary or not."""
         return self._world.boolean(isinstance(target, UVar) and target.rtp)
 
     def write(self, target: Any, value: Any) -> Any:
-        """Somebody switches it: all remotes are told, once."""
+        """Switch RTP for the variable on or off; all remotes are notified once."""
         if isinstance(target, UVar):
             changed, target.rtp = bool(target.rtp) != bool(value), bool(value)
             for connection in list(registry_of(self._world).connections.values()):
@@ -75,8 +75,9 @@ class RtpSwitch:
 
 
 def install(world: World, registry: Registry) -> None:
-    """The property ``rtp`` of UVar, the functions, and ``URTP``, which a remote may replace by a class of its own."""
-    registry.open_port = UdpPort
+    """Install the property ``rtp`` of UVar, the functions, and ``URTP``, which a remote may replace by its own
+    class.
+    """
     UOBJECT.install(world, world.uobject_proto)
     switch = RtpSwitch(world)
     world.uvar_proto.slots["rtp"] = make_primitive(world, "rtp", switch.read, 0, 0)

@@ -1,12 +1,12 @@
-"""The RTP side of the link between a server and a remote: one at each end.
+"""One end of the RTP link between a server and a remote.
 
-The remote chooses a secret, a port and the number of its source, and tells the server, on its connection, by
-``UObject.rtpOpen``; the server answers with its own address, port and number.  From then on each end may send values of
-variables this way; whether it does is said per variable (``use_rtp``).  Everything else stays on the connection, and so
-do the values if there is no RTP.
+The remote chooses a secret, a port and a source number, and sends them to the server on its connection by
+``UObject.rtpOpen``; the server answers with its own address, port and source number.  From then on each end may send
+values of variables by RTP, depending on the variable (``use_rtp``).  All other messages use the connection, and so do
+the values if RTP is not available.
 
-Packets count only from the address of the connection and the port that was agreed, with the secret and the number of
-the other end; all others are dropped and counted.
+A packet is accepted only if it comes from the address of the connection and the agreed port, with the secret and the
+source number of the other end; all others are dropped and counted.
 """
 
 from __future__ import annotations
@@ -18,47 +18,49 @@ from collections.abc import Callable
 from typing import Protocol
 
 from urbihw.kernel.uremote.frames import TooLong, Update
-from urbihw.kernel.uremote.rtp import LARGE, SMALL, Receiver, Sender
+from urbihw.kernel.uremote.rtp import LARGE_PIECE_SIZE, SMALL_PIECE_SIZE, Receiver, Sender
 from urbihw.kernel.uremote.udp import UdpPort, is_local
 
 log = logging.getLogger("urbihw.uobject")
 
-MOST_WAITING = 8 << 20
-"""How many bytes of packets may wait for the kernel."""
-COST = 2048
-"""What a packet counts for beside its bytes: however small it is, the kernel has to look at it."""
+MAX_WAITING_SIZE = 8 << 20
+"""Maximum number of packet bytes that wait for the kernel."""
+PACKET_OVERHEAD = 2048
+"""Number of bytes added to the size of each packet in that sum: the kernel has a fixed cost per packet."""
 
 
 class Port(Protocol):
-    """What carries packets (see ``udp``)."""
+    """The transport of packets (see ``udp``)."""
 
     address: str
     port: int
     strangers: int
 
     def to(self, port: int) -> None:
-        """The port of the other end is known."""
+        """Set the port of the other end."""
         ...
 
     def send(self, packets: list[bytes]) -> bool:
-        """Send packets; false if some were lost on the way out."""
+        """Send packets; returns false if some could not be sent."""
         ...
 
     def close(self) -> None:
-        """Let go of the socket."""
+        """Close the socket."""
         ...
 
 
 OpenPort = Callable[[str, Callable[[list[bytes]], None], str], Port]
-"""Makes a port that talks to an address, tells of packets, and is bound to an address ("": as the system thinks)."""
+"""Makes a transport, from the address of the other end, a callback for received packets, and a local address ("":
+chosen by the system).
+"""
 
 
 class RtpLink:
-    """One end; ``post`` brings packets from the thread that reads them into the kernel's.
+    """One end of the link; ``post`` moves packets from the reading thread to the kernel's thread.
 
     Attributes:
-        source: the number that packets of this end carry.
-        dropped: how many packets there were that the kernel was too busy for.
+        source: the source number in packets of this end.
+        dropped: number of packets dropped because the kernel was busy.
     """
 
     def __init__(
@@ -74,14 +76,14 @@ class RtpLink:
         self.source = secrets.randbits(32)
         self.dropped = 0
         self._secret = secret
-        self._sender = Sender(secret, self.source, LARGE if is_local(peer) else SMALL)
+        self._sender = Sender(secret, self.source, LARGE_PIECE_SIZE if is_local(peer) else SMALL_PIECE_SIZE)
         self._receiver: Receiver | None = None
         self._post = post
         self._updated = updated
         self._lock = threading.Lock()
         self._waiting: list[bytes] = []
         self._cost = 0
-        self._port = open_port(peer, self._heard, local)
+        self._port = open_port(peer, self._queue_packets, local)
 
     @property
     def address(self) -> str:
@@ -95,16 +97,16 @@ class RtpLink:
 
     @property
     def refused(self) -> int:
-        """How many packets there were from elsewhere, or without what was agreed."""
+        """Number of packets from other addresses, or without the agreed secret and numbers."""
         return self._port.strangers + (0 if self._receiver is None else self._receiver.refused)
 
     def to(self, port: int, source: int) -> None:
-        """The port of the other end and the number of its source are known."""
+        """Set the port and the source number of the other end."""
         self._receiver = Receiver(self._secret, source)
         self._port.to(port)
 
     def send(self, update: Update, now: float) -> bool:
-        """Send a value; false if it cannot go this way (not because it may get lost)."""
+        """Send a value; returns false if it cannot be sent by RTP (a packet may still get lost)."""
         if self._receiver is None:
             return False
         try:
@@ -113,22 +115,22 @@ class RtpLink:
             return False
         return True
 
-    def _heard(self, packets: list[bytes]) -> None:
-        """In the thread that reads: packets are there."""
+    def _queue_packets(self, packets: list[bytes]) -> None:
+        """Queue received packets; called in the reading thread."""
         with self._lock:
             first = not self._waiting
             for packet in packets:
-                self._cost += len(packet) + COST
-                if self._cost > MOST_WAITING:
-                    self._cost -= len(packet) + COST
+                self._cost += len(packet) + PACKET_OVERHEAD
+                if self._cost > MAX_WAITING_SIZE:
+                    self._cost -= len(packet) + PACKET_OVERHEAD
                     self.dropped += 1
                 else:
                     self._waiting.append(packet)
             asked = first and self._waiting
         if asked:
-            self._post(self._take)
+            self._post(self._handle_packets)
 
-    def _take(self) -> None:
+    def _handle_packets(self) -> None:
         with self._lock:
             packets, self._waiting, self._cost = self._waiting, [], 0
         if self._receiver is None:
@@ -138,6 +140,6 @@ class RtpLink:
                 self._updated(update)
 
     def close(self) -> None:
-        """The connection is gone, and so is this."""
+        """Close this end because the connection has ended."""
         self._receiver = None
         self._port.close()

@@ -1,19 +1,33 @@
-"""What a connection remembers for its remote: the variables and events it hears of, and the calls it is to answer."""
+"""Subscriptions of a remote to variables and events, and the settings shared by all remotes."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel.runtime.event import Emission
-from urbihw.kernel.sched.job import Job
 from urbihw.kernel.uremote.remote import Code
+from urbihw.kernel.uremote.rtplink import OpenPort
+from urbihw.kernel.uremote.udp import UdpPort
 
 if TYPE_CHECKING:
     from urbihw.kernel.uremote.connection import Connection
 
 
+class RemoteSettings:
+    """Settings shared by the connections of all remotes of a world; a part of the world.
+
+    Attributes:
+        midnight: seconds from ``System.timeReference`` to the zero of the kernel's clock.
+        open_port: makes the transport of RTP packets.
+    """
+
+    def __init__(self, midnight: float, open_port: OpenPort = UdpPort) -> None:
+        self.midnight = midnight
+        self.open_port = open_port
+
+
 class VariableSubscription:
-    """How often a remote said that it wants to hear of a variable, and under which name."""
+    """A remote's subscription to a variable: the number of declarations, and the name in them."""
 
     __slots__ = ("count", "name")
 
@@ -22,20 +36,8 @@ class VariableSubscription:
         self.count = 0
 
 
-class PendingCall:
-    """A call that waits for its answer."""
-
-    __slots__ = ("failed", "job", "value", "waits")
-
-    def __init__(self, job: Job) -> None:
-        self.job = job
-        self.value: Any = None
-        self.failed = False
-        self.waits = True
-
-
 class EventSubscription:
-    """Tells a remote of the emissions of an event with a certain number of arguments."""
+    """Sends a remote the emissions of an event that have a certain number of arguments."""
 
     __slots__ = ("_arity", "_connection", "_name")
 
@@ -45,13 +47,13 @@ class EventSubscription:
         self._arity = arity
 
     def offer(self, emission: Emission) -> None:
-        """An emission begins."""
+        """Called when an emission begins."""
         if len(emission.payload) == self._arity:
             emission.matches.append((self, True))
             self._say(Code.EVENT, emission)
 
     def ended(self, emission: Emission, match: Any) -> None:
-        """It is over."""
+        """Called when an emission ends."""
         self._say(Code.EVENT_END, emission)
 
     def _say(self, code: Code, emission: Emission) -> None:

@@ -1,4 +1,4 @@
-"""A UDP socket and the thread that reads it: what carries RTP."""
+"""A UDP socket and the thread that reads it: the transport of RTP."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from typing import Any
 
 log = logging.getLogger("urbihw.uobject")
 
-BUFFER = 4 << 20
-"""Bytes that the system is asked to keep for us."""
-BATCH = 64
-"""Packets handed over at a time, at most."""
+RECEIVE_BUFFER_SIZE = 4 << 20
+"""Requested size of the socket's receive buffer in bytes."""
+MAX_BATCH_SIZE = 64
+"""Maximum number of packets handed over in one call."""
 
 
 def is_local(host: str) -> bool:
-    """Whether an address is this machine's loopback."""
+    """Whether an address is a loopback address."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -26,16 +26,16 @@ def is_local(host: str) -> bool:
 
 
 def is_same(one: str, other: str) -> bool:
-    """Whether two numeric addresses are the same, whatever the interface."""
+    """Whether two numeric addresses are equal, ignoring the interface."""
     return _plain(one) == _plain(other)
 
 
 class UdpPort:
-    """Talks to one port of one host; ``heard(packets)`` is called from a thread of its own.
+    """A UDP socket for one peer; ``heard(packets)`` is called from a thread of its own.
 
-    Bound to any free port of ``local``, or of the address from which the system reaches ``peer``, both numeric.
-    Packets that come from elsewhere than from ``peer`` and the port that ``to`` names are counted as ``strangers`` and
-    dropped.  Sending never waits: what the system does not take at once is lost.  Raises OSError.
+    It is bound to a free port of ``local``, or of the address from which the system reaches ``peer``; both are numeric.
+    Packets from other addresses than ``peer``, or from another port than that of ``to``, are counted as ``strangers``
+    and dropped.  Sending never blocks: a packet that the system does not accept at once is lost.  Raises OSError.
     """
 
     def __init__(self, peer: str, heard: Callable[[list[bytes]], None], local: str = "") -> None:
@@ -46,7 +46,7 @@ class UdpPort:
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         try:
             for option in (socket.SO_RCVBUF, socket.SO_SNDBUF):
-                self._socket.setsockopt(socket.SOL_SOCKET, option, BUFFER)
+                self._socket.setsockopt(socket.SOL_SOCKET, option, RECEIVE_BUFFER_SIZE)
             self._socket.bind(here)
         except OSError:
             self._socket.close()
@@ -61,12 +61,12 @@ class UdpPort:
         self._thread.start()
 
     def to(self, port: int) -> None:
-        """The port of the other end is known: packets go there, and are heard from there."""
+        """Set the port of the peer: packets are sent to it and accepted from it."""
         self._peer = (self._peer[0], port, *self._peer[2:])
         self._from = _plain(self._peer[0]), port
 
     def send(self, packets: list[bytes]) -> bool:
-        """Send packets; false if the rest of them was lost on the way out."""
+        """Send packets; returns false if the rest of them could not be sent."""
         return self._send(packets, self._peer)
 
     def _send(self, packets: list[bytes], address: Any) -> bool:
@@ -84,7 +84,7 @@ class UdpPort:
                 packets: list[bytes] = []
                 try:
                     self._receive(packets, 0)
-                    for _ in range(BATCH):
+                    for _ in range(MAX_BATCH_SIZE):
                         self._receive(packets, socket.MSG_DONTWAIT)
                 except BlockingIOError:
                     pass
@@ -101,7 +101,7 @@ class UdpPort:
             self.strangers += 1
 
     def close(self) -> None:
-        """Let go of the socket; the thread ends."""
+        """Close the socket; the thread ends."""
         if self._closed:
             return
         self._closed = True
@@ -110,13 +110,13 @@ class UdpPort:
 
 
 def _resolved(host: str, port: int) -> Any:
-    """The address of a socket for a numeric host."""
+    """The socket address for a numeric host."""
     found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM, flags=socket.AI_NUMERICHOST)
     return found[0][4]
 
 
 def _way_to(family: int, peer: Any) -> str:
-    """The address of this machine from which the system reaches another; nothing is sent."""
+    """The local address from which the system reaches a peer; no packet is sent."""
     with socket.socket(family, socket.SOCK_DGRAM) as probe:
         probe.connect(peer)
         return str(probe.getsockname()[0])

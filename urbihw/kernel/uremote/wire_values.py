@@ -1,4 +1,4 @@
-"""Values of a remote's own kernel to those that travel, and back."""
+"""Conversion between values of a remote's own kernel and values in messages."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def to_wire(value: Any) -> Any:
-    """An urbiscript value of ours as one that can travel; devices by their names."""
+    """Convert an urbiscript value of this kernel for a message; devices are converted to their names."""
     if value.__class__ is float:
         return value
     if isinstance(value, UVar):
@@ -36,7 +36,7 @@ def to_wire(value: Any) -> Any:
 
 
 def from_wire(world: World, devices: Mapping[str, UObject], value: Any) -> Any:
-    """A value that came, as an urbiscript value of ours."""
+    """Convert a received value to an urbiscript value of this kernel."""
     if isinstance(value, SlotName):
         device = devices.get(value.name)
         return world.string(value.name) if device is None else device.face

@@ -1,6 +1,6 @@
-"""What all devices on the bus share: slots made from the rows of ``slots``, samples taken in, settings set again.
+"""The base of all devices on the bus: slots from the rows of ``slots``, updates from samples, restored settings.
 
-Physical units outside, raw counts inside.  A sample costs a dict look-up per register that did not change.
+Slots are in physical units, registers in raw counts.  A sample costs one dict look-up per unchanged register.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from urbihw.buses.dynamixel.tables import table_of
 from urbihw.buses.messages import Reply
 from urbihw.kernel.uobject import UObject, UVar, event, function, number, reading, set_range
 from urbihw.platforms.bioloid.slots import Facts, Kind, Slot, facts_of
+from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.devicelog import DeviceLog
-from urbihw.platforms.wire import Wire
 
-Take = Callable[[int, float], None]
-"""Takes a changed raw count and its time."""
+ChangeHandler = Callable[[int, float], None]
+"""Called with the new raw count of a register and its time."""
 Refused = Callable[["Device", str, str], None]
-"""Told of a write that the device did not take: device, slot, why."""
+"""Called for a write that the device refused: device, slot, reason."""
 
 
 class Device(UObject):
-    """A servo or a sensor.  ``state`` is "ok", "suspect", "lost" or "back"; ``stale`` tells that the values are old."""
+    """A servo or a sensor.  ``state`` is "ok", "suspect", "lost" or "back"; ``stale``: the values are old."""
 
     kind_of_device: ClassVar[str] = "device"
 
@@ -46,12 +46,12 @@ class Device(UObject):
     log: DeviceLog
     """Set by the robot."""
 
-    def init(self, wire: Wire, info: DeviceInfo, refused: Refused) -> None:
-        """Make the slots of the device that ``info`` tells of; it is read from now on."""
+    def init(self, channel: DeviceChannel, info: DeviceInfo, refused: Refused) -> None:
+        """Make the slots of the device that ``info`` describes, and start reading it."""
         table = table_of(info.model)
         assert table is not None, "the robot makes devices of known models only"
         self.number = info.id
-        self.wire = wire
+        self.channel = channel
         self.table: Table = table
         self.facts: Facts = facts_of(info.name)
         self.protocol = info.protocol
@@ -61,20 +61,20 @@ class Device(UObject):
         self._read_at: dict[str, float] = {}
         self.seen = self.host.now()
         self.settings: dict[str, int] = {}
-        self._tell_refused = refused
-        self._takers: dict[str, list[Take]] = {}
+        self._report_refused = refused
+        self._handlers: dict[str, list[ChangeHandler]] = {}
         self._missing: set[str] = set()
         for var, value in ((self.id, info.id), (self.model, info.model), (self.firmware, info.firmware)):
             var.sense(float(value))
         self.modelName.sense(info.name)
         for row in self.rows:
-            self._bind(row)
-        self.on_change("state", self.take_state)
+            self._bind_slot(row)
+        self.on_change("state", self.on_state_bits)
         self.prepare()
         self.start_reading()
 
     def prepare(self) -> None:
-        """What a class adds before the first reading; override."""
+        """Bind additional slots before the first reading; override."""
 
     @function
     def age(self) -> float:
@@ -83,56 +83,56 @@ class Device(UObject):
 
     # ---------------------------------------------------------------- slots
 
-    def _bind(self, row: Slot) -> None:
+    def _bind_slot(self, row: Slot) -> None:
         var = self.bind_var(row.name, math.nan, owned=True, writable=row.kind is not Kind.READ)
         item = self.table.item(row.item)
         unit = row.view.unit or units.unit_of(item).symbol
         if unit:
             var.set_property("unit", unit)
-        self.on_change(row.item, self.taker(row, var))
+        self.on_change(row.item, self.change_handler(row, var))
         var.dated = lambda: self.read_at(row.item)
         if row.kind in (Kind.READ, Kind.OWN):
             return
         least, most = sorted(self._shown(row, si) for si in units.limits_si(item))
         set_range(var, least, most)
         act = {
-            Kind.SETTING: self._set,
-            Kind.ALWAYS: self._set_always,
+            Kind.SETTING: self._write_setting,
+            Kind.ALWAYS: self._write_setting_confirmed,
             Kind.COUNTER: self._write_slot,
-            Kind.KEPT: self._keep,
+            Kind.KEPT: self._write_if_changed,
         }[row.kind]
         self.notify_change(var, lambda: act(row, self._raw_of(row, var)))
 
-    def taker(self, row: Slot, var: UVar) -> Take:
-        """What takes a changed register into the slot of a row; override for rows of kind OWN."""
+    def change_handler(self, row: Slot, var: UVar) -> ChangeHandler:
+        """Return the handler that shows a changed register in the slot of a row; override for rows of kind OWN."""
         convert, show, facts = units.unit_of(self.table.item(row.item)).to_si, row.view.show, self.facts
 
-        def take(raw: int, stamp: float) -> None:
+        def show_value(raw: int, stamp: float) -> None:
             var.sense(show(convert(raw), facts), stamp)
 
-        return take
+        return show_value
 
-    def on_change(self, item: str, take: Take) -> None:
-        """Call ``take(raw, stamp)`` whenever a register changed."""
-        self._takers.setdefault(item, []).append(take)
+    def on_change(self, item: str, handler: ChangeHandler) -> None:
+        """Call ``handler(raw, stamp)`` whenever a register changed."""
+        self._handlers.setdefault(item, []).append(handler)
 
     def _shown(self, row: Slot, si: float) -> float:
         return float(row.view.show(si, self.facts))
 
     def _raw_of(self, row: Slot, var: UVar) -> int:
-        return units.from_si(self.table.item(row.item), row.view.take(number(var), self.facts))
+        return units.from_si(self.table.item(row.item), row.view.to_si(number(var), self.facts))
 
     # ---------------------------------------------------------------- writing
 
-    def _set(self, row: Slot, raw: int) -> None:
+    def _write_setting(self, row: Slot, raw: int) -> None:
         self.settings[row.item] = raw
-        self.wire.aim(self.number, row.item, raw)
+        self.channel.set_target(self.number, row.item, raw)
 
-    def _set_always(self, row: Slot, raw: int) -> None:
+    def _write_setting_confirmed(self, row: Slot, raw: int) -> None:
         self.settings[row.item] = raw
         self._write_slot(row, raw)
 
-    def _keep(self, row: Slot, raw: int) -> None:
+    def _write_if_changed(self, row: Slot, raw: int) -> None:
         if self.raw.get(row.item) != raw:
             self._write_slot(row, raw)
 
@@ -140,85 +140,85 @@ class Device(UObject):
         self.write(row.item, raw, row.name)
 
     def write(self, item: str, raw: int, slot: str, done: Callable[[bool], None] = lambda ok: None) -> None:
-        """Write a register for sure; the slot follows when the device has confirmed it.
+        """Write a register by a request; the slot is updated when the device has acknowledged it.
 
-        A device that answers with an error may have obeyed all the same (an AX servo whose goal lies outside the
-        limits it was just given), or its answer may have got lost; so then it is asked what the register holds.
+        A device that answers with an error may have executed the write all the same (an AX servo whose goal lies
+        outside the limits it was just given), or its answer may have got lost; so the register is then read back.
         """
 
         def replied(reply: Reply) -> None:
             if reply.ok:
-                # A limit may have made something else of it.
-                self.take({item: raw if reply.value is None else reply.value}, self.host.now())
+                # A limit may have changed the value.
+                self.update_values({item: raw if reply.value is None else reply.value}, self.host.now())
                 done(True)
             else:
-                self.wire.read(self.number, item, lambda second: looked(second, reply.error))
+                self.channel.read(self.number, item, lambda second: looked(second, reply.error))
 
         def looked(reply: Reply, error: str) -> None:
             if reply.ok and reply.value is not None:
-                self.take({item: reply.value}, self.host.now())
+                self.update_values({item: reply.value}, self.host.now())
             obeyed = reply.ok and reply.value == raw
             if not obeyed:
-                self.refused(slot, self.explained(error))
+                self.refused(slot, self.explain_error(error))
             done(obeyed)
 
-        self.wire.write(self.number, item, raw, replied)
+        self.channel.write(self.number, item, raw, replied)
 
     def refused(self, slot: str, reason: str) -> None:
-        """Something that urbiscript wanted could not be done."""
-        self._tell_refused(self, slot, reason)
+        """Report a write of urbiscript that was not executed."""
+        self._report_refused(self, slot, reason)
 
-    def explained(self, error: str) -> str:
-        """What a refusal means for a user; override where there is more to say."""
+    def explain_error(self, error: str) -> str:
+        """Return a refusal in words for the user; override to add advice."""
         return error
 
     # ---------------------------------------------------------------- reading
 
     def start_reading(self) -> None:
-        """Read everything once, soon; then each register at its own pace."""
+        """Read all registers once with the next ticks, then each at its own period."""
         self._missing = {row.item for row in self.rows} | {item for item, _ in self.hidden}
-        self._forget_last()
-        self.wire.watch(self.number, self._missing, 0.0)
+        self._clear_last_sample()
+        self.channel.watch(self.number, self._missing, 0.0)
 
-    def take(self, values: Mapping[str, int], stamp: float) -> None:
-        """Take what one tick read.  What a robot at rest says a hundred times a second costs next to nothing."""
+    def update_values(self, values: Mapping[str, int], stamp: float) -> None:
+        """Update from the values of one tick.  The unchanged samples of a robot at rest cost one comparison."""
         self.seen = stamp
         if values == self._values:
             self._stamp = stamp
             return
         if values.keys() != self._values.keys():
-            self._forget_last()
+            self._clear_last_sample()
         self._values, self._stamp = values, stamp
-        known, takers = self.raw, self._takers
+        known, handlers = self.raw, self._handlers
         for item, raw in values.items():
             if known.get(item) != raw:
                 known[item] = raw
-                for take in takers.get(item, ()):
-                    take(raw, stamp)
+                for handler in handlers.get(item, ()):
+                    handler(raw, stamp)
         if self._missing:
             self._missing.difference_update(values)
             if not self._missing:
-                self._all_read()
+                self._on_all_read()
 
-    def expect(self, item: str) -> None:
-        """Count the next reading of a register as a change, whatever it is."""
+    def mark_unread(self, item: str) -> None:
+        """Treat the next reading of a register as a change, whatever its value."""
         self.raw.pop(item, None)
-        self._forget_last()
+        self._clear_last_sample()
 
-    def _forget_last(self) -> None:
+    def _clear_last_sample(self) -> None:
         self._read_at.update(dict.fromkeys(self._values, self._stamp))
         self._values = {}
 
     def read_at(self, item: str) -> float:
-        """When a register was last read, in seconds of the kernel's clock."""
+        """Return when a register was last read, in seconds of the kernel's clock."""
         return self._stamp if item in self._values else self._read_at.get(item, -math.inf)
 
     @property
-    def whole(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether all registers were read."""
         return not self._missing
 
-    def _all_read(self) -> None:
+    def _on_all_read(self) -> None:
         paces: dict[float, set[str]] = {}
         for row in self.rows:
             paces.setdefault(row.pace, set()).add(row.item)
@@ -226,16 +226,16 @@ class Device(UObject):
             paces.setdefault(pace, set()).add(item)
         for pace, items in sorted(paces.items()):
             if pace:
-                self.wire.watch(self.number, sorted(items), pace)
+                self.channel.watch(self.number, sorted(items), pace)
         self.stale.sense(False)
 
-    def take_state(self, raw: int, stamp: float) -> None:
-        """The lasting error bits of its answers changed; override where a register says more."""
+    def on_state_bits(self, raw: int, stamp: float) -> None:
+        """The lasting error bits of its answers changed; override to show them."""
 
-    # ---------------------------------------------------------------- being there or not
+    # ---------------------------------------------------------------- loss and return
 
     def changed_state(self, new: str, reason: str) -> None:
-        """The worker says that the device is ok, suspect, lost or back."""
+        """The worker reports the device as ok, suspect, lost or back."""
         self.state.sense(new)
         if new == "lost":
             self.stale.sense(True)
@@ -252,17 +252,17 @@ class Device(UObject):
             self.stale.sense(True)
 
     def restore(self) -> None:
-        """Set again what urbiscript had set, for the device may have been without power; nothing that moves it."""
-        for item, raw in self.lasting().items():
-            self.wire.aim(self.number, item, raw)
+        """Write the settings of urbiscript again, since the device may have lost power; nothing that moves it."""
+        for item, raw in self.restorable_settings().items():
+            self.channel.set_target(self.number, item, raw)
         self.start_reading()
 
-    def lasting(self) -> dict[str, int]:
-        """What urbiscript had set and may be set again."""
+    def restorable_settings(self) -> dict[str, int]:
+        """Return the settings of urbiscript that ``restore`` may write again: register -> raw count."""
         return self.settings
 
     def show_alarm(self, words: str) -> None:
-        """Say what is wrong with the device; "" for nothing."""
+        """Show and log an alarm of the device; "" for none."""
         if words and words != self.alarm.sensed:
             self.log.warning("%s %d: %s", self.kind_of_device, self.number, words)
         self.alarm.sense(words)

@@ -1,4 +1,4 @@
-"""Servos: the classes AX12 (protocol 1.0) and XServo (protocol 2.0), with the same slots where the devices have them.
+"""Servos: the base of the classes AX12 (protocol 1.0) and XServo (protocol 2.0), with the same slots where possible.
 
 ``val`` is the goal when written and the measured position when read, in rad from the middle, counter-clockwise
 positive.  ``speed`` is in rad/s: of a joint, how fast it goes to following goals; of a wheel, how fast it turns.  A
@@ -19,25 +19,22 @@ from typing import Any, ClassVar, Final
 from urbihw.buses import messages as m
 from urbihw.buses.dynamixel import units
 from urbihw.buses.dynamixel.device import DeviceInfo
-from urbihw.buses.dynamixel.status import state_words
-from urbihw.buses.dynamixel.stop import HERE
 from urbihw.buses.messages import Reply
-from urbihw.kernel.uobject import EffectorDevice, Motion, Origin, UVar, function, number, reading, set_range
-from urbihw.platforms.base import LimitTable, Named
-from urbihw.platforms.bioloid import slots
-from urbihw.platforms.bioloid.devices import Device, Refused, Take
+from urbihw.kernel.uobject import EffectorDevice, Motion, Origin, UVar, number, reading, set_range
+from urbihw.platforms.base import LimitNamer, LimitTable
+from urbihw.platforms.bioloid.devices import ChangeHandler, Device, Refused
 from urbihw.platforms.bioloid.servolimits import ServoLimits
 from urbihw.platforms.bioloid.slots import Slot
+from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.limits import DeviceLimits, whole_counts
-from urbihw.platforms.wire import Wire
 
-_MANY: Final = 1000  # counts of which the speed is asked to know that of one
+_PROBE_COUNTS: Final = 1000  # converted to rad/s, they give the scale of a register
 Step = tuple[str, Any]
-"""One write of a switch of mode: item and raw count, or ``HERE``."""
+"""One write of a change of mode: item and raw count, or ``PRESENT_POSITION``."""
 
 
 class Servo(Device, EffectorDevice):
-    """What both kinds of servos share."""
+    """The base of both kinds of servos."""
 
     kind_of_device = "motor"
     wheel = reading(False)
@@ -46,30 +43,30 @@ class Servo(Device, EffectorDevice):
     limits: ClassVar[tuple[str, str]]
     """The registers of cwLimit and ccwLimit."""
 
-    def init(self, wire: Wire, info: DeviceInfo, refused: Refused, motion: Motion) -> None:  # type: ignore[override]
+    def init(self, channel: DeviceChannel, info: DeviceInfo, refused: Refused, motion: Motion) -> None:  # type: ignore[override]
         """``motion`` is who may move the robot."""
         self.motion = motion
-        super().init(wire, info, refused)
+        super().init(channel, info, refused)
 
     def prepare(self) -> None:
-        """Bind what the slots val, speed, load, cwLimit and ccwLimit do."""
+        """Bind the writes of the slots val, speed, load, cwLimit and ccwLimit."""
         self.val, self.speed, self.load = (self.variables[name] for name in ("val", "speed", "load"))
         self.cw_limit, self.ccw_limit = self.variables["cwLimit"], self.variables["ccwLimit"]
         self._off = False
         self._switches = 0
         self._fastest = math.inf, ""
-        self._deferred: dict[str, Origin] = {}
+        self._deferred_writes: dict[str, Origin] = {}
         self._limits_wanted: dict[str, float] = {}
         self._goal_guard = self.guard(self.motion, self.number, self.val)
         self._speed_guard = self.guard(self.motion, self.number, self.speed)
-        self.notify_change(self.val, lambda: self._val_written(self._goal_guard.origin))
-        self.notify_change(self.speed, lambda: self._speed_written(self._speed_guard.origin))
-        self.notify_change(self.load, self._load_written)
+        self.notify_change(self.val, lambda: self._write_val(self._goal_guard.origin))
+        self.notify_change(self.speed, lambda: self._write_speed(self._speed_guard.origin))
+        self.notify_change(self.load, self._write_load)
         for var in (self.cw_limit, self.ccw_limit):
-            self.notify_change(var, self._limit_written)
+            self.notify_change(var, self._write_limit)
             set_range(var, *units.limits_si(self.table.item(self.goal_item_of_limits())))
         for item in (*self.mode_items(), *self.limits):
-            self.on_change(item, lambda raw, stamp: self._limits_read(stamp))
+            self.on_change(item, lambda raw, stamp: self._update_limits(stamp))
         set_range(self.load, 0.0, 1.0)
 
     def goal_item_of_limits(self) -> str:
@@ -80,10 +77,10 @@ class Servo(Device, EffectorDevice):
         """Registers beside the limits that decide whether it is a wheel; override."""
         return ()
 
-    # ---------------------------------------------------------------- what a kind of servo defines
+    # ---------------------------------------------------------------- defined by each kind of servo
 
     def reads_wheel(self) -> bool:
-        """Whether its registers, as last read, make it a wheel."""
+        """Return whether its registers, as last read, make it a wheel."""
         raise NotImplementedError
 
     def speed_range(self, wheel: bool) -> tuple[float, float]:
@@ -104,92 +101,92 @@ class Servo(Device, EffectorDevice):
 
     # ---------------------------------------------------------------- val
 
-    def taker(self, row: Slot, var: UVar) -> Take:
-        """Registers of the slots with a meaning of their own."""
+    def change_handler(self, row: Slot, var: UVar) -> ChangeHandler:
+        """Return the handlers of the slots that depend on several registers or on the mode."""
         if row.name == "speed":
-            return self.speed_taker(row, var)
+            return self.speed_handler(row, var)
         if row.name == "load":
-            return lambda raw, stamp: self.load_read(stamp)
+            return lambda raw, stamp: self.update_load(stamp)
         if row.name in ("cwLimit", "ccwLimit"):
             return lambda raw, stamp: None
-        return super().taker(row, var)
+        return super().change_handler(row, var)
 
-    def speed_taker(self, row: Slot, var: UVar) -> Take:
-        """How the present speed is read; override where the mode matters."""
-        return super().taker(row, var)
+    def speed_handler(self, row: Slot, var: UVar) -> ChangeHandler:
+        """Return the handler of the present speed; override where it depends on the mode."""
+        return super().change_handler(row, var)
 
-    def _val_written(self, origin: Origin) -> None:
+    def _write_val(self, origin: Origin) -> None:
         raw = units.from_si(self.table.item(self.goal), number(self.val))
         if self._switching:
-            self._deferred["val"] = origin
+            self._deferred_writes["val"] = origin
         elif not self.wheel.sensed and not self._off:
-            self.wire.aim(self.number, self.goal, raw, origin)
-            self._want_torque(origin)
+            self.channel.set_target(self.number, self.goal, raw, origin)
+            self._enable_torque(origin)
 
     def explain_off(self) -> str:
-        """See ``EffectorDevice``: while it is being switched on, what is written waits for that."""
+        """Return why a write does not move it, "" if it does; while it is being switched on, writes are deferred."""
         if self._off:
             return f"motor {self.number} is off: switch it on with load = 1"
         return "" if self._switching else self.explain_alarm()
 
     def explain_alarm(self) -> str:
-        """Why an alarm leaves it without torque, and what ends that; "" while none does; override."""
+        """Return why an alarm leaves it without torque, and what to do; "" without an alarm; override."""
         return ""
 
-    def _want_torque(self, origin: Origin) -> None:
-        """An AX servo switches its torque on by itself when given a goal, others do not: say it to both."""
+    def _enable_torque(self, origin: Origin) -> None:
+        """Switch the torque on with a goal: an AX servo does that by itself, others do not."""
         if self.raw.get("torque_enable") != 1:
-            self.wire.aim(self.number, "torque_enable", 1, origin)
+            self.channel.set_target(self.number, "torque_enable", 1, origin)
 
     # ---------------------------------------------------------------- speed
 
-    def _speed_written(self, origin: Origin) -> None:
+    def _write_speed(self, origin: Origin) -> None:
         value = number(self.speed)
         if self._switching:
-            self._deferred["speed"] = origin
+            self._deferred_writes["speed"] = origin
             return
         wheel = bool(self.wheel.sensed)
         item, raw = self.speed_target(value, wheel)
         if wheel:
             if self._off:
                 return
-            self._want_torque(origin)
-            self.wire.aim(self.number, item, raw, origin)
+            self._enable_torque(origin)
+            self.channel.set_target(self.number, item, raw, origin)
         else:
             self.settings[item] = raw
-            self.wire.aim(self.number, item, raw)
+            self.channel.set_target(self.number, item, raw)
             if value > self._fastest[0]:
                 self.show_applied(*self._fastest)
 
     # ---------------------------------------------------------------- limits of the settings
 
-    def limits_in_counts(self, limits: DeviceLimits, named: Named) -> tuple[LimitTable, Sequence[m.Threshold]]:
-        """See ``platforms.base.Limited``: those of the present mode."""
+    def limits_in_counts(self, limits: DeviceLimits, named: LimitNamer) -> tuple[LimitTable, Sequence[m.Threshold]]:
+        """Convert the limits to raw counts for the present mode: see ``platforms.base.LimitedDevice``."""
         row = self.row("torqueLimit")
-        strongest = self._strongest(row, limits.torque)
+        strongest = self._max_torque_count(row, limits.torque)
         if math.isfinite(limits.torque):
-            # 0 is what an alarm has left: no torque limit of anybody's.
-            self._set(row, min(strongest, self.settings.get(row.item) or self.raw.get(row.item) or strongest))
+            # An alarm sets the register to 0; that is not a limit that a program has written.
+            self._write_setting(row, min(strongest, self.settings.get(row.item) or self.raw.get(row.item) or strongest))
         made = ServoLimits(self.number, limits, named)
         self._fastest = limits.speed, named("speed")
         if self.wheel.sensed:
-            table = made.wheel(*self.wheel_scale())
+            table = made.wheel_limits(*self.wheel_scale())
         else:
-            table = made.joint(self.table.item(self.goal))
-        return table | made.torque(row.item, strongest), made.thresholds(row.item, strongest)
+            table = made.joint_limits(self.table.item(self.goal))
+        return table | made.torque_limits(row.item, strongest), made.thresholds(row.item, strongest)
 
-    def released(self) -> None:
-        """The worker has switched it off: it stays off until ``load`` is written."""
+    def mark_released(self) -> None:
+        """The worker has switched it off; it stays off until ``load`` is written."""
         self._off = True
 
-    def _strongest(self, row: Slot, torque: float) -> int:
+    def _max_torque_count(self, row: Slot, torque: float) -> int:
         """The largest count of the torque limit that is no more than a torque in N m."""
         item = self.table.item(row.item)
-        share = min(row.view.take(torque, self.facts), units.limits_si(item)[1])
+        share = min(row.view.to_si(torque, self.facts), units.limits_si(item)[1])
         return int(whole_counts(0.0, share / units.to_si(item, 1))[1])
 
     def was_limited(self, message: m.Limited) -> None:
-        """See ``platforms.base.Limited``."""
+        """Show the limited target in the slot that was written."""
         if message.device != self.number:
             return
         if message.item == self.goal:
@@ -205,92 +202,92 @@ class Servo(Device, EffectorDevice):
     def wheel_scale(self) -> tuple[str, float]:
         """The register of a wheel's speed, and its counts for 1 rad/s."""
         item, _ = self.speed_target(0.0, True)
-        return item, _MANY / self.speed_of(_MANY)
+        return item, _PROBE_COUNTS / self.speed_of(_PROBE_COUNTS)
 
     def speed_of(self, raw: int) -> float:
-        """The speed of a wheel, rad/s, that a count of its register asks for."""
+        """Return the wheel speed in rad/s of a raw target."""
         raise NotImplementedError
 
     # ---------------------------------------------------------------- load
 
-    def _load_written(self) -> None:
+    def _write_load(self) -> None:
         off = number(self.load) == 0
         if not off:
             self.motion.check_device(self.number)
         self._off = off
-        self._switch([("torque_enable", 0)] if self._off else self.plan_on(), "load")
+        self._write_steps([("torque_enable", 0)] if self._off else self.plan_on(), "load")
 
-    def _switch(self, steps: list[Step], slot: str) -> None:
-        """Several writes that belong together; what is written to val and speed meanwhile comes behind them."""
+    def _write_steps(self, steps: list[Step], slot: str) -> None:
+        """Execute several writes without interruption; writes to val and speed are deferred meanwhile."""
         if not steps:
-            self._send_deferred()
+            self._send_deferred_writes()
             return
         self._switches += 1
 
         def replied(reply: Reply) -> None:
             self._switches -= 1
             if reply.ok:
-                self.take(dict(reply.value), self.host.now())
+                self.update_values(dict(reply.value), self.host.now())
             else:
-                self.refused(slot, self.explained(reply.error))
-                # A motor that could not be switched on stays off until that is asked for again.
+                self.refused(slot, self.explain_error(reply.error))
+                # A motor that could not be switched on stays off until ``load`` is written again.
                 self._off = self._off or slot == "load"
                 for item, _ in steps:
-                    self.wire.read(self.number, item, lambda read, item=item: self._read_again(item, read))  # type: ignore[misc]
-            self._send_deferred()
+                    self.channel.read(self.number, item, lambda read, item=item: self._store_reading(item, read))  # type: ignore[misc]
+            self._send_deferred_writes()
 
-        self.wire.write_all(self.number, steps, replied, self.motion.origin())
+        self.channel.write_all(self.number, steps, replied, self.motion.origin())
 
-    def _read_again(self, item: str, reply: Reply) -> None:
+    def _store_reading(self, item: str, reply: Reply) -> None:
         if reply.ok and reply.value is not None:
-            self.take({item: reply.value}, self.host.now())
+            self.update_values({item: reply.value}, self.host.now())
 
-    def load_read(self, stamp: float) -> None:
-        """A register that decides about the slot load was read."""
+    def update_load(self, stamp: float) -> None:
+        """Update the slot load from the registers that it depends on."""
         self.load.sense(float(self.raw.get("torque_enable", 0)), stamp)
 
     def restore(self) -> None:
-        """Set again what urbiscript had set; a motor that was switched off stays off."""
+        """Write the settings of urbiscript again; a motor that was switched off stays off."""
         super().restore()
         if self._off:
             self.write("torque_enable", 0, "load")
 
     # ---------------------------------------------------------------- limits and mode
 
-    def _limit_written(self, var: UVar) -> None:
-        # A switch of mode may move it a little: not for a statement that was stopped.
+    def _write_limit(self, var: UVar) -> None:
+        # A change of mode may move it slightly, so a statement that was stopped must not cause one.
         self.motion.check()
         self._limits_wanted[var.name] = number(var)
-        least, most = self._wanted()
-        # A speed written behind the limits means the mode that they make.
+        least, most = self._wanted_limits()
+        # A speed that is written after the limits refers to the mode that they select.
         set_range(self.speed, *self.speed_range(least == most == 0))
-        # ``cwLimit = ccwLimit = 0`` is two writes that are one wish.
-        self.wire.settle_later(self)
+        # ``cwLimit = ccwLimit = 0`` is two writes that select one mode: combine them at the end of the round.
+        self.channel.settle_later(self)
 
-    def _wanted(self) -> tuple[float, float]:
+    def _wanted_limits(self) -> tuple[float, float]:
         wanted = self._limits_wanted
         return wanted.get("cwLimit", self.cw_limit.sensed), wanted.get("ccwLimit", self.ccw_limit.sensed)
 
     def settle(self) -> None:
-        """The round in which limits were written is over: switch mode, or set them."""
-        least, most = self._wanted()
+        """End of a round in which limits were written: change the mode, or write the limits."""
+        least, most = self._wanted_limits()
         self._limits_wanted = {}
-        self._switch(self.plan_limits(least == most == 0, least, most), "cwLimit, ccwLimit")
+        self._write_steps(self.plan_limits(least == most == 0, least, most), "cwLimit, ccwLimit")
 
     @property
     def _switching(self) -> bool:
         return bool(self._switches or self._limits_wanted)
 
-    def _send_deferred(self) -> None:
+    def _send_deferred_writes(self) -> None:
         if self._switching:
             return
-        deferred, self._deferred = self._deferred, {}
-        for slot, write in (("speed", self._speed_written), ("val", self._val_written)):
+        deferred, self._deferred_writes = self._deferred_writes, {}
+        for slot, write in (("speed", self._write_speed), ("val", self._write_val)):
             origin = deferred.get(slot)
             if origin is not None and self.motion.is_live(origin, self.number):
                 write(origin)
 
-    def _limits_read(self, stamp: float) -> None:
+    def _update_limits(self, stamp: float) -> None:
         if any(item not in self.raw for item in (*self.mode_items(), *self.limits)):
             return
         wheel = self.reads_wheel()
@@ -307,196 +304,4 @@ class Servo(Device, EffectorDevice):
         self.mode_changed()
 
     mode_changed: Callable[[], None] = staticmethod(lambda: None)
-    """Called when its mode or its limits were read anew."""
-
-
-_CRAWL: Final = 1
-"""Counts of an AX's moving_speed: 0.1 rpm of a joint, 0.1 % of the drive of a wheel."""
-
-
-class AX12(Servo):
-    """An AX-12, AX-12W or AX-18."""
-
-    rows = slots.AX12
-    limits = ("cw_angle_limit", "ccw_angle_limit")
-
-    def prepare(self) -> None:
-        """The torque limit says whether an alarm switched the motor off."""
-        super().prepare()
-        self.on_change("torque_limit", lambda raw, stamp: self.load_read(stamp))
-
-    def load_read(self, stamp: float) -> None:
-        """After an alarm the torque limit is 0: the motor gives no torque, whatever torque enable says."""
-        on = self.raw.get("torque_enable") == 1 and self.raw.get("torque_limit") != 0
-        self.load.sense(float(on), stamp)
-
-    def explain_alarm(self) -> str:
-        """After an alarm the torque limit is 0."""
-        if self.raw.get("torque_limit") != 0:
-            return ""
-        return f"motor {self.number} gives no torque since an alarm: switch it on with load = 1"
-
-    def lasting(self) -> dict[str, int]:
-        """The speed that was set for a joint would drive a wheel."""
-        wheel = bool(self.wheel.sensed)
-        return {item: raw for item, raw in self.settings.items() if not (wheel and item == "moving_speed")}
-
-    def plan_on(self) -> list[Step]:
-        """Goal where it is (an old goal must not move it), torque limit back after an alarm, torque on."""
-        steps: list[Step] = []
-        if not self.wheel.sensed:
-            steps.append((self.goal, HERE))
-        if self.raw.get("torque_limit") == 0:
-            steps.append(("torque_limit", self.settings.get("torque_limit", self.raw.get("max_torque", 1023))))
-        return [*steps, ("torque_enable", 1)]
-
-    def reads_wheel(self) -> bool:
-        """Both angle limits 0."""
-        return not any(self.raw[item] for item in self.limits)
-
-    def speed_range(self, wheel: bool) -> tuple[float, float]:
-        """A wheel turns both ways, up to its speed without load; of a joint 0 is the slowest there is."""
-        if wheel:
-            return -self.facts.full_speed, self.facts.full_speed
-        return 0.0, units.UNITS["ax_speed"].to_si(1023)
-
-    def speed_target(self, value: float, wheel: bool) -> Step:
-        """A wheel is driven open loop: a share of full drive, taken to give that share of full speed."""
-        item = self.table.item("moving_speed")
-        return item.name, units.from_si(item, value / self.facts.full_speed if wheel else value, wheel)
-
-    def speed_of(self, raw: int) -> float:
-        """The inverse of ``speed_target``."""
-        return units.to_si(self.table.item("moving_speed"), raw, True) * self.facts.full_speed
-
-    def speed_taker(self, row: Slot, var: UVar) -> Take:
-        """The present speed of a wheel is a share of full drive, too."""
-        item, full = self.table.item(row.item), self.facts.full_speed
-
-        def take(raw: int, stamp: float) -> None:
-            if self.wheel.sensed:
-                var.sense(units.to_si(item, raw, wheel=True) * full, stamp)
-            else:
-                var.sense(units.to_si(item, raw), stamp)
-
-        return take
-
-    def plan_limits(self, wheel: bool, least: float, most: float) -> list[Step]:
-        """Speed first: that of a joint would drive the wheel, and that of a wheel is no speed of a joint.
-
-        Between the writes, and if the servo does not answer in the middle of them, it has the least speed there is: a
-        wheel does not turn with it, and a joint hardly moves; 0 would be full speed to a joint.
-        """
-        cw, ccw = self.limits
-        if wheel:
-            values = {cw: 0, ccw: 0}
-        else:
-            values = {item: units.from_si(self.table.item(item), si) for item, si in ((cw, least), (ccw, most))}
-            values[ccw] = max(values[ccw], 1)
-        steps: list[Step] = [(item, raw) for item, raw in values.items() if self.raw.get(item) != raw]
-        if wheel == self.wheel.sensed or not steps:
-            return steps
-        if wheel:
-            return [("moving_speed", _CRAWL), *steps, ("moving_speed", 0)]
-        # It would go to the goal that it had before it was a wheel.
-        held: list[Step] = [(self.goal, HERE)] if self.raw.get("torque_enable") == 1 else []
-        return [("moving_speed", _CRAWL), *steps, *held, ("moving_speed", self.settings.get("moving_speed", 0))]
-
-    def take_state(self, raw: int, stamp: float) -> None:
-        """The error bits say what is wrong."""
-        self.show_alarm(state_words(raw, self.protocol))
-
-
-_REBOOTS = 1.0
-"""Seconds in which a servo starts; it takes about 0.3."""
-_HARDWARE_ERRORS = {0: "input voltage", 2: "overheating", 3: "encoder", 4: "electrical shock", 5: "overload"}
-_POSITION, _VELOCITY = 3, 1
-
-
-class XServo(Servo):
-    """An X-series servo: XL330, XC330, XL430, XC430, XM430."""
-
-    limits = ("min_position_limit", "max_position_limit")
-    hidden = (("operating_mode", slots.RARE), ("hardware_error", slots.SLOW), ("velocity_limit", slots.RARE))
-
-    def init(self, wire: Wire, info: DeviceInfo, refused: Refused, motion: Motion) -> None:  # type: ignore[override]
-        """The XL430 family tells its load, the others measure their current."""
-        self.rows = slots.XL430 if info.family == "XL430" else slots.X_CURRENT
-        super().init(wire, info, refused, motion)
-
-    def prepare(self) -> None:
-        """A register says what is wrong with it; the torque limit has no sign."""
-        super().prepare()
-        self.on_change("hardware_error", self._take_hardware_error)
-        set_range(self.variables["torqueLimit"], 0.0, self.facts.stall_torque)
-
-    def mode_items(self) -> tuple[str, ...]:
-        """The operating mode is a register of its own."""
-        return ("operating_mode",)
-
-    def reads_wheel(self) -> bool:
-        """Velocity mode."""
-        return self.raw["operating_mode"] == _VELOCITY
-
-    def speed_range(self, wheel: bool) -> tuple[float, float]:
-        """Up to its velocity limit."""
-        item = self.table.item("velocity_limit")
-        fastest = units.to_si(item, self.raw.get("velocity_limit", item.default or item.high))
-        return (-fastest if wheel else 0.0), fastest
-
-    def speed_target(self, value: float, wheel: bool) -> Step:
-        """The goal of a wheel, the profile of a joint."""
-        item = self.table.item("goal_velocity" if wheel else "profile_velocity")
-        return item.name, units.from_si(item, value)
-
-    def speed_of(self, raw: int) -> float:
-        """The inverse of ``speed_target``."""
-        return units.to_si(self.table.item("goal_velocity"), raw)
-
-    def plan_on(self) -> list[Step]:
-        """The servo itself then takes the place where it is for its goal."""
-        return [("torque_enable", 1)]
-
-    def plan_limits(self, wheel: bool, least: float, most: float) -> list[Step]:
-        """Mode and limits can only be written while the torque is off."""
-        values = {"operating_mode": _VELOCITY if wheel else _POSITION}
-        if not wheel:
-            for item, si in zip(self.limits, (least, most), strict=True):
-                values[item] = units.from_si(self.table.item(item), si)
-        steps: list[Step] = [(item, raw) for item, raw in values.items() if self.raw.get(item) != raw]
-        if not steps or self.raw.get("torque_enable") == 0:
-            return steps
-        return [("torque_enable", 0), *steps, ("torque_enable", 1)]
-
-    def explained(self, error: str) -> str:
-        """What is kept without power can only be written while the torque is off."""
-        if "access" in error and self.raw.get("torque_enable"):
-            return f"{error}; switch the motor off first: motor{self.number}.load = 0"
-        return error
-
-    def explain_alarm(self) -> str:
-        """After an alarm only a restart brings the torque back."""
-        if not self.raw.get("hardware_error"):
-            return ""
-        return f"motor {self.number} gives no torque since an alarm ({self.alarm.sensed}): motor{self.number}.reboot"
-
-    @function
-    def reboot(self) -> None:
-        """Restart the servo, the only way to get its torque back after an alarm; it goes limp."""
-        self.wire.ask("reboot", self.number, self._rebooted)
-
-    def _rebooted(self, reply: Reply) -> None:
-        if not reply.ok:
-            self.refused("reboot", reply.error)
-            return
-        handle = 0
-
-        def started() -> None:
-            self.remove_timer(handle)
-            self.restore()
-
-        # Its RAM is as after power on: it gets its settings again when it listens.
-        handle = self.set_timer(_REBOOTS, started)
-
-    def _take_hardware_error(self, raw: int, stamp: float) -> None:
-        self.show_alarm(", ".join(word for bit, word in _HARDWARE_ERRORS.items() if raw >> bit & 1))
+    """Called when its mode or its limits have been read."""

@@ -8,13 +8,15 @@ from typing import Final
 from urbihw.buses import messages as m
 from urbihw.buses.dynamixel.device import DeviceInfo
 from urbihw.kernel.uobject import BadConfig, NotReady, Opened, RobotSettings, UObject, event, function
-from urbihw.platforms.base import Limited, WiredRobot
+from urbihw.platforms.base import LimitedDevice, WiredRobot
+from urbihw.platforms.bioloid.ax12 import AX12
 from urbihw.platforms.bioloid.devices import Device
-from urbihw.platforms.bioloid.motors import AX12, Servo, XServo
+from urbihw.platforms.bioloid.motors import Servo
 from urbihw.platforms.bioloid.sensors import AXS1
-from urbihw.platforms.devicelog import BACK, LOST, News
+from urbihw.platforms.bioloid.xservo import XServo
+from urbihw.platforms.devicelog import BACK, LOST, DeviceEvent
 
-MISSING: Final = News(
+MISSING: Final = DeviceEvent(
     "no answer from {who}, which the settings expect: it joins when it answers",
     "no answer from {count} devices, which the settings expect: they join when they answer: {who}",
 )
@@ -84,7 +86,7 @@ class Bioloid(WiredRobot):
     # ---------------------------------------------------------------- what the daemon calls
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
-        """See ``Robot``."""
+        """Make ``motors`` and ``sensors``, then start the worker."""
         self.motors = self.host.create(Devices, "motors", "motor")
         self.sensors = self.host.create(Devices, "sensors", "sensor")
         self.put_slot("motors", self.motors)
@@ -92,7 +94,7 @@ class Bioloid(WiredRobot):
         super().open(settings, opened)
 
     def status(self) -> str:
-        """See ``Robot``."""
+        """Return the numbers of servos and sensors, the rate, and which are lost."""
         if not self.link.sensed:
             return "link down"
         motors = sum(isinstance(device, Servo) for device in self.devices.values())
@@ -109,44 +111,49 @@ class Bioloid(WiredRobot):
     @function
     def scan(self) -> None:
         """Look for devices on all ids; takes half a second, in which the cycle rests: not while the robot moves."""
-        self.wire.ask("scan", 0, lambda reply: None if reply.ok else self.log.warning("scan failed: %s", reply.error))
+
+        def done(reply: m.Reply) -> None:
+            if not reply.ok:
+                self.log.warning("scan failed: %s", reply.error)
+
+        self.channel.send_request("scan", 0, done)
 
     # ---------------------------------------------------------------- the worker
 
     def on_samples(self, message: m.Samples) -> None:
-        """See ``WiredRobot``."""
+        """Pass the values of each device to it."""
         offset, times, devices = self.offset, message.times, self.devices
         for number, values in message.values.items():
             device = devices.get(number)
             if device is not None:
-                device.take(values, times[number] + offset)
+                device.update_values(values, times[number] + offset)
 
-    def whole(self) -> bool:
-        """See ``WiredRobot``."""
-        return bool(self.devices) and all(device.whole for device in self.devices.values())
+    def is_complete(self) -> bool:
+        """Return whether every device found has been read once."""
+        return bool(self.devices) and all(device.is_complete for device in self.devices.values())
 
     def on_link_down(self, reason: str) -> None:
-        """See ``WiredRobot``."""
+        """Mark all devices as stale."""
         for device in self.devices.values():
             device.link_changed(False)
 
     # ---------------------------------------------------------------- devices
 
     def on_found(self, message: m.Found) -> None:
-        """See ``WiredRobot``."""
+        """Report ID conflicts; make new devices, and restore those that are back."""
         if message.conflicts:
-            self._conflicts(message.conflicts)
+            self._report_conflicts(message.conflicts)
         for info in message.devices:
             device = self.devices.get(info.id)
             if device is None:
-                self._add(info)
+                self._add_device(info)
             else:
                 device.link_changed(True)
-        self.host.run("bioloid.grow;", "bioloid.grow", self._grown)
+        self.host.run("bioloid.grow;", "bioloid.grow", self._on_tree_built)
         if not self.opening:
             return
         if not self.devices:
-            self.answer(
+            self.answer_open(
                 NotReady(
                     f"no servo found on {self.url.sensed}: is the robot switched on, are the cables plugged in, "
                     "is this its speed (?baud=1000000)?"
@@ -155,39 +162,39 @@ class Bioloid(WiredRobot):
         elif not message.conflicts:
             self.wait_for_readings()
 
-    def limited_devices(self) -> Mapping[str, Limited]:
-        """See ``WiredRobot``."""
+    def limited_devices(self) -> Mapping[str, LimitedDevice]:
+        """Return the servos as ``motor1`` to ``motorN``."""
         return {f"motor{number}": each for number, each in self.devices.items() if isinstance(each, Servo)}
 
-    def on_guarded(self, message: m.Guarded) -> None:
-        """See ``WiredRobot``."""
-        super().on_guarded(message)
+    def on_threshold_crossed(self, message: m.ThresholdCrossed) -> None:
+        """Also show the torque of a servo that a threshold has released as off."""
+        super().on_threshold_crossed(message)
         device = self.devices.get(message.device)
         if message.holds and message.passed and isinstance(device, Servo):
-            device.released()
+            device.mark_released()
 
-    def _grown(self, problem: str) -> None:
+    def _on_tree_built(self, problem: str) -> None:
         if problem:
             self.log.error("the tree of the robot is not complete: %s", problem)
 
-    def _conflicts(self, ids: tuple[int, ...]) -> None:
+    def _report_conflicts(self, ids: tuple[int, ...]) -> None:
         numbers = " and ".join(map(str, ids))
         text = (
             f"several devices answer to id {numbers} on {self.url.sensed}: take all but one off the bus and give the "
             "others ids of their own"
         )
         if self.opening:
-            self.answer(BadConfig(text))
+            self.answer_open(BadConfig(text))
         else:
             self.log.error("%s", text)
 
-    def _add(self, info: DeviceInfo) -> None:
+    def _add_device(self, info: DeviceInfo) -> None:
         kind = CLASSES.get(info.family)
         if kind is None:
             self.log.warning("device %d (%s) is of no kind known here; it is left alone", info.id, info.name)
             return
         group, name = (self.motors, "motor") if issubclass(kind, Servo) else (self.sensors, "sensor")
-        about = (self.wire, info, self._refuse, *((self.motion,) if issubclass(kind, Servo) else ()))
+        about = (self.channel, info, self._report_refused, *((self.motion,) if issubclass(kind, Servo) else ()))
         device = self.host.create(kind, f"{name}{info.id}", *about)
         device.log = self.log
         if isinstance(device, Servo):
@@ -197,22 +204,22 @@ class Bioloid(WiredRobot):
         self.found.emit(device)
 
     def on_device_state(self, message: m.DeviceState) -> None:
-        """See ``WiredRobot``."""
+        """Show the loss and the return of a device; one that was lost before it was found is logged as missing."""
         device = self.devices.get(message.device)
         if device is None:
             if message.new == "lost":
                 self._missing[message.device] = None
-                self.log.tell(MISSING, str(message.device))
+                self.log.log_event(MISSING, str(message.device))
             return
         device.changed_state(message.new, message.reason)
         if message.new == "lost":
-            self.log.tell(LOST, f"{device.kind_of_device} {message.device}", message.reason)
+            self.log.log_event(LOST, f"{device.kind_of_device} {message.device}", message.reason)
             self.lost.emit(device)
         elif message.new == "back":
-            self.log.tell(BACK, f"{device.kind_of_device} {message.device}")
+            self.log.log_event(BACK, f"{device.kind_of_device} {message.device}")
             self.back.emit(device)
 
-    def _refuse(self, device: Device, slot: str, reason: str) -> None:
+    def _report_refused(self, device: Device, slot: str, reason: str) -> None:
         self.log.warning("%s %d: %s not written: %s", device.kind_of_device, device.number, slot, reason)
         self.refused.emit(device, slot, reason)
 

@@ -33,14 +33,14 @@ class AXS1(Device):
 
     def prepare(self) -> None:
         """Bind the buzzer and the remote control."""
-        self._asking = False
+        self._is_reading = False
         note, word = self.table.item("buzzer_index"), self.table.item("remocon_tx")
         set_range(self.buzzerIndex, note.low, note.high)
         set_range(self.remocon, word.low, word.high)
-        self.notify_change(self.buzzerIndex, self._play)
-        self.notify_change(self.buzzerTime, self._time_written)
+        self.notify_change(self.buzzerIndex, self._play_note)
+        self.notify_change(self.buzzerTime, self._write_time)
         self.notify_change(self.remocon, self._send_word)
-        self.on_change("remocon_arrived", self._word_arrived)
+        self.on_change("remocon_arrived", self._read_word)
 
     # ---------------------------------------------------------------- buzzer
 
@@ -49,19 +49,19 @@ class AXS1(Device):
         """Play one of the 27 melodies of the module, 0..26."""
         if not 0 <= melody <= 26:
             raise ValueError(f"there are melodies 0..26, no {melody}")
-        self._ring(melody, _MELODY)
+        self._start_buzzer(melody, _MELODY)
 
-    def _play(self) -> None:
+    def _play_note(self) -> None:
         note = number(self.buzzerIndex)
         self.buzzerIndex.sense(note)
-        self._ring(round(note), units.from_si(self.table.item("buzzer_time"), number(self.buzzerTime)))
+        self._start_buzzer(round(note), units.from_si(self.table.item("buzzer_time"), number(self.buzzerTime)))
 
-    def _ring(self, index: int, time: int) -> None:
-        # Requests, because a target that the module has is not sent again, and a note may be played twice.
+    def _start_buzzer(self, index: int, time: int) -> None:
+        # Requests, because an unchanged target is not sent again, and a note may be played twice.
         self.write("buzzer_index", index, "buzzerIndex")
         self.write("buzzer_time", time, "buzzerTime")
 
-    def _time_written(self) -> None:
+    def _write_time(self) -> None:
         """The length of the next note in s, 0.3..5, inf for ever; 0 ends the one that rings."""
         if units.from_si(self.table.item("buzzer_time"), number(self.buzzerTime)) == 0:
             self.write("buzzer_time", 0, "buzzerTime")
@@ -71,19 +71,19 @@ class AXS1(Device):
     def _send_word(self) -> None:
         self.write("remocon_tx", units.from_si(self.table.item("remocon_tx"), number(self.remocon)), "remocon")
 
-    def _word_arrived(self, raw: int, stamp: float) -> None:
-        if raw and not self._asking:
-            self._asking = True
-            self.wire.read(self.number, "remocon_rx", self._word_read)
+    def _read_word(self, raw: int, stamp: float) -> None:
+        if raw and not self._is_reading:
+            self._is_reading = True
+            self.channel.read(self.number, "remocon_rx", self._handle_word)
 
-    def _word_read(self, reply: Reply) -> None:
-        self._asking = False
-        # Reading the word cleared the flag, which may never be seen as 0 if the next word is quick.
-        self.expect("remocon_arrived")
+    def _handle_word(self, reply: Reply) -> None:
+        self._is_reading = False
+        # Reading the word clears the flag, but the next word may set it again before the flag is read.
+        self.mark_unread("remocon_arrived")
         if reply.ok and reply.value is not None:
             self.remocon.sense(float(reply.value))
             self.remoconReceived.emit(float(reply.value))
 
-    def take_state(self, raw: int, stamp: float) -> None:
-        """The error bits say what is wrong."""
+    def on_state_bits(self, raw: int, stamp: float) -> None:
+        """Show the error bits as an alarm."""
         self.show_alarm(state_words(raw, self.protocol))

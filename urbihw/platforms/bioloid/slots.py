@@ -1,7 +1,7 @@
-"""Which register of a device is which slot, in which unit, and how often it is read.
+"""The slots of each device: register, unit, and reading period.
 
-Registers are named as in ``urbihw.buses.dynamixel.tables``; their SI values come from ``units``.  A ``View`` turns
-those into what urbiscript sees where that is something else: a torque in N m instead of a fraction, a truth value.
+Registers are named as in ``urbihw.buses.dynamixel.tables``; their SI values come from ``units``.  A ``View`` converts
+them where the slot is something else: a torque in N m instead of a fraction, or a boolean.
 
 Torques are estimates: the AX-12 and the XL430 report the share of full drive, not a force; others report a current.
 Sources: slots, the manual's Bioloid chapter; registers, ROBOTIS e-manual (ax-12a, ax-s1, xl330-m288, xl430-w250,
@@ -25,7 +25,7 @@ RARE: Final = 10.0
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What the maker says of a model, at its nominal voltage.
+    """Data of a model from its data sheet, at nominal voltage.
 
     Attributes:
         stall_torque: N m.
@@ -57,19 +57,19 @@ FACTS: Final = {
 
 
 def facts_of(model: str) -> Facts:
-    """What is known of a model by name; torques of an unknown one are fractions of full torque."""
+    """Return the data of a model by name; torques of an unknown one are fractions of full torque."""
     return FACTS.get(model, _NONE)
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """How a register's SI value looks in urbiscript: ``show(si, facts)``, and back by ``take(value, facts)``.
+    """Conversion between the SI value of a register and the slot: ``show(si, facts)`` and ``to_si(value, facts)``.
 
-    ``unit`` is what that is measured in, "" for the unit of the register.
+    ``unit`` is the unit of the slot, "" for that of the register.
     """
 
     show: Callable[[float, Facts], Any]
-    take: Callable[[float, Facts], float]
+    to_si: Callable[[float, Facts], float]
     unit: str = ""
 
 
@@ -101,7 +101,7 @@ LOUDEST: Final = View(
 
 
 class Kind(Enum):
-    """What assigning a slot does."""
+    """The effect of a write to a slot."""
 
     READ = "refused"
     SETTING = "written with the next tick, set again when the device comes back"

@@ -8,11 +8,11 @@ from typing import Final
 
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import BadConfig, event, function
-from urbihw.platforms.base import Limited, WiredRobot
+from urbihw.platforms.base import LimitedDevice, WiredRobot
 from urbihw.platforms.cia402.servo import ServoDrive
-from urbihw.platforms.devicelog import LOST, News
+from urbihw.platforms.devicelog import LOST, DeviceEvent
 
-BACK_OFF: Final = News("{who} is back, and off", "{count} drives are back, and off: {who}")
+BACK_OFF: Final = DeviceEvent("{who} is back, and off", "{count} drives are back, and off: {who}")
 TREE: Final = "cia402.u"
 """Builds the standard robot API, when the drives are there."""
 
@@ -36,7 +36,7 @@ class Cia402(WiredRobot):
         self._is_built = False
 
     def status(self) -> str:
-        """See ``Robot``."""
+        """Return the number of drives, the rate, and which are lost."""
         if not self.link.sensed:
             return "link down"
         lost = [str(number) for number, drive in self.members.items() if drive.state.sensed == "lost"]
@@ -59,13 +59,14 @@ class Cia402(WiredRobot):
     # ---------------------------------------------------------------- the worker
 
     def on_found(self, message: m.Found) -> None:
-        """See ``WiredRobot``."""
+        """Make an object for each new drive; those that are back become "ok"."""
         for info in message.devices:
             known = self.members.get(info.id)
             if known is not None:
                 known.changed_state("ok", "")
                 continue
-            drive = self.host.create(ServoDrive, f"drive{info.id}", self.wire, info, self._refuse, self.motion)
+            about = (self.channel, info, self._report_refused, self.motion)
+            drive = self.host.create(ServoDrive, f"drive{info.id}", *about)
             drive.log = self.log
             self.members[info.id] = drive
             if not info.watches:
@@ -73,56 +74,56 @@ class Cia402(WiredRobot):
         self.send_limits()
         if self.opening:
             path = Path(__file__).with_name(TREE)
-            self.host.run(path.read_text("latin-1"), str(path), self._has_tree)
+            self.host.run(path.read_text("latin-1"), str(path), self._on_tree_built)
 
-    def limited_devices(self) -> Mapping[str, Limited]:
-        """See ``WiredRobot``."""
+    def limited_devices(self) -> Mapping[str, LimitedDevice]:
+        """Return the drives as ``drive1`` to ``driveN``."""
         return {f"drive{number}": drive for number, drive in self.members.items()}
 
-    def _has_tree(self, problem: str) -> None:
+    def _on_tree_built(self, problem: str) -> None:
         if problem:
-            self.answer(BadConfig(problem))
+            self.answer_open(BadConfig(problem))
         else:
             self._is_built = True
             self.wait_for_readings()
 
     def on_samples(self, message: m.Samples) -> None:
-        """See ``WiredRobot``."""
+        """Pass the values of each drive to it."""
         for number, values in message.values.items():
             drive = self.members.get(number)
             if drive is not None:
-                drive.take(values, message.times[number] + self.offset)
+                drive.update_values(values, message.times[number] + self.offset)
 
-    def whole(self) -> bool:
-        """See ``WiredRobot``."""
+    def is_complete(self) -> bool:
+        """Return whether the tree is built and all drives have been read once."""
         return self._is_built and bool(self.members) and not any(drive.stale.sensed for drive in self.members.values())
 
     def on_happened(self, message: m.Happened) -> None:
-        """See ``WiredRobot``."""
+        """Show an emergency message, and log a node that is not commanded."""
         drive = self.members.get(message.device)
         if message.what == "emergency" and drive is not None:
-            drive.emergency(message.value[0])
+            drive.show_emergency(message.value[0])
         elif message.what == "left alone":
             self.log.warning("%s; it is left alone", message.value)
 
     def on_device_state(self, message: m.DeviceState) -> None:
-        """See ``WiredRobot``."""
+        """Show, log and emit the loss and the return of a drive."""
         drive = self.members.get(message.device)
         if drive is None:
             return
         drive.changed_state(message.new, message.reason)
         if message.new == "lost":
-            self.log.tell(LOST, f"drive {message.device}", message.reason)
+            self.log.log_event(LOST, f"drive {message.device}", message.reason)
             self.lost.emit(drive)
         elif message.new == "back":
-            self.log.tell(BACK_OFF, f"drive {message.device}")
+            self.log.log_event(BACK_OFF, f"drive {message.device}")
             self.back.emit(drive)
 
     def on_link_down(self, reason: str) -> None:
-        """See ``WiredRobot``."""
+        """Mark all drives as lost."""
         for drive in self.members.values():
             drive.changed_state("lost", reason)
 
-    def _refuse(self, drive: ServoDrive, slot: str, reason: str) -> None:
+    def _report_refused(self, drive: ServoDrive, slot: str, reason: str) -> None:
         self.log.warning("drive %d: %s not done: %s", drive.number, slot, reason)
         self.refused.emit(drive, slot, reason)

@@ -1,7 +1,7 @@
 """The class ServoDrive: a drive as a motor in radians.
 
-``positionCoeff`` is rad for an increment, taken from the encoder that the drive tells of (0x608F), of the motor's own
-shaft; with a gear, or a drive that counts in other units, set it and ``velocityCoeff`` (rad/s for one of its units).
+``positionCoeff`` is rad per increment of the motor's own shaft, from the encoder resolution of the drive (0x608F). With
+a gear, or a drive that counts in other units, set it and ``velocityCoeff`` (rad/s per unit of the drive).
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from urbihw.kernel.uobject import (
     set_range,
     variable,
 )
-from urbihw.platforms.base import LimitTable, Named
+from urbihw.platforms.base import LimitNamer, LimitTable
+from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.devicelog import DeviceLog
 from urbihw.platforms.limits import DeviceLimits, whole_counts
-from urbihw.platforms.wire import Wire
 
 Refused = Callable[["ServoDrive", str, str], None]
-"""Told of what a drive did not do: drive, slot, why."""
+"""Called for a write that a drive did not execute: drive, slot, reason."""
 
 
 class ServoDrive(EffectorDevice):
-    """A drive.  ``load`` is its power: 0 when off.  It is switched on by hand only, and stands when it is."""
+    """A drive.  ``load`` is its power, 0 when off.  Only a write to ``load`` switches it on, at standstill."""
 
     off_is_error = True
     log: DeviceLog
@@ -62,12 +62,12 @@ class ServoDrive(EffectorDevice):
     lost = event()
     back = event()
 
-    def init(self, wire: Wire, info: DriveInfo, refused: Refused, motion: Motion) -> None:
-        """Show the drive that ``info`` tells of; ``motion`` is who may move it."""
+    def init(self, channel: DeviceChannel, info: DriveInfo, refused: Refused, motion: Motion) -> None:
+        """Show the drive that ``info`` describes; ``motion`` decides who may move it."""
         self.number = info.id
-        self._wire = wire
+        self._channel = channel
         self._info = info
-        self._tell_refused = refused
+        self._report_refused = refused
         self._raw: Mapping[str, int] = {}
         self._code = 0
         for var, value in (
@@ -85,60 +85,61 @@ class ServoDrive(EffectorDevice):
         self._set_ranges()
         self._motion = motion
         val, speed = (self.guard(motion, self.number, var) for var in (self.val, self.speed))
-        self.notify_change(self.val, lambda: self._aim(val, self.val, "position", self.positionCoeff))
-        self.notify_change(self.speed, lambda: self._aim(speed, self.speed, "velocity", self.velocityCoeff))
-        self.notify_change(self.load, self._switch)
+        self.notify_change(self.val, lambda: self._write_target(val, self.val, "position", self.positionCoeff))
+        self.notify_change(self.speed, lambda: self._write_target(speed, self.speed, "velocity", self.velocityCoeff))
+        self.notify_change(self.load, self._switch_power)
         for coefficient in (self.positionCoeff, self.velocityCoeff):
-            self.notify_change(coefficient, self._check)
+            self.notify_change(coefficient, self._check_coefficient)
 
     # ---------------------------------------------------------------- what urbiscript calls
 
     @function("resetFault")
     def reset_fault(self) -> None:
         """Acknowledge a fault; the drive is off afterwards."""
-        self._ask("reset", "resetFault")
+        self._send_request("reset", "resetFault")
 
     @function("quickStop")
     def quick_stop(self) -> None:
         """Brake as hard as the drive can, then off."""
-        self._ask("quick_stop", "quickStop")
+        self._send_request("quick_stop", "quickStop")
 
     # ---------------------------------------------------------------- written
 
-    def _aim(self, guard: Effector, var: UVar, item: str, coefficient: UVar) -> None:
+    def _write_target(self, guard: Effector, var: UVar, item: str, coefficient: UVar) -> None:
         value = number(var)
         if off := self.explain_off():
             raise ValueError(off)
         most = (1 << 31) - 1
-        self._wire.aim(self.number, item, max(-most, min(most, round(value / coefficient.value))), guard.origin)
+        raw = max(-most, min(most, round(value / coefficient.value)))
+        self._channel.set_target(self.number, item, raw, guard.origin)
 
     def explain_off(self) -> str:
-        """See ``EffectorDevice``."""
+        """Return why a write does not move the drive, "" if it does."""
         if self.state.sensed != "ok" or self.driveState.sensed == c.ENABLED:
             return ""
         return f"drive {self.number} is off ({self.driveState.sensed}): switch it on with load = 1"
 
-    def _switch(self) -> None:
+    def _switch_power(self) -> None:
         on = bool(number(self.load))
         if on:
             self._motion.check_device(self.number)
-        self._ask("enable" if on else "disable", "load")
+        self._send_request("enable" if on else "disable", "load")
 
-    def _ask(self, verb: str, slot: str) -> None:
+    def _send_request(self, verb: str, slot: str) -> None:
         def done(reply: Reply) -> None:
             if not reply.ok:
-                self._tell_refused(self, slot, reply.error)
+                self._report_refused(self, slot, reply.error)
 
-        self._wire.ask(verb, self.number, done, self._motion.origin())
+        self._channel.send_request(verb, self.number, done, self._motion.origin())
 
-    def _check(self, coefficient: UVar) -> None:
+    def _check_coefficient(self, coefficient: UVar) -> None:
         if number(coefficient) == 0:
             raise ValueError("a coefficient is a number other than 0: SI units per unit of the drive")
         self._set_ranges()
-        self._show(None)
+        self._show_values(None)
 
     def _set_ranges(self) -> None:
-        """Limits as the drive keeps them, in SI; a negative coefficient exchanges them."""
+        """Set the ranges of the slots from the drive's own limits, in SI; a negative coefficient swaps them."""
         ends = sorted((self._info.low * self.positionCoeff.value, self._info.high * self.positionCoeff.value))
         fastest = self._info.most_speed * abs(self.velocityCoeff.value)
         for var, (least, most) in ((self.val, ends), (self.speed, (-fastest, fastest))):
@@ -146,10 +147,10 @@ class ServoDrive(EffectorDevice):
 
     # ---------------------------------------------------------------- limits of the settings
 
-    def limits_in_counts(self, limits: DeviceLimits, named: Named) -> tuple[LimitTable, Sequence[m.Threshold]]:
-        """See ``platforms.base.Limited``: rad, rad/s, rad/s2 of the motor's own shaft, as its encoder counts.
+    def limits_in_counts(self, limits: DeviceLimits, named: LimitNamer) -> tuple[LimitTable, Sequence[m.Threshold]]:
+        """Convert rad, rad/s, rad/s2 of the motor's own shaft to increments: see ``platforms.base.LimitedDevice``.
 
-        Coefficients are for programs to change; what is limited does not change with them.
+        Programs may change the coefficients; the limits do not change with them.
         """
         place = speed = 1 / self._own_coefficient
         places = whole_counts(*(value * place for value in limits.position))
@@ -161,20 +162,20 @@ class ServoDrive(EffectorDevice):
         return table, ()
 
     def was_limited(self, message: m.Limited) -> None:
-        """See ``platforms.base.Limited``."""
+        """Show the limited target in the slot that was written."""
         if message.device == self.number:
             coefficient = self.positionCoeff if message.item == "position" else self.velocityCoeff
             self.limit_applied(message.applied * coefficient.value, message.limit)
 
     # ---------------------------------------------------------------- read
 
-    def take(self, raw: Mapping[str, int], stamp: float) -> None:
-        """Take what was measured, in the drive's units."""
+    def update_values(self, raw: Mapping[str, int], stamp: float) -> None:
+        """Update the slots from measured values in the drive's units."""
         self._raw = raw
-        self._show(stamp)
+        self._show_values(stamp)
         self.stale.sense(False)
 
-    def _show(self, stamp: float | None) -> None:
+    def _show_values(self, stamp: float | None) -> None:
         raw = self._raw
         if not raw:
             return
@@ -197,10 +198,10 @@ class ServoDrive(EffectorDevice):
             self.log.warning("drive %d: %s", self.number, words)
             self.faulted.emit(words)
 
-    def emergency(self, code: int) -> None:
-        """The drive reported an error; 0 takes it back (CiA 301, error codes)."""
+    def show_emergency(self, code: int) -> None:
+        """Show the code of an emergency message; code 0 ends the error (CiA 301, error codes)."""
         self._code = code
-        self._show(None)
+        self._show_values(None)
 
     def changed_state(self, state: str, reason: str) -> None:
         """The drive is ok, lost or back."""

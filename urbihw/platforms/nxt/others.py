@@ -1,4 +1,4 @@
-"""What is in the brick itself: Battery, Beeper, Command (manual, chapter 24)."""
+"""The devices in the brick itself: Battery, Beeper, Command (manual, chapter 24)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BATTERY_PACE: Final = 1.0
 
 
 class Battery(Gauge):
-    """What is left in the battery, 0..1: ``val``, and ``remain`` as in chapter 22; ``voltage`` in V.
+    """The charge of the battery, 0..1: ``val``, and ``remain`` as in chapter 22; ``voltage`` in V.
 
     0 and 1 are the voltages of the options ``battery_empty`` and ``battery_full``.
     """
@@ -27,7 +27,7 @@ class Battery(Gauge):
     val = reading(math.nan)
     remain = reading(math.nan)
     voltage = reading(math.nan)
-    # The brick measures neither.
+    # The brick does not measure capacity and current.
     capacity = reading(math.nan)
     current = reading(math.nan)
 
@@ -35,10 +35,10 @@ class Battery(Gauge):
         """``Battery.new``"""
         self.brick = brick_of(self)
         self.brick.gauges.append(self)
-        self.brick.wire.watch(BRICK, ("millivolts",), BATTERY_PACE)
+        self.brick.channel.watch(BRICK, ("millivolts",), BATTERY_PACE)
 
     def read(self, values: Mapping[str, Any], stamp: float) -> None:
-        """See ``Gauge``."""
+        """Show the voltage and the estimated charge of the battery."""
         empty, full = self.brick.volts
         volts = values["millivolts"] / 1000
         level = min(1.0, max(0.0, (volts - empty) / (full - empty)))
@@ -56,7 +56,7 @@ class Beeper(UObject):
 
     @function
     def play(self, frequency: float, duration: float) -> None:
-        """Beep with 200..14000 Hz for some seconds, 0 for ever; returns at once."""
+        """Play a tone of 200..14000 Hz for some seconds, endless with 0; returns at once."""
         if not LOWEST_HZ <= frequency <= HIGHEST_HZ:
             raise ValueError(f"a beep has {LOWEST_HZ} to {HIGHEST_HZ} Hz, not {frequency:g}")
         longest = LONGEST_TONE / 1000
@@ -64,14 +64,14 @@ class Beeper(UObject):
             duration = 0.0
         if not 0 <= duration <= longest:
             raise ValueError(f"a beep lasts up to {longest:g} s, or 0 for ever, not {duration:g} s")
-        # Less than a millisecond is not for ever.
+        # A duration below 1 ms must not become 0, which is endless.
         milliseconds = max(1, round(duration * 1000)) if duration else 0
-        self.brick.wire.aim(BRICK, "tone", (round(frequency), milliseconds))
+        self.brick.channel.set_target(BRICK, "tone", (round(frequency), milliseconds))
 
     @function
     def stop(self) -> None:
-        """Silence."""
-        self.brick.wire.aim(BRICK, "silence", True)
+        """Stop the tone."""
+        self.brick.channel.set_target(BRICK, "silence", True)
 
 
 class Command(UObject):
@@ -92,13 +92,13 @@ class Command(UObject):
 
     @function("send")
     def send_silently(self, buffer: list[Any]) -> None:
-        """Send a command that wants no answer."""
+        """Send a command that requests no answer."""
         body = _checked(buffer)
-        self.brick.wire.write(BRICK, "silent", body, self._done, self._origin(body))
+        self.brick.channel.write(BRICK, "silent", body, self._done, self._origin(body))
 
     @function
     def ask(self, buffer: list[Any]) -> int:
-        """Send a command that wants an answer; ``answered`` then has this number and the answer as a list, or []."""
+        """Send a command that requests an answer; ``answered`` gets this number and the answer, a list or []."""
         body = _checked(buffer)
         origin = self._origin(body)
         self.count += 1
@@ -108,14 +108,16 @@ class Command(UObject):
             self._done(reply)
             self.answered.emit(number, list(map(float, reply.value)) if reply.ok else [])
 
-        self.brick.wire.write(BRICK, "telegram", body, answered, origin)
+        self.brick.channel.write(BRICK, "telegram", body, answered, origin)
         return number
 
     def _origin(self, body: bytes) -> Origin | None:
-        """Where a command comes from that sets motors in motion; it holds the lease on them.  Raises as ``admit``."""
+        """Return the origin of a command that runs motors; it gets the lease on them.  Raises as ``admit``."""
         origin = None
         for port in sorted(p.outputs_of(b"\x00" + body)):
             origin = self.brick.motion.admit(port)
+            if (device := self.brick.ports.get(port)) is not None:
+                self.brick.end_path(device)
         return origin
 
     def _done(self, reply: Reply) -> None:

@@ -1,4 +1,4 @@
-"""Who owns a port: devices claim one, move to another, and let it go; the error names the owner."""
+"""The owners of ports: a device claims a port, moves to another, and releases it; errors name the owner."""
 
 from __future__ import annotations
 
@@ -26,78 +26,79 @@ class Ports:
         return self._owners.get(port)
 
     def claim(self, port: Any, device: PortDevice) -> None:
-        """Make a device the owner of a port.  Raises ValueError, naming who has it."""
+        """Make a device the owner of a port.  Raises ValueError, naming the present owner."""
         owner = self._owners.get(port, device)
         if owner is not device:
             raise ValueError(f"port {port} is taken by {name_of(owner)}; free that first, or choose another port")
         self._owners[port] = device
 
-    def free(self, port: Any) -> None:
-        """Nobody owns the port any more."""
+    def release(self, port: Any) -> None:
+        """Remove the owner of a port."""
         self._owners.pop(port, None)
 
 
 class Brick(WiredRobot):
-    """What devices know of their robot."""
+    """The part of the robot that devices use."""
 
     ports: Ports
     gauges: list[Gauge]
     volts: tuple[float, float]
-    """Of an empty and of a full battery."""
+    """The voltages of an empty and of a full battery."""
+
+    def end_path(self, device: PortDevice) -> None:
+        """End a path that drives this device, because a program is about to move it."""
 
 
 class Gauge(UObject):
-    """What shows something that is measured in the brick itself."""
+    """A device that shows a value measured in the brick itself."""
 
     def read(self, values: Mapping[str, Any], stamp: float) -> None:
-        """Values have come."""
+        """Show new values."""
         raise NotImplementedError
 
 
 def brick_of(device: UObject) -> Brick:
-    """The robot a device belongs to.  Raises ValueError when there is none."""
-    face = device.host.world.global_.slots.get(SLOT)
-    robot = getattr(face, "python", None)
+    """Return the robot of a device.  Raises ValueError if there is none."""
+    robot = device.host.device(SLOT)
     if not isinstance(robot, Brick):
         raise ValueError("there is no NXT here: start urbihw with --platform nxt")
     return robot
 
 
 def name_of(device: UObject) -> str:
-    """How urbiscript calls a device: the first slot of Global that holds it, or its class."""
-    slots = device.host.world.global_.slots
-    return next((name for name, value in slots.items() if value is device.face), f"another {type(device).__name__}")
+    """Return the name of a device in urbiscript: the first slot of Global that holds it, or its class."""
+    return device.host.name_of(device) or f"another {type(device).__name__}"
 
 
 class PortDevice(UObject):
     """A motor or a sensor on a port.
 
-    ``port`` may be changed: that frees the old one.  ``stale`` is true until the device was read, and while the link is
-    down.
+    A write of ``port`` moves the device to another port.  ``stale`` is true until the first reading, and while the link
+    is down.
     """
 
     known_ports: ClassVar[tuple[Any, ...]] = ()
     items: ClassVar[tuple[str, ...]] = ()
-    """What is read."""
+    """The items to read."""
     pace: ClassVar[float] = 0.0
     """Seconds between readings."""
 
     port = variable()
     stale = reading(True)
 
-    def settle_on(self, port: Any) -> None:
+    def claim_first_port(self, port: Any) -> None:
         """Claim the first port; called by ``init``."""
         self.brick = brick_of(self)
         self.place: Any = None
         self.seen = self.host.now()
-        self._go_to(port)
+        self._move_to_port(port)
         self.port.sense(float(port) if isinstance(port, int) else port)
         self.notify_change(self.port, self._port_written)
 
     @function
     def free(self) -> None:
-        """Let the port go, so that another device can be made on it; this one does nothing any more."""
-        self._leave()
+        """Release the port, so that another device can be made on it; this device is out of use."""
+        self._release_port()
         self.stale.sense(True)
 
     @function
@@ -107,62 +108,62 @@ class PortDevice(UObject):
 
     # ---------------------------------------------------------------- what a class adds
 
-    def arrived(self) -> None:
-        """The device is on a new port, or the link is back; override to set it up."""
+    def set_up_port(self) -> None:
+        """Set up the port: called on a new port, and when the link is back; override."""
 
-    def leaving(self) -> None:
-        """The device leaves its port; override to put it to rest."""
+    def leave_port(self) -> None:
+        """Stop the device before it leaves its port; override."""
 
-    def take(self, values: Mapping[str, Any], stamp: float) -> bool:
-        """Take what was read; false if it is not of use yet."""
+    def show_values(self, values: Mapping[str, Any], stamp: float) -> bool:
+        """Show the values; return False if they are not valid yet."""
         raise NotImplementedError
 
     # ---------------------------------------------------------------- what the robot calls
 
     def read(self, values: Mapping[str, Any], stamp: float) -> None:
-        """Values have come."""
-        if self.take(values, stamp):
+        """Show new values."""
+        if self.show_values(values, stamp):
             self.seen = stamp
             self.stale.sense(False)
 
     def link_changed(self, up: bool) -> None:
         """The link went down, or is up again."""
         if up:
-            self.arrived()
+            self.set_up_port()
         else:
             self.stale.sense(True)
 
     def stopped(self) -> None:
-        """The robot was brought to a stop; override where a slot has to say so."""
+        """The robot has stopped; override to update slots."""
 
     # ---------------------------------------------------------------- ports
 
-    def aim(self, item: str, value: Any, origin: Origin | None = None) -> None:
-        """Set something on the port, if the device has one."""
+    def set_target(self, item: str, value: Any, origin: Origin | None = None) -> None:
+        """Set a target of the port, if the device has a port."""
         if self.place is not None:
-            self.brick.wire.aim(self.place, item, value, origin)
+            self.brick.channel.set_target(self.place, item, value, origin)
 
     def _port_written(self) -> None:
         value = self.port.value
-        self._go_to(int(value) if isinstance(value, float) and value.is_integer() else value)
+        self._move_to_port(int(value) if isinstance(value, float) and value.is_integer() else value)
 
-    def _go_to(self, port: Any) -> None:
+    def _move_to_port(self, port: Any) -> None:
         if port not in self.known_ports:
             known = ", ".join(f'"{each}"' if isinstance(each, str) else str(each) for each in self.known_ports)
             raise ValueError(f"a {type(self).__name__} goes on one of the ports {known}, not on {port!r}")
         if port == self.place:
             return
         self.brick.ports.claim(port, self)
-        self._leave()
+        self._release_port()
         self.place = port
         self.stale.sense(True)
-        self.arrived()
-        self.brick.wire.watch(port, self.items, self.pace)
+        self.set_up_port()
+        self.brick.channel.watch(port, self.items, self.pace)
 
-    def _leave(self) -> None:
+    def _release_port(self) -> None:
         if self.place is None:
             return
-        self.leaving()
-        self.brick.wire.watch(self.place, self.items, None)
-        self.brick.ports.free(self.place)
+        self.leave_port()
+        self.brick.channel.watch(self.place, self.items, None)
+        self.brick.ports.release(self.place)
         self.place = None

@@ -1,6 +1,6 @@
 """Telegrams of the NXT: bytes only.
 
-    request   type opcode ...                 type 00 direct or 01 system, 80 more: no reply wanted
+    request   type opcode ...                 type 00 direct or 01 system; + 80: no reply requested
     reply     02   opcode status ...          status 00 is fine; at most 64 bytes in both directions
 
 Little-endian.  Source: the brick's published firmware (dlech/nxt-firmware, c_comm.c and c_cmd.c) and nxt-python's
@@ -35,10 +35,10 @@ SYSTEM_OPCODES: Final = frozenset(
     (0x80, 0x81, 0x82, 0x83, 0x84, 0x85, 0x86, 0x87, 0x88, 0x89, 0x8B, 0x8C, 0x90, 0x91, 0x92, 0x94, 0x95)
     + (0x98, 0x9B, 0xA0, 0xA1, 0xA2, 0xA4)
 )
-"""Those with a reply that can be relied on: the firmware answers unknown ones with garbage."""
+"""Opcodes with a defined reply: the firmware answers unknown opcodes with garbage."""
 
 MOVING_OPCODES: Final = frozenset((b"\x00", b"\x02", b"\x03", b"\x04"))
-"""Direct commands that set something in motion or sound: STARTPROGRAM, PLAYSOUNDFILE, PLAYTONE, SETOUTPUTSTATE."""
+"""Direct commands that start a motion or a sound: STARTPROGRAM, PLAYSOUNDFILE, PLAYTONE, SETOUTPUTSTATE."""
 
 MEANINGS: Final = {
     0x20: "still busy",
@@ -86,7 +86,7 @@ class Refused(BusError):
 
 @dataclass(frozen=True, slots=True)
 class OutputState:
-    """A motor: what it was told, and its counters in degrees."""
+    """The state of a motor: its command, and its counters in degrees."""
 
     port: int
     power: int
@@ -102,7 +102,7 @@ class OutputState:
 
 @dataclass(frozen=True, slots=True)
 class InputValues:
-    """A sensor; ``valid`` is false for a while after its type was set."""
+    """The values of a sensor; ``valid`` is false for a while after its type was set."""
 
     port: int
     valid: bool
@@ -125,7 +125,7 @@ class Version:
 
 @dataclass(frozen=True, slots=True)
 class BrickInfo:
-    """What a brick says of itself; ``free`` are the bytes left in its flash."""
+    """The identification of a brick; ``free`` is the free space of its flash in bytes."""
 
     name: str
     address: str
@@ -141,7 +141,7 @@ def battery() -> bytes:
 
 
 def keep_alive(reply: bool) -> bytes:
-    """KEEPALIVE: the sleep timer starts anew."""
+    """KEEPALIVE: restart the sleep timer."""
     return b"\x00\x0d" if reply else b"\x80\x0d"
 
 
@@ -156,7 +156,7 @@ def device_info() -> bytes:
 
 
 def run(port: int, power: int, limit: int = 0) -> bytes:
-    """SETOUTPUTSTATE: turn with ``power`` -100..100, regulated; 0 holds.  ``limit`` in degrees, 0 is for ever.
+    """SETOUTPUTSTATE: turn with ``power`` -100..100, regulated; 0 holds.  ``limit`` in degrees, 0 for none.
 
     No reply.  Port 0xff is all motors.
     """
@@ -164,12 +164,12 @@ def run(port: int, power: int, limit: int = 0) -> bytes:
 
 
 def coast(port: int) -> bytes:
-    """SETOUTPUTSTATE: let go.  No reply."""
+    """SETOUTPUTSTATE: switch the motor off.  No reply."""
     return struct.pack("<BBBbBBbBI", 0x80, 0x04, port, 0, 0, 0, 0, 0, 0)
 
 
 def replied(telegram: bytes) -> bytes:
-    """The same telegram with a reply wanted."""
+    """Return the same telegram with a request for a reply."""
     return bytes([telegram[0] & 0x7F]) + telegram[1:]
 
 
@@ -221,7 +221,7 @@ def ls_read(port: int) -> bytes:
 
 
 def outputs_of(telegram: bytes) -> frozenset[str]:
-    """The motors that a telegram sets in motion: those of SETOUTPUTSTATE, all for STARTPROGRAM."""
+    """Return the motors that a telegram starts: those of SETOUTPUTSTATE, all for STARTPROGRAM."""
     if telegram[1:2] == b"\x00" and not telegram[0] & 1:
         return frozenset(OUTPUTS)
     if telegram[1:2] != b"\x04" or telegram[0] & 1 or len(telegram) < 3:
@@ -230,7 +230,7 @@ def outputs_of(telegram: bytes) -> frozenset[str]:
 
 
 def raw(body: bytes, reply: bool) -> bytes:
-    """A telegram from what follows its type byte.  Raises BadValue for one that must not be sent."""
+    """Return the telegram with this body after its type byte.  Raises BadValue for a forbidden one."""
     if not 1 <= len(body) < LONGEST:
         raise BadValue(f"a command has 1 to {LONGEST - 1} bytes, not {len(body)}")
     opcode = body[0]
@@ -245,7 +245,7 @@ def raw(body: bytes, reply: bool) -> bytes:
 
 
 def body(reply: bytes, size: int) -> bytes:
-    """What follows the status of a reply, ``size`` bytes or more.  Raises BadFrame, Refused."""
+    """Return the data after the status of a reply, ``size`` bytes or more.  Raises BadFrame, Refused."""
     if len(reply) < 3 or reply[0] != 0x02:
         raise BadFrame(f"no reply of a brick: {reply.hex(' ') or 'nothing'}")
     if reply[2]:
@@ -256,56 +256,56 @@ def body(reply: bytes, size: int) -> bytes:
 
 
 def parse_battery(reply: bytes) -> int:
-    """mV."""
+    """Return the voltage of the battery in mV."""
     return int.from_bytes(body(reply, 2)[:2], "little")
 
 
 def parse_sleep_limit(reply: bytes) -> int:
-    """ms; 0 for never."""
+    """Return the sleep limit in ms; 0 for never."""
     return int.from_bytes(body(reply, 4)[:4], "little")
 
 
 def parse_version(reply: bytes) -> Version:
-    """Of GET FIRMWARE VERSION."""
+    """Parse the reply to GET FIRMWARE VERSION."""
     protocol_minor, protocol_major, minor, major = body(reply, 4)[:4]
     return Version((protocol_major, protocol_minor), (major, minor))
 
 
 def parse_device_info(reply: bytes) -> BrickInfo:
-    """Of GET DEVICE INFO."""
+    """Parse the reply to GET DEVICE INFO."""
     data = body(reply, 30)
     name = data[:15].split(b"\0")[0].decode("latin-1")
     return BrickInfo(name, data[15:21].hex(":").upper(), int.from_bytes(data[26:30], "little"))
 
 
 def parse_output_state(reply: bytes) -> OutputState:
-    """Of GETOUTPUTSTATE."""
+    """Parse the reply to GETOUTPUTSTATE."""
     return OutputState(*struct.unpack_from("<BbBBbBIiii", body(reply, 22)))
 
 
 def parse_output_runs(reply: bytes) -> bool:
-    """Whether the motor of a reply to GETOUTPUTSTATE is driven."""
+    """Return whether the motor in a reply to GETOUTPUTSTATE runs."""
     state = parse_output_state(reply)
     return state.power != 0 and is_on(state.mode) and state.run_state != _IDLE
 
 
 def is_on(mode: int) -> bool:
-    """Whether a motor of this mode is driven or held; otherwise it is loose, as it is after power-on."""
+    """Return whether a motor in this mode runs or holds; otherwise it is off, as after power-on."""
     return bool(mode & _MOTOR_ON)
 
 
 def parse_input_values(reply: bytes) -> InputValues:
-    """Of GETINPUTVALUES."""
+    """Parse the reply to GETINPUTVALUES."""
     port, valid, calibrated, *rest = struct.unpack_from("<BBBBBHHhh", body(reply, 13))
     return InputValues(port, bool(valid), bool(calibrated), *rest)
 
 
 def parse_ls_status(reply: bytes) -> int:
-    """How many bytes are ready."""
+    """Return the number of bytes that are ready."""
     return body(reply, 1)[0]
 
 
 def parse_ls_read(reply: bytes) -> bytes:
-    """The bytes that were read."""
+    """Return the bytes that were read."""
     data = body(reply, 17)
     return data[1 : 1 + min(data[0], 16)]

@@ -1,6 +1,6 @@
-"""What is read over and over: each watch is a job with a pace of its own, the one that is overdue longest goes first.
+"""Periodic readings: each watch is a job with its own period, and the job that is overdue longest is executed first.
 
-A job sends one telegram when it is due, or, for a sensor on the I2C bus, one of several in turn.
+A job sends one telegram when it is due; for a sensor on the I2C bus, one step of several.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ Values = dict[str, Any]
 
 
 class Job(ABC):
-    """One device's items, read together every ``period`` seconds, but not twice in a tick."""
+    """The items of one device, read together every ``period`` seconds, at most once per tick."""
 
     in_steps = False
-    """Whether a reading takes several telegrams, which may follow each other in one tick."""
+    """Whether a reading takes several telegrams; several of them may be sent in one tick."""
 
     def __init__(self, device: Any, period: float, now: float) -> None:
         self.device = device
@@ -31,36 +31,36 @@ class Job(ABC):
 
     @abstractmethod
     def telegram(self, now: float) -> bytes:
-        """What to send now."""
+        """Return the telegram to send now."""
 
     @abstractmethod
-    def take(self, reply: bytes, now: float) -> Values | None:
-        """The values in a reply, None if there are none yet.  Raises BadFrame, Refused."""
+    def parse_reply(self, reply: bytes, now: float) -> Values | None:
+        """Return the values in a reply, None if there are none yet.  Raises BadFrame, Refused."""
 
     def failed(self, now: float) -> Values | None:
-        """No reply came, or a bad one."""
+        """Handle a missing or bad reply; return values if the failure means a value."""
         self.due = now + self.period
         return None
 
     def rest_until(self, when: float) -> None:
-        """Nothing more in this tick."""
+        """Send nothing before a time: the start of the next tick."""
         if not self.in_steps:
             self.due = max(self.due, when)
 
     def _done(self, now: float) -> None:
-        # From now, not from when it was due: what the wire cannot carry must not pile up.
+        # Count from now, not from the due time: otherwise late readings pile up on a slow link.
         self.due = max(self.due + self.period, now)
 
 
 class OutputJob(Job):
-    """A motor."""
+    """Reads a motor."""
 
     def telegram(self, now: float) -> bytes:
-        """See ``Job``."""
+        """Return GETOUTPUTSTATE of the motor."""
         return p.output_state(p.OUTPUTS.index(self.device))
 
-    def take(self, reply: bytes, now: float) -> Values | None:
-        """See ``Job``."""
+    def parse_reply(self, reply: bytes, now: float) -> Values | None:
+        """Return power, mode, run state and rotation.  Raises BadFrame for another motor's reply."""
         self._done(now)
         state = p.parse_output_state(reply)
         if state.port != p.OUTPUTS.index(self.device):
@@ -69,14 +69,14 @@ class OutputJob(Job):
 
 
 class InputJob(Job):
-    """An analog sensor; while the brick settles after a change of the type there are no values."""
+    """Reads an analog sensor; there are no values while the brick settles after a change of the type."""
 
     def telegram(self, now: float) -> bytes:
-        """See ``Job``."""
+        """Return GETINPUTVALUES of the port."""
         return p.input_values(self.device - 1)
 
-    def take(self, reply: bytes, now: float) -> Values | None:
-        """See ``Job``."""
+    def parse_reply(self, reply: bytes, now: float) -> Values | None:
+        """Return the values of the sensor, None while the brick marks them invalid."""
         self._done(now)
         values = p.parse_input_values(reply)
         if values.port != self.device - 1:
@@ -93,7 +93,7 @@ class InputJob(Job):
 
 
 class DistanceJob(Job):
-    """An ultrasonic sensor."""
+    """Reads an ultrasonic sensor."""
 
     in_steps = True
 
@@ -102,31 +102,31 @@ class DistanceJob(Job):
         self._steps = Ultrasonic(device - 1, now)
 
     def telegram(self, now: float) -> bytes:
-        """See ``Job``."""
+        """Return the telegram of the present step of the measurement."""
         return self._steps.telegram(now)
 
-    def take(self, reply: bytes, now: float) -> Values | None:
-        """See ``Job``."""
-        distance = self._steps.take(reply, now, self.period)
+    def parse_reply(self, reply: bytes, now: float) -> Values | None:
+        """Advance the measurement; return the distance after its last step."""
+        distance = self._steps.parse_reply(reply, now, self.period)
         self.due = self._steps.due
         return None if distance is None else {"distance": distance}
 
     def failed(self, now: float) -> Values | None:
-        """See ``Job``."""
+        """Return the distance of a sensor without an echo; the measurement starts again."""
         distance = self._steps.failed(now)
         self.due = self._steps.due
         return {"distance": distance}
 
 
 class BatteryJob(Job):
-    """The battery."""
+    """Reads the battery."""
 
     def telegram(self, now: float) -> bytes:
-        """See ``Job``."""
+        """Return GETBATTERYLEVEL."""
         return p.battery()
 
-    def take(self, reply: bytes, now: float) -> Values | None:
-        """See ``Job``."""
+    def parse_reply(self, reply: bytes, now: float) -> Values | None:
+        """Return the voltage in mV."""
         self._done(now)
         return {"millivolts": p.parse_battery(reply)}
 
@@ -153,7 +153,7 @@ class Plan:
         self._jobs: dict[tuple[Any, type[Job]], Job] = {}
 
     def watch(self, device: Any, items: Iterable[str], period: float | None, now: float) -> None:
-        """Read items from now on, or with None no more.  Raises BadValue for what no brick has."""
+        """Begin to read items; with the period None, end it.  Raises BadValue for an unknown item."""
         for item in items:
             key = (device, _kind_of(device, item))
             if period is None:
@@ -164,16 +164,16 @@ class Plan:
                 self._jobs[key] = key[1](device, period, now)
 
     def restart(self, now: float) -> None:
-        """The link is new: begin everything anew."""
+        """Restart all jobs, on a new link."""
         self._jobs = {key: key[1](key[0], period, now) for key, period in self._periods.items()}
 
-    def next(self, now: float) -> Job | None:
-        """The job that is overdue longest, if one is due."""
+    def next_job(self, now: float) -> Job | None:
+        """Return the job that is overdue longest, None if none is due."""
         job = min(self._jobs.values(), key=lambda each: each.due, default=None)
         return job if job is not None and job.due <= now else None
 
-    def holds(self, job: Job) -> bool:
-        """Whether the job is still wanted."""
+    def is_wanted(self, job: Job) -> bool:
+        """Return whether the job is still watched."""
         return job in self._jobs.values()
 
 

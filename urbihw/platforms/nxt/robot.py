@@ -2,18 +2,34 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 from urbihw.buses import messages as m
-from urbihw.kernel.uobject import BadConfig, Opened, RobotSettings, UObject, event, function, reading
-from urbihw.platforms.base import Limited
+from urbihw.kernel.uobject import (
+    BadConfig,
+    Opened,
+    RobotSettings,
+    UObject,
+    UVar,
+    event,
+    finite_number,
+    function,
+    reading,
+    variable,
+)
+from urbihw.navigation.pilot import Pilot
+from urbihw.platforms.base import LimitedDevice
+from urbihw.platforms.limits import DeviceLimits
 from urbihw.platforms.nxt.motors import Servo
-from urbihw.platforms.nxt.options import Options
+from urbihw.platforms.nxt.navigation import NxtOdometry, NxtPlanner, NxtWheels
+from urbihw.platforms.nxt.options import TRACK, WHEEL_RADIUS, Options
 from urbihw.platforms.nxt.others import Battery, Beeper, Command
-from urbihw.platforms.nxt.ports import Brick, Ports
+from urbihw.platforms.nxt.ports import Brick, PortDevice, Ports
 from urbihw.platforms.nxt.reading import BRICK
 from urbihw.platforms.nxt.sensors import (
     ColourSensor,
@@ -33,7 +49,7 @@ _ASSIGNED = re.compile(rf"^[ \t]*(\w+)\s*=\s*(?:{'|'.join(kind.__name__ for kind
 class Nxt(Brick):
     """An NXT on USB or Bluetooth."""
 
-    classes = (*_DEVICES, Command)
+    classes = (*_DEVICES, Command, NxtOdometry, NxtPlanner)
 
     robot_name = "nxt"
     family = "urbihw.platforms.nxt.driver:NxtDriver"
@@ -41,31 +57,38 @@ class Nxt(Brick):
     brick_name = reading("", "name")
     address = reading("")
     firmware = reading("")
+    wheelRadius = variable(WHEEL_RADIUS)
+    track = variable(TRACK)
+    fullSpeed = variable(math.radians(900))
     refused = event()
 
     def init(self) -> None:
-        """Called by ``new``; nothing happens before ``open``."""
+        """Called by ``new``; the worker is started by ``open``."""
         super().init()
         self.ports = Ports()
         self.gauges = []
-        self._take_options({})
-        self._laid_out = False
+        self.options = Options()
+        self._set_options({})
+        self._layout_is_done = False
+        self._wheels: NxtWheels | None = None
+        for var in (self.wheelRadius, self.track, self.fullSpeed):
+            self.notify_change(var, partial(self._check_geometry, var))
 
     # ---------------------------------------------------------------- what the daemon calls
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
-        """See ``Robot``."""
-        self._take_options(settings.options)
+        """Read the options, make ``Command``, then start the worker."""
+        self._set_options(settings.options)
         self.host.create(Command, "Command")
         super().open(settings, opened)
 
     def configure(self, settings: RobotSettings) -> None:
-        """See ``Robot``; the layout stays as it is."""
-        self._take_options(settings.options)
+        """Apply new options and settings; the layout is not run again."""
+        self._set_options(settings.options)
         super().configure(settings)
 
     def status(self) -> str:
-        """See ``Robot``."""
+        """Return the brick's name and the numbers of motors and sensors."""
         if not self.link.sensed:
             return "link down"
         motors = sum(isinstance(device, Servo) for device in self.ports)
@@ -76,13 +99,62 @@ class Nxt(Brick):
 
     @function
     def owner(self, port: Any) -> UObject | None:
-        """The device on a port: "A" to "C", 1 to 4; nil if there is none."""
+        """Return the device on a port, "A" to "C" or 1 to 4; nil if there is none."""
         return self.ports.get(int(port) if isinstance(port, float) else str(port))
+
+    @function
+    def steer(self, left: Servo, right: Servo) -> None:
+        """Make these two motors the driving motors of planner and odometry; called by a layout."""
+        if left is right:
+            raise ValueError("a robot that drives has two motors for that")
+        wheels = NxtWheels(self, left, right)
+        if self._wheels is None:
+            odometry = self.host.create(NxtOdometry)
+            pilot = Pilot(wheels, odometry, self.motion, self.log)
+            pilot.planner = self.host.create(NxtPlanner, None, pilot)
+            self.put_slot("odometry", odometry)
+            self.put_slot("planner", pilot.planner)
+        else:
+            pilot = self._wheels.pilot
+            pilot.change_wheels(wheels)
+        wheels.pilot = pilot
+        self._wheels = wheels
+
+    @function("lookAhead")
+    def look_ahead(self, sensor: UltraSonicSensor, place: float) -> None:
+        """Use this sensor, ``place`` m in front of the axle: on a path the robot waits in front of obstacles."""
+        self._driven().look_ahead(sensor, finite_number(place))
+
+    @function("startPath")
+    def start_path(self, goal: Any) -> None:
+        """Drive to [x, y, heading] on the map along a planned path; the planner's events report the end."""
+        self._driven().pilot.planner.move_to(goal)
+
+    def _driven(self) -> NxtWheels:
+        if self._wheels is None:
+            raise ValueError("it is not known which motors drive: say nxt.steer(wheelL, wheelR) in the layout")
+        return self._wheels
+
+    def _check_geometry(self, var: UVar) -> None:
+        value = finite_number(var.value)
+        if not value or (value < 0 and var is not self.wheelRadius):
+            raise ValueError(f"{var.name} is a number above 0; only wheelRadius may be below")
+
+    # ---------------------------------------------------------------- what motors and planner ask
+
+    def motor_limits(self, place: str) -> DeviceLimits:
+        """Return the limits of the settings for the motor on a port."""
+        return self.limits.device(place)
+
+    def end_path(self, device: PortDevice) -> None:
+        """End the planner's path if it drives this motor."""
+        if self._wheels is not None and isinstance(device, Servo) and self._wheels.uses_motor(device):
+            self._wheels.pilot.yield_to_hand()
 
     # ---------------------------------------------------------------- the worker
 
     def on_found(self, message: m.Found) -> None:
-        """See ``WiredRobot``."""
+        """Show the brick's identification, and run the layout at the first connection."""
         (brick,) = message.devices
         self.brick_name.sense(brick.name)
         self.address.sense(brick.address)
@@ -90,76 +162,94 @@ class Nxt(Brick):
         for device in self.ports:
             device.link_changed(True)
         if self.opening:
-            self._lay_out()
+            self._run_layout()
 
     def on_samples(self, message: m.Samples) -> None:
-        """See ``WiredRobot``."""
+        """Show the values of each device; the readings of the driving motors go to the odometry too."""
         for place, values in message.values.items():
             stamp = message.times[place] + self.offset
             device = self.ports.get(place)
             if device is not None:
                 device.read(values, stamp)
+                if self._wheels is not None and "rotation" in values:
+                    self._wheels.add_reading(place, values["rotation"], stamp)
             elif place == BRICK:
                 for gauge in self.gauges:
                     gauge.read(values, stamp)
 
-    def whole(self) -> bool:
-        """See ``WiredRobot``."""
-        return self._laid_out and not any(device.items and device.stale.sensed for device in self.ports)
+    def is_complete(self) -> bool:
+        """Return whether the layout was run and all its devices have been read."""
+        return self._layout_is_done and not any(device.items and device.stale.sensed for device in self.ports)
 
     def on_link_down(self, reason: str) -> None:
-        """See ``WiredRobot``."""
+        """Mark all devices as stale and end a path."""
         for device in self.ports:
             device.link_changed(False)
+        self._drop_path("the link was lost")
 
-    def limited_devices(self) -> Mapping[str, Limited]:
-        """See ``WiredRobot``: motors by the letters of their ports."""
+    def on_halt(self, reason: str, devices: tuple[Hashable, ...] | None = None) -> None:
+        """End a path if one of its motors was stopped."""
+        if self._wheels is not None and (devices is None or set(devices) & set(self._wheels.devices)):
+            self._drop_path(reason)
+
+    def _drop_path(self, reason: str) -> None:
+        """End a path whose wheels the worker has stopped."""
+        if self._wheels is not None:
+            self._wheels.pilot.drop_orders(reason)
+
+    def limited_devices(self) -> Mapping[str, LimitedDevice]:
+        """Return the motors by the letters of their ports."""
         return {str(device.place): device for device in self.ports if isinstance(device, Servo)}
 
     def on_stopped(self, reason: str) -> None:
-        """See ``WiredRobot``."""
+        """Show the speed 0 on all motors."""
         for device in self.ports:
             device.stopped()
 
     def on_happened(self, message: m.Happened) -> None:
-        """See ``WiredRobot``."""
+        """Log and emit the refusal of a command by the brick."""
         self.log.warning("port %s: %s", message.device, message.value)
         self.refused.emit(str(message.device), message.value)
 
     # ---------------------------------------------------------------- the layout
 
-    def _take_options(self, options: Mapping[str, Any]) -> None:
+    def _set_options(self, options: Mapping[str, Any]) -> None:
         try:
-            self._options = Options.of(options)
+            old, self.options = self.options, Options.of(options)
         except BadSetting as error:
             raise BadConfig(f"nxt: {error}") from error
-        self.volts = self._options.battery_empty, self._options.battery_full
+        self.volts = self.options.battery_empty, self.options.battery_full
+        # Values set by a layout or a program stay, unless the settings have changed.
+        if self.options.wheel_radius != old.wheel_radius:
+            self.wheelRadius.sense(self.options.wheel_radius)
+        if self.options.track != old.track:
+            self.track.sense(self.options.track)
 
-    def _lay_out(self) -> None:
-        """Run the layout; the robot is ready when all its devices were read."""
-        layout = self._options.layout
+    def _run_layout(self) -> None:
+        """Run the layout; the robot is ready when all its devices have been read."""
+        layout = self.options.layout
         if not layout:
             self._laid_out_as("")
             return
         try:
             text = Path(layout).read_text("latin-1")
         except OSError as error:
-            self.answer(BadConfig(f"nxt: cannot load the layout {layout}: {error.strerror}"))
+            self.answer_open(BadConfig(f"nxt: cannot load the layout {layout}: {error.strerror}"))
             return
-        # As the manual writes it, `wheelL = Servo.new("C");`: the names need not be declared.
+        # The manual writes `wheelL = Servo.new("C");`, so names need no declaration.
         for name in dict.fromkeys(_ASSIGNED.findall(text)):
-            if name not in self.host.world.global_.slots:
+            if not self.host.has_slot(name):
                 self.host.put(name, None)
         self.host.run(text, layout, self._laid_out_as)
 
     def _laid_out_as(self, problem: str) -> None:
         if problem:
-            self.answer(BadConfig(f"nxt: the layout does not work: {problem}"))
+            self.answer_open(BadConfig(f"nxt: the layout does not work: {problem}"))
             return
-        self._laid_out = True
+        self._layout_is_done = True
         self.send_limits()
-        if self.whole():
-            self.answer(None)
+        if self.is_complete():
+            self.answer_open(None)
         else:
             self.wait_for_readings()
 

@@ -1,7 +1,7 @@
 """Sensors: UltraSonicSensor, SoundSensor, LightSensor and Switch of the manual (chapter 24), and two more.
 
-``val`` is in the manual's units: cm, 0..1, 0 or 1.  Slots of the interfaces of chapter 22 stand beside it: ``distance``
-in m, ``pressure``.
+``val`` is in the manual's units: cm, 0..1, 0 or 1.  The slots of the interfaces of chapter 22, ``distance`` in m
+and ``pressure``, have the same value.
 """
 
 from __future__ import annotations
@@ -23,30 +23,30 @@ Setting = tuple[int, int]
 
 
 class Sensor(PortDevice):
-    """What sensors share."""
+    """Base of the sensors."""
 
     known_ports = p.INPUTS
     val = reading(math.nan)
 
     def setting(self) -> Setting:
-        """How the port is to be set; override."""
+        """Return the setting of the port; override."""
         raise NotImplementedError
 
-    def arrived(self) -> None:
-        """See ``PortDevice``."""
-        self.aim("mode", self.setting())
+    def set_up_port(self) -> None:
+        """Set the type and mode of the new port."""
+        self.set_target("mode", self.setting())
 
 
 class AnalogSensor(Sensor):
-    """A sensor that is a voltage; ``raw`` is what the brick measures, 0..1023."""
+    """A sensor with a voltage as its output; ``raw`` is the measured value, 0..1023."""
 
     items = ("raw",)
     pace = 0.02
 
     raw = reading(math.nan)
 
-    def take(self, values: Mapping[str, Any], stamp: float) -> bool:
-        """See ``PortDevice``.  Values of the mode before are of no use."""
+    def show_values(self, values: Mapping[str, Any], stamp: float) -> bool:
+        """Show the values, unless they were measured in another mode."""
         if (values["kind"], values["mode"] & _MODE_BITS) != self.setting():
             return False
         self.raw.sense(float(values["raw"]), stamp)
@@ -54,7 +54,7 @@ class AnalogSensor(Sensor):
         return True
 
     def measured(self, values: Mapping[str, Any], stamp: float) -> None:
-        """Values have come; override."""
+        """Show valid values; override."""
         raise NotImplementedError
 
 
@@ -68,17 +68,17 @@ class ModalSensor(AnalogSensor):
         """Called by ``init``."""
         self._check(mode)
         self.mode.sense(mode)
-        self.settle_on(port)
+        self.claim_first_port(port)
         self.notify_change(self.mode, self._mode_written)
 
     def setting(self) -> Setting:
-        """See ``Sensor``."""
+        """Return the row of ``modes`` that ``mode`` names."""
         return self.modes[str(self.mode.value)]
 
     def _mode_written(self) -> None:
         self._check(self.mode.value)
         self.stale.sense(True)
-        self.arrived()
+        self.set_up_port()
 
     def _check(self, mode: Any) -> None:
         if not isinstance(mode, str) or mode not in self.modes:
@@ -87,7 +87,7 @@ class ModalSensor(AnalogSensor):
 
 
 class SoundSensor(ModalSensor):
-    """How loud it is, 0..1; "DBA" is adapted to the ear, "DB" is the whole band."""
+    """Loudness, 0..1; "DBA" is adapted to the ear, "DB" is the whole band."""
 
     modes = {"DBA": (p.SOUND_DBA, p.PERCENT), "DB": (p.SOUND_DB, p.PERCENT)}
 
@@ -96,12 +96,12 @@ class SoundSensor(ModalSensor):
         self.begin(port, mode)
 
     def measured(self, values: Mapping[str, Any], stamp: float) -> None:
-        """See ``AnalogSensor``."""
+        """Show the loudness as a share of full scale."""
         self.val.sense(values["normalised"] / FULL, stamp)
 
 
 class LightSensor(ModalSensor):
-    """How bright it is, 0..1: "Reflector" lights the LED, "Ambient" does not; "Normal" is 0..1023, without LED."""
+    """Brightness, 0..1: with the LED on in "Reflector", off in "Ambient"; 0..1023 in "Normal", with the LED off."""
 
     modes = {
         "Reflector": (p.LIGHT_ACTIVE, p.PERCENT),
@@ -114,25 +114,25 @@ class LightSensor(ModalSensor):
         self.begin(port, mode)
 
     def measured(self, values: Mapping[str, Any], stamp: float) -> None:
-        """See ``AnalogSensor``."""
+        """Show the brightness as a share, or as 0..1023 in mode "Normal"."""
         self.val.sense(float(values["scaled"]) if self.mode.value == "Normal" else values["normalised"] / FULL, stamp)
 
 
 class Switch(AnalogSensor):
-    """A touch sensor: 1 while it is pressed, else 0."""
+    """A touch sensor: 1 while pressed, else 0."""
 
     pressure = reading(math.nan)
 
     def init(self, port: int) -> None:
         """``Switch.new(4)``"""
-        self.settle_on(port)
+        self.claim_first_port(port)
 
     def setting(self) -> Setting:
-        """See ``Sensor``."""
+        """Return the setting of a touch sensor: true or false."""
         return p.SWITCH, p.BOOLEAN
 
     def measured(self, values: Mapping[str, Any], stamp: float) -> None:
-        """See ``AnalogSensor``."""
+        """Show 1 if pressed, else 0."""
         self.val.sense(float(values["scaled"]), stamp)
         self.pressure.sense(float(values["scaled"]), stamp)
 
@@ -145,20 +145,20 @@ class ColourSensor(AnalogSensor):
 
     def init(self, port: int) -> None:
         """``ColourSensor.new(3)``"""
-        self.settle_on(port)
+        self.claim_first_port(port)
 
     def setting(self) -> Setting:
-        """See ``Sensor``."""
+        """Return the setting of a colour sensor."""
         return p.COLOUR, p.RAW
 
     def measured(self, values: Mapping[str, Any], stamp: float) -> None:
-        """See ``AnalogSensor``."""
+        """Show the number of the colour and its name."""
         self.val.sense(float(values["scaled"]), stamp)
         self.colour.sense(self.COLOURS.get(values["scaled"], ""))
 
 
 class UltraSonicSensor(Sensor):
-    """Distance in cm, 0..255; 255 when there is no echo and when the sensor cannot be read.  ``distance`` is in m."""
+    """Distance in cm, 0..255; 255 without an echo, or if the sensor cannot be read.  ``distance`` is in m."""
 
     items = ("distance",)
     pace = 0.05
@@ -167,14 +167,14 @@ class UltraSonicSensor(Sensor):
 
     def init(self, port: int) -> None:
         """``UltraSonicSensor.new(2)``"""
-        self.settle_on(port)
+        self.claim_first_port(port)
 
     def setting(self) -> Setting:
-        """See ``Sensor``."""
+        """Return the setting of a sensor on the I2C bus with 9 V."""
         return p.LOWSPEED_9V, p.RAW
 
-    def take(self, values: Mapping[str, Any], stamp: float) -> bool:
-        """See ``PortDevice``."""
+    def show_values(self, values: Mapping[str, Any], stamp: float) -> bool:
+        """Show the distance in cm and in m; without an echo, ``distance`` is inf."""
         centimetres = float(values["distance"])
         self.val.sense(centimetres, stamp)
         self.distance.sense(math.inf if centimetres >= NO_ECHO else centimetres / 100, stamp)
@@ -182,7 +182,7 @@ class UltraSonicSensor(Sensor):
 
 
 class I2CSensor(PortDevice):
-    """Any sensor on the I2C bus, with ``address`` in the 8-bit form that makers print (2 for most).
+    """Any sensor on the I2C bus; ``address`` in the 8-bit form of the makers' data sheets (2 for most).
 
     ``read(register, count)`` and ``write(register, bytes)`` are in nxt.u; each waits for its answer.
     """
@@ -198,17 +198,17 @@ class I2CSensor(PortDevice):
             raise ValueError("an I2C address is an even number from 0 to 254")
         self.address.sense(float(address))
         self.count = 0
-        self.settle_on(port)
+        self.claim_first_port(port)
 
-    def arrived(self) -> None:
-        """See ``PortDevice``.  It is only read when asked, so it has no old values."""
-        self.aim("mode", (p.LOWSPEED_9V, p.RAW))
+    def set_up_port(self) -> None:
+        """Set the port to I2C.  The sensor is read on request only, so its values are never stale."""
+        self.set_target("mode", (p.LOWSPEED_9V, p.RAW))
         self.stale.sense(False)
 
     @function
     def transfer(self, data: list[Any], count: int) -> int:
-        """Write bytes, the first of them a register, and read ``count``; ``answered`` then has this number and a list,
-        or a text that says what went wrong."""
+        """Write bytes, a register first, and read ``count``; ``answered`` is emitted with the returned number and a
+        list, or a text with the error."""
         if not 1 <= len(data) <= 15 or not 0 <= count <= 16:
             raise ValueError("a transfer writes 1 to 15 bytes and reads at most 16")
         if self.place is None:
@@ -216,7 +216,7 @@ class I2CSensor(PortDevice):
         self.count += 1
         number = self.count
         sent = bytes([int(self.address.value), *octets(data)])
-        self.brick.wire.write(
+        self.brick.channel.write(
             self.place,
             "i2c",
             (sent, count),
@@ -226,7 +226,7 @@ class I2CSensor(PortDevice):
 
 
 def octets(values: list[Any]) -> bytes:
-    """A list of urbiscript as bytes.  Raises ValueError."""
+    """Convert an urbiscript list to bytes.  Raises ValueError."""
     if not all(isinstance(value, int | float) and value == int(value) and 0 <= value <= 255 for value in values):
         raise ValueError("this takes a list of integers from 0 to 255")
     return bytes(map(int, values))

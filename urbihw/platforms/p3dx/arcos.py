@@ -1,4 +1,4 @@
-"""What every robot that speaks ARCOS can do: any command by name, and packets on request, as urbiscript sees them."""
+"""The base of robots that speak ARCOS: commands by name and packets on request, for urbiscript."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from urbihw.platforms.p3dx.packets import REQUESTS
 
 
 class ArcosRobot(WiredRobot):
-    """A robot on a wire that ``driver`` drives."""
+    """A robot whose wire is driven by ``driver``."""
 
     family = "urbihw.platforms.p3dx.driver:ArcosDriver"
     robot_name = "p3dx"
@@ -22,24 +22,24 @@ class ArcosRobot(WiredRobot):
     def init(self) -> None:
         """Called by ``new``; nothing happens before ``open``."""
         super().init()
-        self._extras: dict[str, Mapping[str, Any]] = {}
+        self._packets: dict[str, Mapping[str, Any]] = {}
 
     def check_link(self) -> None:
         """Raises ValueError while the link is down."""
         if not self.link.sensed:
             raise ValueError("the link to the robot is down")
 
-    def warn(self, what: str) -> Callable[[m.Reply], None]:
-        """Takes the answer to a request, and logs what went wrong."""
+    def warn_on_failure(self, what: str) -> Callable[[m.Reply], None]:
+        """Return a handler of a reply that logs its error."""
         return lambda reply: None if reply.ok else self.log.warning("%s: %s", what, reply.error)
 
-    def take_extra(self, device: str, values: Mapping[str, Any]) -> None:
-        """A packet that was asked for came."""
-        self._extras[device] = values
+    def store_packet(self, device: str, values: Mapping[str, Any]) -> None:
+        """Store the values of a packet that was requested."""
+        self._packets[device] = values
 
     @function("command")
-    def command_(self, name: str, value: Any) -> None:
-        """Send a command of ARCOS by name: with nil, a number, or a list of bytes; none that drives."""
+    def command_by_name(self, name: str, value: Any) -> None:
+        """Send a command of ARCOS by name, with nil, a number, or a list of bytes; commands that drive are refused."""
         if isinstance(value, list):
             try:
                 value = bytes(int(byte) for byte in value)
@@ -48,7 +48,7 @@ class ArcosRobot(WiredRobot):
         self.command(name, int(value) if isinstance(value, float) else value)
 
     def command(self, name: str, value: int | bytes | None) -> None:
-        """See ``devices.Commands``."""
+        """Send a command of ARCOS.  Raises ValueError for an invalid one, or one that drives."""
         try:
             encode(name, value)
         except BadValue as error:
@@ -56,7 +56,7 @@ class ArcosRobot(WiredRobot):
         if name in DRIVING:
             raise ValueError(f"{name} cannot be sent like this; use the slots that drive the robot")
         self.check_link()
-        self.wire.write("command", name, value, self.warn(name))
+        self.channel.write("command", name, value, self.warn_on_failure(name))
 
     @function
     def watch(self, device: str) -> None:
@@ -67,15 +67,15 @@ class ArcosRobot(WiredRobot):
     def unwatch(self, device: str) -> None:
         """No more packets of a device."""
         self._watch(device, None)
-        self._extras.pop(device, None)
+        self._packets.pop(device, None)
 
     def _watch(self, device: str, period: float | None) -> None:
         if device not in REQUESTS:
             raise ValueError(f"there is no {device!r} to watch; there are: {', '.join(sorted(REQUESTS))}")
-        self.tell(m.Watch(device, (), period))
+        self.send_message(m.Watch(device, (), period))
 
     @function
     def values(self, device: str) -> dict[str, Any]:
         """What the last packet of a watched device said, by name; nothing if none came yet."""
         return {name: list(value) if isinstance(value, bytes) else value
-                for name, value in self._extras.get(device, {}).items()}  # fmt: skip
+                for name, value in self._packets.get(device, {}).items()}  # fmt: skip

@@ -1,4 +1,4 @@
-"""The commands of ARCOS by name: number, what may follow it, and what it does.
+"""The commands of ARCOS by name: number, kind of argument, and purpose.
 
 Sources: the ARCOS chapter of the Pioneer 3 manual, the P2OS command table, ARIA's ``ArCommands.h``, MobileSim.
 """
@@ -16,7 +16,7 @@ NOTHING, NUMBER, WORD, STRING = "nothing", "a number", "a word of 16 bits", "byt
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One row: ``takes`` is what may follow the number."""
+    """One command: ``takes`` is the kind of its argument."""
 
     number: int
     takes: str
@@ -103,19 +103,19 @@ COMMANDS: Final[dict[str, Command]] = {
     "BATTEST": Command(250, NUMBER, "pretend this battery voltage, 0.1 V; 0 for the real one"),
     "RESET": Command(253, NOTHING, "reset the controller"),
 }
-"""All but the arm's, and MAINTENANCE (255), which is never to be sent."""
+"""All commands but those of the arm, and but MAINTENANCE (255), which must never be sent."""
 
 DRIVING: Final = frozenset(
     {"OPEN", "CLOSE", "ENABLE", "MOVE", "ROTATE", "VEL", "HEAD", "DHEAD", "RVEL", "DCHEAD", "VEL2"}
     | {"HOSTBAUD", "RESET", "LATVEL"}
 )
-"""What only the driver itself sends: it must know how fast the robot shall go and whether it is connected."""
+"""The commands that only the driver sends: it must know the commanded speeds and the state of the connection."""
 
 _LEAST_AND_MOST: Final = {NUMBER: (-LARGEST, LARGEST), WORD: (0, 0xFFFF)}
 
 
 def encode(name: str, value: int | bytes | None = None) -> bytes:
-    """The packet of a command by name.  Raises BadValue when there is none or its argument is of another kind."""
+    """Return the packet of a command.  Raises BadValue for an unknown name or an argument of another kind."""
     row = COMMANDS.get(name)
     if row is None:
         raise BadValue(f"ARCOS has no command {name!r}; there are: {', '.join(sorted(COMMANDS))}")
@@ -135,7 +135,7 @@ def encode(name: str, value: int | bytes | None = None) -> bytes:
 
 
 def wheels(left: int, right: int) -> int:
-    """The argument of VEL2 for two wheels in units of the robot's Vel2Divisor (-126..126).  Raises BadValue."""
+    """Return the argument of VEL2 for two wheels, in units of the robot's Vel2Divisor (-126..126).  Raises BadValue."""
     for name, value in (("left", left), ("right", right)):
         if not -126 <= value <= 126:
             raise BadValue(f"VEL2: {name} wheel {value} is not from -126 to 126")

@@ -1,7 +1,6 @@
-"""What a Pioneer consists of, as urbiscript sees it: body, wheels, sonars, speeds, camera, battery.
+"""The parts of a Pioneer in urbiscript: body, wheels, sonars, speeds, camera, battery.
 
-SI units outside, raw counts inside.  Each part is told by ``robot`` what was measured; what is written to it goes to
-the robot, which alone decides what is ordered.
+Slots are in SI units.  ``robot`` updates each part with measured values; writes go to the robot, which sends commands.
 """
 
 from __future__ import annotations
@@ -16,14 +15,14 @@ from urbihw.platforms.p3dx import camera
 ROBOT: Final = "robot"
 
 
-class Commands(Protocol):
-    """What the parts need of the robot."""
+class RobotCommands(Protocol):
+    """The interface of the robot for its parts."""
 
     motion: Motion
-    """Who may move it."""
+    """Decides who may move it."""
 
     def explain_off(self) -> str:
-        """Why the robot does not drive although it is told to, while the motors are off; else ""."""
+        """Return why the robot does not drive while the motors are off, else ""."""
         ...
 
     def switch_motors(self, on: bool) -> None:
@@ -44,7 +43,7 @@ class Commands(Protocol):
 
 
 class Switch(UObject):
-    """A part with the slot ``load``: 1 on, 0 off; reads what the robot shows, not what was wished."""
+    """A part with the slot ``load``: 1 on, 0 off; reads the state that the robot reports, not the last write."""
 
     load = owned(0.0)
 
@@ -68,7 +67,7 @@ class Body(Switch):
     digitalIn = reading(0.0)
     digitalOut = owned(0.0)
 
-    def init(self, robot: Commands, safety: Safety) -> None:  # type: ignore[override]
+    def init(self, robot: RobotCommands, safety: Safety) -> None:  # type: ignore[override]
         """``safety`` is what the drive keeps to."""
         super().init()
         self._robot = robot
@@ -126,15 +125,15 @@ class Sonars(Switch):
 
     uname = "P3dxSonars"
 
-    def init(self, robot: Commands) -> None:  # type: ignore[override]
-        """See ``Switch``."""
+    def init(self, robot: RobotCommands) -> None:  # type: ignore[override]
+        """Bind the switch of all sonars."""
         super().init()
         self.notify_change(self.load, lambda: robot.switch_sonars(number(self.load) != 0))
 
     @function("lendTo")
     def lend_to(self, ring: Any) -> None:
         """Let the Localizer of the sonars have the slot ``load``."""
-        self.load.put(ring, "load")
+        self.load.add_slot(ring, "load")
 
 
 class XSpeed(EffectorDevice):
@@ -145,7 +144,7 @@ class XSpeed(EffectorDevice):
     off_is_error = True
     speed = owned(0.0)
 
-    def init(self, robot: Commands, fastest: float) -> None:
+    def init(self, robot: RobotCommands, fastest: float) -> None:
         """``fastest`` in m/s."""
         self._robot = robot
         self.guard(robot.motion, ROBOT, self.speed)
@@ -153,7 +152,7 @@ class XSpeed(EffectorDevice):
         set_range(self.speed, -fastest, fastest)
 
     def explain_off(self) -> str:
-        """See ``EffectorDevice``."""
+        """Return why a speed does not drive the robot, "" if it does."""
         return self._robot.explain_off()
 
 
@@ -165,7 +164,7 @@ class YawSpeed(EffectorDevice):
     off_is_error = True
     speed = owned(0.0)
 
-    def init(self, robot: Commands, fastest: float) -> None:
+    def init(self, robot: RobotCommands, fastest: float) -> None:
         """``fastest`` in rad/s."""
         self._robot = robot
         self.guard(robot.motion, ROBOT, self.speed)
@@ -173,7 +172,7 @@ class YawSpeed(EffectorDevice):
         set_range(self.speed, -fastest, fastest)
 
     def explain_off(self) -> str:
-        """See ``EffectorDevice``."""
+        """Return why a speed does not turn the robot, "" if it does."""
         return self._robot.explain_off()
 
 
@@ -197,8 +196,8 @@ class Battery(UObject):
         self._low, self._empty = low or 11.5, empty or 11.0
         self._was_low = False
 
-    def show(self, values: dict[str, Any], stamp: float) -> None:
-        """Take in what a SIP says."""
+    def update_values(self, values: dict[str, Any], stamp: float) -> None:
+        """Update the slots from the items of a SIP."""
         voltage = (values.get("battery_x10") or values["battery"]) / 10
         self.voltage.sense(voltage, stamp)
         charge = values.get("charge", 0)
@@ -213,28 +212,28 @@ class Battery(UObject):
 
 
 class Camera(Switch):
-    """The camera's mechanics: a Sony EVI-D30 on AUX1.  What is read is what was ordered; it tells nothing."""
+    """The camera's mechanics: a Sony EVI-D30 on AUX1.  It reports nothing, so slots read the last command."""
 
     uname = "P3dxCamera"
 
     yaw = owned(0.0)
     pitch = owned(0.0)
     zoom = owned(0.0)
-    # What Interface.VideoIn wants; the picture does not come over this wire.
+    # Required by Interface.VideoIn; the picture is not transmitted over this wire.
     val = reading()
     width = reading(0.0)
     height = reading(0.0)
     xfov = reading(math.nan)
     yfov = reading(math.nan)
 
-    def init(self, robot: Commands) -> None:  # type: ignore[override]
+    def init(self, robot: RobotCommands) -> None:  # type: ignore[override]
         """Nothing moves before ``load`` is 1."""
         super().init()
         self._robot = robot
         self.notify_change(self.load, self._connect)
         for var in (self.yaw, self.pitch):
-            self.notify_change(var, self._look)
-        self.notify_change(self.zoom, self._zoom)
+            self.notify_change(var, self._send_direction)
+        self.notify_change(self.zoom, self._send_zoom)
         set_range(self.yaw, -camera.PAN_MOST, camera.PAN_MOST)
         set_range(self.pitch, -camera.TILT_MOST, camera.TILT_MOST)
         set_range(self.zoom, 0.0, 1.0)
@@ -245,18 +244,18 @@ class Camera(Switch):
             self._robot.command("TTY2", camera.INIT)
         self.load.sense(float(on))
 
-    def _look(self) -> None:
+    def _send_direction(self) -> None:
         yaw, pitch = number(self.yaw), number(self.pitch)
-        self._say(camera.pan_tilt(yaw, pitch))
+        self._send_command(camera.pan_tilt(yaw, pitch))
         self.yaw.sense(yaw)
         self.pitch.sense(pitch)
 
-    def _zoom(self) -> None:
+    def _send_zoom(self) -> None:
         zoom = number(self.zoom)
-        self._say(camera.zoom(zoom))
+        self._send_command(camera.zoom(zoom))
         self.zoom.sense(zoom)
 
-    def _say(self, data: bytes) -> None:
+    def _send_command(self, data: bytes) -> None:
         if not self.load.sensed:
             raise ValueError("the camera is not connected; set its load to 1 first")
         self._robot.command("TTY2", data)

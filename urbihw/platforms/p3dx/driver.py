@@ -1,4 +1,4 @@
-"""What drives the wire of a Pioneer's controller: a family for ``urbihw.buses.driver``.
+"""The driver of a Pioneer's controller, in the worker.
 
 Devices and their items, all raw:
 
@@ -18,25 +18,25 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
 
-from urbihw.buses.driver import Driver, never
+from urbihw.buses.driver import Driver, no_stop
 from urbihw.buses.errors import BadFrame, BadValue, LinkGone
 from urbihw.buses.link import Link, Port, byte_link
 from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, Request, Samples, Targets, Watch
 from urbihw.platforms.p3dx import packets, sip
 from urbihw.platforms.p3dx.commands import DRIVING, encode
-from urbihw.platforms.p3dx.handshake import Greeting
+from urbihw.platforms.p3dx.handshake import Handshake
 from urbihw.platforms.p3dx.options import Options
 from urbihw.platforms.p3dx.protocol import LARGEST, Framer
-from urbihw.platforms.p3dx.setpoint import SetPoint, Switch
+from urbihw.platforms.p3dx.setpoint import FlagSwitch, SetPoint
 
 ROBOT, SONAR, LASER, COMMAND = "robot", "sonar", "laser", "command"
-PULSE_AFTER: Final = 0.5
+PULSE_PERIOD_S: Final = 0.5
 """Seconds without a command after which a PULSE keeps the controller's watchdog (2 s) quiet, as ARIA does."""
-BLIND: Final = 0.5
+STOP_TIMEOUT_S: Final = 0.5
 """Seconds without a packet after which a robot that drives is stopped: five of its reports."""
-SILENCE: Final = 2.0
+SILENCE_TIMEOUT_S: Final = 2.0
 """Seconds without a packet after which the connection counts as lost."""
-PACE: Final = 0.004
+SEND_PERIOD_S: Final = 0.004
 """Seconds between two commands (the AROS manual asks for 3 to 5 ms)."""
 _SWITCHES: Final = {"enable": ("ENABLE", sip.MOTORS_ON), "sonar": ("SONAR", sip.SONARS_ON)}
 _SIP_ITEMS: Final = (
@@ -48,7 +48,7 @@ Values = dict[Any, dict[str, Any]]
 
 
 class ArcosDriver(Driver):
-    """See the head of this file, and ``urbihw.buses.driver.Driver``."""
+    """Drives a Pioneer over one link; ``urbihw.buses.driver.Driver`` tells when each method is called."""
 
     url_parameters = Options.in_url()
 
@@ -61,7 +61,7 @@ class ArcosDriver(Driver):
         self._torque_off = False
         self._speeds = {"vel": SetPoint("VEL"), "rvel": SetPoint("RVEL")}
         self._queue: deque[bytes] = deque()
-        self._switches: list[Switch] = []
+        self._switches: list[FlagSwitch] = []
         self._failed: list[FromWorker] = []
         self._watched: set[str] = set()
         self._latest: Values = {}
@@ -80,7 +80,7 @@ class ArcosDriver(Driver):
         """Connect to the controller.  Raises Unavailable, BadUrl, LinkGone."""
         link = byte_link(port)
         self._framer = Framer()
-        info = Greeting(link, self._framer).greet(self._options.host_baud)
+        info = Handshake(link, self._framer).connect(self._options.host_baud)
         self._link = link
         self._odometer.restart()
         self._sim_laser = packets.SimLaser()
@@ -95,7 +95,7 @@ class ArcosDriver(Driver):
         return [Found((info,)), *failed]
 
     def detach(self) -> None:
-        """The link is gone: nothing that was to be done survives it but the watches."""
+        """Drop the queue, speeds and pending switches of the closed link; watches stay."""
         self._link = None
         self._queue.clear()
         self._failed += [Reply(switch.reply_id, False, error="the link went down") for switch in self._switches]
@@ -106,13 +106,13 @@ class ArcosDriver(Driver):
             speed.halt()
 
     def errors(self) -> dict[str, int]:
-        """Packets that were damaged on the way, and good ones that made no sense."""
+        """Return the number of damaged packets, and of intact ones with invalid content."""
         return {"damaged": self._framer.damaged, "unreadable": self._unreadable}
 
     # ---------------------------------------------------------------- one tick
 
-    def tick(self, now: float, meanwhile: Callable[[], None], urgent: Callable[[], bool] = never) -> list[FromWorker]:
-        """Take in what has come, send what is due.  Raises LinkGone."""
+    def tick(self, now: float, meanwhile: Callable[[], None], urgent: Callable[[], bool] = no_stop) -> list[FromWorker]:
+        """Handle the packets that have arrived, and send the next one that is due.  Raises LinkGone."""
         link = self._link
         if link is None:
             return []
@@ -121,35 +121,36 @@ class ArcosDriver(Driver):
         if data:
             values: Values = {}
             for body in self._framer.feed(data):
-                # A packet is a sign of life; bytes alone are none.
+                # Only a whole packet proves that the robot is alive; single bytes may be noise.
                 self._heard_at = now
-                self._take(body, values)
+                self._handle_packet(body, values)
             if values:
                 for device, items in values.items():
                     self._latest.setdefault(device, {}).update(items)
                 news.append(Samples(now, values, dict.fromkeys(values, now)))
             if ROBOT in values:
-                news += self._confirm(now)
-        self._stop_if_blind(link, now)
-        if now - self._heard_at > SILENCE:
+                news += self._confirm_switches(now)
+        self._stop_if_silent(link, now)
+        if now - self._heard_at > SILENCE_TIMEOUT_S:
             link.write(encode("STOP"))
-            raise LinkGone(f"{link.url.text}: the robot has been silent for {SILENCE:g} s; is it switched off?")
-        news += self._send(link, now)
+            silence = f"the robot has been silent for {SILENCE_TIMEOUT_S:g} s"
+            raise LinkGone(f"{link.url.text}: {silence}; is it switched off?")
+        news += self._send_next(link, now)
         return news
 
-    def _stop_if_blind(self, link: Link, now: float) -> None:
-        """What drives and says nothing more is stopped."""
-        if now - self._heard_at > BLIND and any(speed.value for speed in self._speeds.values()):
+    def _stop_if_silent(self, link: Link, now: float) -> None:
+        """Stop a driving robot that has been silent for STOP_TIMEOUT_S."""
+        if now - self._heard_at > STOP_TIMEOUT_S and any(speed.value for speed in self._speeds.values()):
             for speed in self._speeds.values():
                 speed.halt()
             link.write(encode("STOP"))
-            self.halted = f"the robot has said nothing for {BLIND:g} s"
+            self.halted = f"the robot has said nothing for {STOP_TIMEOUT_S:g} s"
 
-    def _take(self, body: bytes, values: Values) -> None:
+    def _handle_packet(self, body: bytes, values: Values) -> None:
         kind = body[0]
         try:
             if kind in (sip.STOPPED, sip.MOVING):
-                self._take_sip(sip.parse(body), values)
+                self._handle_sip(sip.parse(body), values)
             elif kind in packets.PACKETS:
                 packet = packets.PACKETS[kind]
                 values[packet.device] = packet.read(body[1:])
@@ -162,11 +163,11 @@ class ArcosDriver(Driver):
         except BadFrame:
             self._unreadable += 1
 
-    def _take_sip(self, seen: sip.Sip, values: Values) -> None:
+    def _handle_sip(self, seen: sip.Sip, values: Values) -> None:
         odometer = self._odometer
-        odometer.take(seen)
+        odometer.add_sip(seen)
         if self._flags & sip.MOTORS_ON and not seen.flags & sip.MOTORS_ON:
-            # What was wanted of the motors must not come back with them.
+            # Old speeds must not take effect when the motors are switched on again.
             if any(speed.value for speed in self._speeds.values()):
                 self.halted = "the motors were switched off"
             for speed in self._speeds.values():
@@ -180,55 +181,55 @@ class ArcosDriver(Driver):
         if seen.sonars:
             values.setdefault(SONAR, {}).update([(str(number), value) for number, value in seen.sonars])
 
-    def _confirm(self, now: float) -> list[FromWorker]:
-        """Answer the switches that the flags show."""
+    def _confirm_switches(self, now: float) -> list[FromWorker]:
+        """Reply to the switch requests that the flags confirm."""
         if not self._switches:
             return []
-        shown = [switch for switch in self._switches if switch.shown(self._flags, now)]
+        shown = [switch for switch in self._switches if switch.is_confirmed(self._flags, now)]
         self._switches = [switch for switch in self._switches if switch not in shown]
         return [Reply(switch.reply_id, True, switch.wanted) for switch in shown]
 
     # ---------------------------------------------------------------- sending
 
-    def _send(self, link: Link, now: float) -> list[FromWorker]:
-        """Send at most one packet, the most urgent first; answer switches that were tried in vain."""
-        failed = [switch for switch in self._switches if not switch.tries and switch.due(now)]
+    def _send_next(self, link: Link, now: float) -> list[FromWorker]:
+        """Send at most one packet, the most urgent first; reply with an error to switches without effect."""
+        failed = [switch for switch in self._switches if not switch.tries and switch.is_due(now)]
         if failed:
             self._switches = [switch for switch in self._switches if switch not in failed]
-        if now - self._sent_at >= PACE:
-            data = self._next(now)
+        if now - self._sent_at >= SEND_PERIOD_S:
+            data = self._next_packet(now)
             if data is not None:
                 link.write(data)
                 self._sent_at = now
         why = "the robot did not obey; is its STOP button pressed?"
         return [Reply(switch.reply_id, False, error=why) for switch in failed]
 
-    def _next(self, now: float) -> bytes | None:
+    def _next_packet(self, now: float) -> bytes | None:
         for speed in self._speeds.values():
-            data = speed.packet(now)
+            data = speed.next_packet(now)
             if data is not None:
                 return data
         for switch in self._switches:
-            if switch.tries and switch.due(now):
-                return switch.send(now)
+            if switch.tries and switch.is_due(now):
+                return switch.next_packet(now)
         if self._queue:
             return self._queue.popleft()
-        if now - self._sent_at >= PULSE_AFTER:
+        if now - self._sent_at >= PULSE_PERIOD_S:
             return encode("PULSE")
         return None
 
-    # ---------------------------------------------------------------- what the parent wants
+    # ---------------------------------------------------------------- messages of the parent
 
     def targets(self, message: Targets) -> list[FromWorker]:
         """Speeds: ("robot", "vel") in mm/s, ("robot", "rvel") in deg/s."""
         refused: list[FromWorker] = []
         for (device, item), value in message.values.items():
-            reason = self._aim(device, item, value)
+            reason = self._set_target(device, item, value)
             if reason:
                 refused.append(Refused(device, item, reason))
         return refused
 
-    def _aim(self, device: Any, item: str, value: Any) -> str:
+    def _set_target(self, device: Any, item: str, value: Any) -> str:
         speed = self._speeds.get(item) if device == ROBOT else None
         if speed is None:
             return "there is no such target"
@@ -236,11 +237,11 @@ class ArcosDriver(Driver):
             return f"{value!r} is no speed"
         if value and not self._flags & sip.MOTORS_ON:
             return "the motors are off"
-        speed.set(value)
+        speed.set_value(value)
         return ""
 
     def watch(self, message: Watch, now: float) -> list[FromWorker]:
-        """Ask for the packets of a device, or for no more of them."""
+        """Start or end the packets of a device."""
         device = message.device
         if device in (ROBOT, SONAR):
             return []
@@ -253,13 +254,13 @@ class ArcosDriver(Driver):
         return []
 
     def request(self, message: Request) -> list[FromWorker]:
-        """See the head of this file."""
+        """Execute a request: the head of this file lists them."""
         try:
-            return self._request(message)
+            return self._execute_request(message)
         except BadValue as error:
             return [Reply(message.reply_id, False, error=str(error))]
 
-    def _request(self, message: Request) -> list[FromWorker]:
+    def _execute_request(self, message: Request) -> list[FromWorker]:
         if self._link is None:
             raise BadValue("the link is down")
         if message.verb == "read":
@@ -272,7 +273,7 @@ class ArcosDriver(Driver):
             wanted = int(bool(message.value))
             overtaken = [switch for switch in self._switches if switch.mask == mask]
             self._switches = [switch for switch in self._switches if switch.mask != mask]
-            self._switches.append(Switch(message.reply_id, encode(name, wanted), mask, wanted))
+            self._switches.append(FlagSwitch(message.reply_id, encode(name, wanted), mask, wanted))
             return [Reply(switch.reply_id, False, error="it was overtaken by another one") for switch in overtaken]
         if message.verb == "write" and message.device == COMMAND:
             if message.item in DRIVING:
@@ -282,15 +283,15 @@ class ArcosDriver(Driver):
         raise BadValue(f"this robot knows no request {message.verb} {message.device} {message.item}")
 
     def moves(self, device: Any, item: str, value: Any) -> bool:
-        """Speeds other than zero."""
+        """True for speeds other than zero."""
         return device == ROBOT and bool(value)
 
     def request_moves(self, request: Request) -> bool:
-        """None: what drives is no request, and motors that are switched on stand."""
+        """Always False: no request drives, and motors that are switched on stand still."""
         return False
 
     def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
-        """Stop at once, and say it again: nothing is acknowledged.  Raises LinkGone."""
+        """Send STOP at once, and zero speeds in the next ticks: nothing is acknowledged.  Raises LinkGone."""
         link = self._link
         if link is None:
             return

@@ -1,7 +1,7 @@
-"""What differs between the robots that speak ARCOS: conversion factors, limits and size, by subclass.
+"""Conversion factors, limits and sizes of the robots with ARCOS, by subclass.
 
-Sources: ARIA's parameter files (``params/*.p``), Player's ``robot_params.cc``; ARIA prints the angle factor with five
-digits, it is a 4096th of a turn.  A subclass that ends in "-sh" has the SH2 controller (ARCOS), whose values are in mm
+Sources: ARIA's parameter files (``params/*.p``), Player's ``robot_params.cc``; ARIA has the angle factor with five
+digits; it is a 4096th of a turn.  A subclass that ends in "-sh" has the SH2 controller (ARCOS), whose values are in mm
 already; the others have the older H8.
 """
 
@@ -19,7 +19,7 @@ ANGLE: Final = 2 * math.pi / FULL_TURN
 
 @dataclass(frozen=True, slots=True)
 class Factors:
-    """One subclass: raw counts to SI.
+    """The factors of one subclass, raw counts to SI units.
 
     Attributes:
         distance: m per count of a position.
@@ -82,10 +82,10 @@ FACTORS: Final[dict[str, Factors]] = {name: _factors(row) for name, row in _TABL
 
 
 def factors_of(subclass: str) -> tuple[Factors, bool]:
-    """The factors of a subclass, and whether it is known.
+    """Return the factors of a subclass, and whether it is known.
 
-    "p3dx-sh-lms500" is a p3dx-sh with another laser.  One that is not known ("p3dx-new") gets the values of the newer
-    controller, for its own kind of robot if that is known.
+    "p3dx-sh-lms500" is a p3dx-sh with another laser.  An unknown one ("p3dx-new") gets the values of the newer
+    controller, of its own kind of robot if that is known.
     """
     name, _, _ = subclass.lower().partition("-lms")
     if name in FACTORS:
@@ -95,7 +95,7 @@ def factors_of(subclass: str) -> tuple[Factors, bool]:
 
 @dataclass(frozen=True, slots=True)
 class SonarPlace:
-    """Where a sonar sits and looks: m and rad from the middle of the robot, x forward, y left."""
+    """Position and direction of a sonar: m and rad from the middle of the robot, x forward, y left."""
 
     x: float
     y: float
@@ -109,4 +109,4 @@ _RING: Final = ((69, 136, 90), (114, 119, 50), (148, 78, 30), (166, 27, 10),
 SONARS: Final = tuple(SonarPlace(x / 1000, y / 1000, math.radians(heading)) for x, y, heading in _RING)
 """The ring of a Pioneer 3-DX (``params/p3dx.p``), by number."""
 NO_ECHO: Final = 5.0
-"""m; what a sonar reports that hears nothing (in practice; ARCOS does not say)."""
+"""m; the reading of a sonar without an echo (observed; the ARCOS manual does not name it)."""

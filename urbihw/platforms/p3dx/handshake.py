@@ -1,7 +1,7 @@
-"""Getting in touch with a controller: what it may still be doing, its speed, SYNC0 to SYNC2, OPEN, its configuration.
+"""The connection to a controller: stop of an old motion, line speed, SYNC0 to SYNC2, OPEN, configuration.
 
-A controller that was connected before goes on with its last motion as soon as it hears any packet (its watchdog only
-holds it), so the first word is always STOP.  If it then sends SIPs, a connection is still open: it is closed first.
+A controller that was connected before continues its last motion as soon as it receives any packet (its watchdog only
+suspends it), so the first packet is always STOP.  If it then sends SIPs, a connection is still open and closed first.
 Sources: ARIA (``ArRobot.cpp``), Player (``p2os.cc``), the ARCOS chapter of the Pioneer 3 manual.
 """
 
@@ -21,14 +21,14 @@ from urbihw.platforms.p3dx.protocol import Framer, command
 
 BAUDS: Final = (9600, 38400, 19200, 115200, 57600)
 """Speeds to try, most likely first (Player)."""
-ANSWER, QUICK_ANSWER = 1.0, 0.4
-"""Seconds to wait for a SYNC: where there is one speed to try, and where there are several."""
+SYNC_TIMEOUT_S, QUICK_SYNC_TIMEOUT_S = 1.0, 0.4
+"""Seconds to wait for the echo of a SYNC: with one line speed to try, and with several."""
 TRIES: Final = 2
-OPEN_SIGNS: Final = 0.15
-"""Seconds in which a connection that is open shows itself by a SIP."""
-SETTLE: Final = 0.1
-CONFIG_PATIENCE: Final = 0.4
-BAUD_PAUSE, BAUD_PATIENCE = 0.01, 0.9
+OPEN_CHECK_S: Final = 0.15
+"""Seconds within which an open connection is recognised by a SIP."""
+SETTLE_S: Final = 0.1
+CONFIG_TIMEOUT_S: Final = 0.4
+BAUD_PAUSE_S, BAUD_TIMEOUT_S = 0.01, 0.9
 
 LOST_COUNT: Final = 255
 _SIPS: Final = (sip.STOPPED, sip.MOVING)
@@ -36,7 +36,7 @@ _SIPS: Final = (sip.STOPPED, sip.MOVING)
 
 @dataclass(frozen=True, slots=True)
 class RobotInfo:
-    """A robot as found: its names from SYNC2, its configuration (0 and "" where old firmware tells nothing)."""
+    """The description of a robot: names from SYNC2, configuration (0 and "" where old firmware reports nothing)."""
 
     name: str
     kind: str
@@ -44,20 +44,20 @@ class RobotInfo:
     config: Mapping[str, int | str]
 
 
-class Greeting:
+class Handshake:
     """One attempt to connect over an open link."""
 
     def __init__(self, link: Link, framer: Framer) -> None:
         self._link = link
         self._framer = framer
-        self._wait = ANSWER
+        self._sync_timeout = SYNC_TIMEOUT_S
 
-    def greet(self, host_baud: int = 0) -> RobotInfo:
-        """Connect.  Raises Unavailable when nobody answers as a Pioneer does, LinkGone."""
+    def connect(self, host_baud: int = 0) -> RobotInfo:
+        """Connect.  Raises Unavailable when no Pioneer answers, LinkGone."""
         link = self._link
         several = has_line_speed(link) and "baud" not in link.url.options
         bauds = BAUDS if several else (link.baud,)
-        self._wait = QUICK_ANSWER if several else ANSWER
+        self._sync_timeout = QUICK_SYNC_TIMEOUT_S if several else SYNC_TIMEOUT_S
         for baud in bauds:
             set_line_speed(link, baud)
             names = self._try_at_speed()
@@ -72,14 +72,14 @@ class Greeting:
 
     def _try_at_speed(self) -> tuple[str, str, str] | None:
         self._send("STOP")
-        if self._hears_sip(OPEN_SIGNS):
+        if self._receives_sip(OPEN_CHECK_S):
             self._close()
         for _ in range(TRIES):
             self._framer.reset()
             names = self._synchronize()
             if names is not None:
                 return names
-            # Silent, out of step or still open: it may listen after a CLOSE.
+            # No answer, wrong state, or still open: it may accept a SYNC0 after a CLOSE.
             self._close()
         return None
 
@@ -87,7 +87,7 @@ class Greeting:
         body = b""
         for number in range(3):
             self._link.write(command(number))
-            body = self._answer(number)
+            body = self._read_sync_echo(number)
             if not body:
                 return None
         try:
@@ -95,9 +95,9 @@ class Greeting:
         except BadFrame:
             return None
 
-    def _answer(self, number: int) -> bytes:
-        """The echo of a SYNC; b"" when there is none, or the controller is out of step, or a SIP comes instead."""
-        deadline = self._link.clock.now() + self._wait
+    def _read_sync_echo(self, number: int) -> bytes:
+        """Return the echo of a SYNC; b"" without one, or when the controller reports a wrong count or sends a SIP."""
+        deadline = self._link.clock.now() + self._sync_timeout
         while (bodies := self._read(deadline)) is not None:
             for body in bodies:
                 if body[0] == number:
@@ -108,40 +108,40 @@ class Greeting:
 
     def _open(self, names: tuple[str, str, str], host_baud: int) -> RobotInfo:
         clock = self._link.clock
-        clock.sleep_until(clock.now() + SETTLE)
+        clock.sleep_until(clock.now() + SETTLE_S)
         self._send("OPEN")
         self._send("STOP")
         config = self._configuration()
         if host_baud and config["auto_baud"] == 2:
-            self._faster(host_baud)
+            self._change_baud(host_baud)
         return RobotInfo(*names, config)
 
     def _configuration(self) -> dict[str, int | str]:
         for _ in range(TRIES):
             self._send("CONFIG")
-            deadline = self._link.clock.now() + CONFIG_PATIENCE
+            deadline = self._link.clock.now() + CONFIG_TIMEOUT_S
             while (bodies := self._read(deadline)) is not None:
                 for body in bodies:
                     if body[0] == packets.CONFIG:
                         return packets.parse_config(body[1:])
         return packets.parse_config(b"")
 
-    def _faster(self, baud: int) -> None:
-        """Both sides go over to another speed; back to the old one if nothing is heard at it."""
+    def _change_baud(self, baud: int) -> None:
+        """Change the line speed of both sides; back to the old one if no SIP arrives at the new speed."""
         link, old = self._link, self._link.baud
         if not has_line_speed(link) or baud == old:
             return
         link.write(encode("HOSTBAUD", HOST_BAUDS[baud]))
         for speed in (baud, old):
-            link.clock.sleep_until(link.clock.now() + BAUD_PAUSE)
+            link.clock.sleep_until(link.clock.now() + BAUD_PAUSE_S)
             set_line_speed(link, speed)
             self._framer.reset()
-            link.clock.sleep_until(link.clock.now() + BAUD_PAUSE)
+            link.clock.sleep_until(link.clock.now() + BAUD_PAUSE_S)
             self._send("PULSE")
-            if self._hears_sip(BAUD_PATIENCE):
+            if self._receives_sip(BAUD_TIMEOUT_S):
                 return
 
-    def _hears_sip(self, seconds: float) -> bool:
+    def _receives_sip(self, seconds: float) -> bool:
         deadline = self._link.clock.now() + seconds
         while (bodies := self._read(deadline)) is not None:
             if any(body[0] in _SIPS for body in bodies):
@@ -151,12 +151,12 @@ class Greeting:
     def _close(self) -> None:
         self._send("CLOSE")
         clock = self._link.clock
-        clock.sleep_until(clock.now() + SETTLE)
+        clock.sleep_until(clock.now() + SETTLE_S)
         self._link.discard()
         self._framer.reset()
 
     def _read(self, deadline: float) -> list[bytes] | None:
-        """Bodies that have come by the deadline; None when it passes without a byte."""
+        """Return the packet bodies received by the deadline; None when it passes without a byte."""
         data = self._link.read(4096, deadline)
         if not data and self._link.clock.now() >= deadline:
             return None

@@ -1,4 +1,4 @@
-"""The navigator of a Pioneer and what it works on, with the names that urbiscript knows: see ``urbihw.navigation``."""
+"""The odometry, planner and laser of a Pioneer, for ``urbihw.navigation``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from urbihw.navigation.sicklaser import SickLaser
 from urbihw.platforms.p3dx.options import SIMULATED
 
 SIMULATED_RANGE: Final = 32.0
-"""m; what the laser of MobileSim reports where it hits nothing."""
+"""m; the reading of MobileSim's laser without an echo."""
 
 
 class P3dxOdometry(Odometry):
@@ -27,19 +27,19 @@ class P3dxPlanner(Navigator):
 
 
 class P3dxLaser(SickLaser):
-    """``P3dx.body.laser``: on a wire of its own, or that of MobileSim, whose scans come with the robot's packets."""
+    """``P3dx.body.laser``: on its own link, or MobileSim's, whose scans arrive with the robot's packets."""
 
     slot_name = "P3dx.body.laser"
 
     def init(  # type: ignore[override]
         self, url: str, place: float, start_worker: Callable[..., Worker], watch: Callable[[bool], None], offset: float
     ) -> None:
-        """``url`` may also be "sim"; ``watch`` switches the simulated laser.  The rest: see ``SickLaser``."""
+        """``url`` may also be "sim"; ``watch`` switches the simulated laser; the rest as in ``SickLaser``."""
         super().init(url, place, start_worker, offset)
         self._watch = watch
 
     def connect(self) -> None:
-        """See ``RangeScanner``."""
+        """Switch MobileSim's laser on, or start the worker of a real one.  Raises ValueError without a laser."""
         if not self.url:
             raise ValueError("this robot was given no laser; add ?laser=/dev/ttyUSB1 to its url")
         if self.url == SIMULATED:
@@ -48,14 +48,14 @@ class P3dxLaser(SickLaser):
             super().connect()
 
     def disconnect(self) -> None:
-        """See ``RangeScanner``."""
+        """Switch MobileSim's laser off, or end the worker of a real one."""
         if self.url == SIMULATED:
             self._watch(False)
         else:
             super().disconnect()
 
     def show_simulated_scan(self, millimetres: Sequence[int], stamp: float) -> None:
-        """A scan of MobileSim's laser, whose step follows from the number of readings."""
+        """Show a scan of MobileSim's laser; the number of readings gives the angular step."""
         if self.wanted and len(millimetres) > 1:
             self.show_geometry(math.pi, math.pi / (len(millimetres) - 1))
             ranges = [value / 1000 if value < SIMULATED_RANGE * 1000 else math.inf for value in millimetres]
@@ -63,5 +63,5 @@ class P3dxLaser(SickLaser):
 
 
 def laser_url(option: str, *, simulator: bool) -> str:
-    """Which laser there is: what the options say, or that of the simulator; "" for none."""
+    """Return the url of the laser: that of the options, or of the simulator; "" for none."""
     return option or (SIMULATED if simulator else "")

@@ -34,7 +34,7 @@ class Options(NavigationOptions):
     host_baud: int = setting(0, choice(0, *HOST_BAUDS))
 
     def clashes(self) -> Iterator[Mistake]:
-        """See ``Table``."""
+        """Yield a laser url that no bus accepts."""
         if self.laser not in ("", SIMULATED):
             try:
                 buses.port_for(self.laser, Context())

@@ -1,6 +1,6 @@
-"""The other packets of a Pioneer, which come on request; bytes only.
+"""The packets of a Pioneer that are sent on request; no I/O.
 
-``PACKETS`` says by packet type whose values they are and how to read them.  Sources: the
+``PACKETS`` holds the device and the decoder of each packet type.  Sources: the
 ARCOS chapter of the Pioneer 3 manual, MobileSim, ARIA (``ArRobotConfigPacketReader.cpp``, ``ArAnalogGyro.cpp``,
 ``ArRobotJoyHandler.cpp``, ``ArRobotBatteryPacketReader.cpp``).
 """
@@ -64,13 +64,13 @@ def parse_names(body: bytes) -> tuple[str, str, str]:
 
 
 class _Reader:
-    """Numbers from a body, one after the other."""
+    """Reads numbers from a packet body, one after the other."""
 
     def __init__(self, body: bytes) -> None:
         self._body = body
         self._at = 0
 
-    def next(self, layout: str) -> int:
+    def read_value(self, layout: str) -> int:
         form = struct.Struct("<" + layout)
         if self._at + form.size > len(self._body):
             raise BadFrame(f"a packet of {len(self._body)} bytes ends early")
@@ -78,23 +78,23 @@ class _Reader:
         self._at += form.size
         return int(value)
 
-    def many(self, layout: str) -> list[int]:
-        return [self.next(layout) for _ in range(self.next("B"))]
+    def read_list(self, layout: str) -> list[int]:
+        return [self.read_value(layout) for _ in range(self.read_value("B"))]
 
 
 def _encoders(body: bytes) -> dict[str, Any]:
     reader = _Reader(body)
-    return {"left": reader.next("i"), "right": reader.next("i")}
+    return {"left": reader.read_value("i"), "right": reader.read_value("i")}
 
 
 def _inputs(body: bytes) -> dict[str, Any]:
     reader = _Reader(body)
-    return {"digital_in": reader.many("B"), "digital_out": reader.many("B"), "analog": reader.many("H")}
+    return {"digital_in": reader.read_list("B"), "digital_out": reader.read_list("B"), "analog": reader.read_list("H")}
 
 
 def _gyro(body: bytes) -> dict[str, Any]:
     reader = _Reader(body)
-    readings = [(reader.next("H"), reader.next("B")) for _ in range(reader.next("B"))]
+    readings = [(reader.read_value("H"), reader.read_value("B")) for _ in range(reader.read_value("B"))]
     if not readings:
         return {}
     return {"rate": sum(rate for rate, _ in readings) / len(readings), "temperature": readings[-1][1]}
@@ -103,13 +103,13 @@ def _gyro(body: bytes) -> dict[str, Any]:
 def _joystick(body: bytes) -> dict[str, Any]:
     reader = _Reader(body)
     names = (("button1", "B"), ("button2", "B"), ("x", "H"), ("y", "H"), ("throttle", "H"))
-    return {name: reader.next(layout) for name, layout in names}
+    return {name: reader.read_value(layout) for name, layout in names}
 
 
 def _batteries(body: bytes) -> dict[str, Any]:
     reader = _Reader(body)
-    count, size = reader.next("B"), reader.next("B")
-    return {"batteries": [[reader.next("B") for _ in range(size)] for _ in range(count)]}
+    count, size = reader.read_value("B"), reader.read_value("B")
+    return {"batteries": [[reader.read_value("B") for _ in range(size)] for _ in range(count)]}
 
 
 def _bytes(body: bytes) -> dict[str, Any]:
@@ -118,7 +118,7 @@ def _bytes(body: bytes) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """A packet type: ``device`` names whose values it holds, ``read`` takes the body behind the type byte apart."""
+    """A packet type: the ``device`` whose values it holds, and ``read``, which decodes the body after the type byte."""
 
     device: str
     read: Callable[[bytes], dict[str, Any]]
@@ -150,38 +150,38 @@ REQUESTS: Final[dict[str, str]] = {
 """Device -> the command with which its packets are switched on (2, the gyro 1) and off (0)."""
 
 
-# --- the laser of MobileSim, which comes over the robot's own line ----------------------------------------------------
+# --- the laser of MobileSim, transmitted over the robot's own line ----------------------------------------------------
 
 SIM_LASER: Final = (0x60, 0x61)
 _SIM_LONGEST: Final = 1000
 
 
 class SimLaser:
-    """Puts the scans of MobileSim together: packets 0x60 and 0x61 hold at most 32 of the readings."""
+    """Assembles the scans of MobileSim: packets 0x60 and 0x61 hold at most 32 readings each."""
 
     def __init__(self) -> None:
         self._ranges: list[int] = []
         self._seen = 0
 
     def feed(self, kind: int, body: bytes) -> list[int] | None:
-        """Take a packet without its type byte; all ranges in mm, from the right to the left, when it was the last.
+        """Add a packet without its type byte; with the last one return all ranges in mm, from right to left.
 
         Raises BadFrame.
         """
         reader = _Reader(body)
         if kind == SIM_LASER[0]:
             for _ in range(3):
-                reader.next("h")
-        total, first, number = reader.next("h"), reader.next("h"), reader.next("B")
+                reader.read_value("h")
+        total, first, number = reader.read_value("h"), reader.read_value("h"), reader.read_value("B")
         if not 0 < total <= _SIM_LONGEST or first < 0 or first + number > total:
             raise BadFrame(f"a laser packet says {number} readings from {first} on, of {total}")
         if first == 0 or len(self._ranges) != total:
             self._ranges, self._seen = [0] * total, 0
         for index in range(first, first + number):
-            self._ranges[index] = reader.next("H")
+            self._ranges[index] = reader.read_value("H")
             if kind == SIM_LASER[1]:
-                reader.next("B")
-                reader.next("H")
+                reader.read_value("B")
+                reader.read_value("H")
         self._seen += number
         if self._seen < total:
             return None

@@ -38,14 +38,14 @@ def checksum(body: bytes) -> int:
 
 
 def packet(body: bytes) -> bytes:
-    """Frame a body."""
+    """Return the packet of a body."""
     return HEADER + bytes((len(body) + 2,)) + body + checksum(body).to_bytes(2, "big")
 
 
 def command(number: int, argument: int | bytes | None = None) -> bytes:
-    """A command packet: no argument, an integer (-32767..65535; ARCOS takes its sign apart), or a string of bytes.
+    """Return a command packet: no argument, an integer (-32767..65535, the sign is sent apart), or a byte string.
 
-    Raises BadValue for what does not fit.
+    Raises BadValue for an argument out of range.
     """
     head = bytes((number,))
     if argument is None:
@@ -61,10 +61,10 @@ def command(number: int, argument: int | bytes | None = None) -> bytes:
 
 
 class Framer:
-    """Cuts a stream into the bodies of its good packets; what is no packet is skipped byte by byte.
+    """Splits a stream into the bodies of its valid packets; other bytes are skipped one by one.
 
     Attributes:
-        damaged: packets that looked like some but had a wrong length or checksum.
+        damaged: number of packets with a wrong length or checksum.
     """
 
     def __init__(self) -> None:
@@ -72,7 +72,7 @@ class Framer:
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take bytes as they come; the bodies that are complete now."""
+        """Process received bytes; return the bodies that are complete."""
         buffer = self._buffer
         buffer += data
         bodies: list[bytes] = []
@@ -95,15 +95,15 @@ class Framer:
                 continue
             bodies.append(body)
             del buffer[:end]
-        # Nothing that could begin a packet is left, but perhaps its first byte.
+        # No packet can begin in the rest, except with its last byte.
         del buffer[: len(buffer) - buffer.endswith(HEADER[:1])]
         return bodies
 
     def reset(self) -> None:
-        """Forget what has come so far, as after a new connection."""
+        """Drop all buffered bytes, as after a new connection."""
         self._buffer.clear()
 
     def _skip(self) -> None:
-        """A damaged packet may hide the beginning of a good one: go on right behind its header."""
+        """Continue behind the header of a damaged packet, which may contain the beginning of a valid one."""
         self.damaged += 1
         del self._buffer[: len(HEADER)]

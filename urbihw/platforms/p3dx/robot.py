@@ -1,7 +1,7 @@
-"""The object ``P3dx``: the robot as urbiscript sees it, and the way between its worker and its parts.
+"""The object ``P3dx``: the robot in urbiscript, and the connection between its worker and its parts.
 
-With each packet of the robot: the parts are told what was measured, the ``Drive`` is asked how fast to go, and what it
-says is ordered.  The tree of components (``P3dx.body``, ``robot``) is put together in ``p3dx.u``.
+Each packet of the robot updates the slots of the parts; then ``Drive`` computes the speeds, which are sent as targets.
+The tree of components (``P3dx.body``, ``robot``) is built in ``p3dx.u``.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from typing import Any
 
 from urbihw.buses import messages as m
 from urbihw.buses.errors import BadUrl
-from urbihw.buses.link import take_off
+from urbihw.buses.link import split_parameters
 from urbihw.kernel.uobject import BadConfig, NotReady, Opened, RobotSettings, finite_number, function, reading
 from urbihw.navigation.drive import Drive, Motion, State
 from urbihw.navigation.frames import Point
-from urbihw.platforms.base import Limited, LimitTable, Named
+from urbihw.platforms.base import LimitedDevice, LimitNamer, LimitTable
 from urbihw.platforms.limits import DeviceLimits, whole_counts
 from urbihw.platforms.p3dx import sip
 from urbihw.platforms.p3dx.arcos import ArcosRobot
@@ -57,54 +57,54 @@ class P3dx(ArcosRobot):
         self._parts = False
         self._last: tuple[float, float, float] | None = None
         self._motors = self._motors_wanted = False
-        self._aimed = (0, 0)
+        self._sent_speeds = (0, 0)
         self._origin = self.motion.own()
         self._by_hand = False
 
-    # ---------------------------------------------------------------- what the navigator asks, beside the motions
+    # ---------------------------------------------------------------- the interface for the navigator, without motions
 
     @property
     def scanner(self) -> P3dxLaser:
-        """See ``navigation.base.Base``."""
+        """The laser, for ``navigation.base.Base``."""
         return self.laser
 
     @property
     def navigation(self) -> Options:
-        """See ``navigation.base.Base``."""
+        """The options of the navigation, for ``navigation.base.Base``."""
         return self.options
 
     @property
     def radius(self) -> float:
-        """See ``navigation.base.Base``."""
+        """Radius of the robot in m, for ``navigation.base.Base``."""
         return self.factors.radius
 
     # ---------------------------------------------------------------- opening and closing
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
-        """See ``Robot``.  The laser's line is named by the option ``laser`` or by ``?laser=`` in the url."""
-        self._take_options(settings)
+        """Start the worker.  The option ``laser``, or ``?laser=`` in the url, names the port of the laser."""
+        self._apply_options(settings)
         super().open(settings, opened)
 
     def configure(self, settings: RobotSettings) -> None:
-        """See ``Robot``."""
-        self._take_options(settings)
+        """Apply new settings.  Raises BadConfig."""
+        self._apply_options(settings)
         super().configure(settings)
 
-    def _take_options(self, settings: RobotSettings) -> None:
+    def _apply_options(self, settings: RobotSettings) -> None:
         try:
-            _, in_url = take_off(settings.url, Options.in_url())
+            _, in_url = split_parameters(settings.url, Options.in_url())
             self.options = Options.of({**in_url, **settings.options})
         except (BadUrl, BadSetting) as error:
             raise BadConfig(f"p3dx: {error}") from error
 
     def close(self) -> None:
-        """See ``Robot``."""
+        """Close the laser, then the robot."""
         if self._parts:
             self.laser.close()
         super().close()
 
     def status(self) -> str:
-        """See ``Robot``."""
+        """Return the model, the name, the voltage, and the states of motors and laser."""
         if not self.link.sensed:
             return "link down"
         parts = [f"{self.model.sensed} {self.name_.sensed!r}", f"{self.battery.voltage.sensed:.1f} V"]
@@ -113,15 +113,15 @@ class P3dx(ArcosRobot):
             parts.append(f"laser {self.laser.state.sensed}")
         return ", ".join(parts)
 
-    # ---------------------------------------------------------------- what is there
+    # ---------------------------------------------------------------- identification and parts
 
     def on_found(self, message: m.Found) -> None:
-        """See ``WiredRobot``."""
+        """Identify the robot; at the first connection, make its parts and build the tree."""
         (info,) = message.devices
         self._identify(info)
         if not self._parts:
             self._make_parts(info)
-            self.host.run("P3dx.assemble();", "p3dx.u", self._assembled)
+            self.host.run("P3dx.assemble();", "p3dx.u", self._on_tree_built)
 
     def _identify(self, info: RobotInfo) -> None:
         self.factors, known = factors_of(self.options.subclass or info.subclass)
@@ -174,7 +174,7 @@ class P3dx(ArcosRobot):
             ("laserLoad", self.laser.load), ("distMin", self.body.safetyDistanceMin),
             ("distMax", self.body.safetyDistanceMax), ("mapFileName", self.planner.mapFileName),
         ):  # fmt: skip
-            var.put(self.face, name)
+            var.add_slot(self.face, name)
         self._parts = True
 
     @function("sonarPart")
@@ -184,9 +184,9 @@ class P3dx(ArcosRobot):
             raise ValueError(f"there is no sonar {index}; there are 0 to {len(self.sonars) - 1}")
         return self.sonars[index]
 
-    def _assembled(self, problem: str) -> None:
+    def _on_tree_built(self, problem: str) -> None:
         if problem:
-            self.answer(NotReady(f"the tree of components could not be made: {problem}"))
+            self.answer_open(NotReady(f"the tree of components could not be made: {problem}"))
         else:
             self._complete = True
             self.send_limits()
@@ -194,31 +194,31 @@ class P3dx(ArcosRobot):
 
     _complete = False
 
-    def whole(self) -> bool:
-        """See ``WiredRobot``."""
+    def is_complete(self) -> bool:
+        """Return whether the tree is built and the robot has reported once."""
         return self._complete and self._last is not None
 
-    # ---------------------------------------------------------------- what was measured
+    # ---------------------------------------------------------------- measured values
 
     def on_samples(self, message: m.Samples) -> None:
-        """See ``WiredRobot``."""
+        """Show pose, sonars, laser and other packets; then send the next speeds."""
         if not self._parts:
             return
         for device, values in message.values.items():
             stamp = message.times[device] + self.offset
             if device == ROBOT:
-                self._take_robot(values, stamp)
+                self._update_pose(values, stamp)
             elif device == SONAR:
-                self._take_sonars(values, stamp)
+                self._update_sonars(values, stamp)
             elif device == "laser":
                 self.laser.show_simulated_scan(values["ranges"], stamp)
             else:
-                self.take_extra(device, values)
+                self.store_packet(device, values)
         if ROBOT in message.values:
-            self._order()
+            self._send_speeds()
             self.planner.pose_changed()
 
-    def _take_robot(self, values: Mapping[str, Any], stamp: float) -> None:
+    def _update_pose(self, values: Mapping[str, Any], stamp: float) -> None:
         factors = self.factors
         x, y, heading = values["x"] * factors.distance, values["y"] * factors.distance, values["theta"] * ANGLE
         old, self._last = self._last or (x, y, heading), (x, y, heading)
@@ -229,17 +229,17 @@ class P3dx(ArcosRobot):
         w = (right - left) / 2 / factors.half_track if rotation is None else math.radians(rotation / 10)
         v = (left + right) / 2
         stalled = bool(values["stall"] & 0x0101)
-        self.state = State(stamp, v, w, self._room(FRONT), self._room(REAR), stalled)
+        self.state = State(stamp, v, w, self._clearance(FRONT), self._clearance(REAR), stalled)
         self.odometry.show_pose(x, y, heading, way, heading - old[2], stamp)
         for wheel, speed in zip(self.wheels, (left, right), strict=True):
             wheel.speed.sense(speed, stamp)
         self.x.speed.sense(v, stamp)
         self.yaw.speed.sense(w, stamp)
-        self.battery.show(dict(values), stamp)
-        self._take_flags(values["flags"])
-        self._take_contacts(values, stalled)
+        self.battery.update_values(dict(values), stamp)
+        self._update_flags(values["flags"])
+        self._update_contacts(values, stalled)
 
-    def _take_flags(self, flags: int) -> None:
+    def _update_flags(self, flags: int) -> None:
         motors = bool(flags & sip.MOTORS_ON)
         self.body.load.sense(float(motors))
         self.body.stopButton.sense(bool(flags & sip.STOP_BUTTON))
@@ -249,30 +249,30 @@ class P3dx(ArcosRobot):
         self._motors = motors
         sonars = bool(flags & sip.SONARS_ON)
         if self.sonar_ring.load.sensed and not sonars:
-            self._forget_sonars()
+            self._clear_sonars()
         self.sonar_ring.load.sense(float(sonars))
 
-    def _take_contacts(self, values: Mapping[str, Any], stalled: bool) -> None:
+    def _update_contacts(self, values: Mapping[str, Any], stalled: bool) -> None:
         self.body.stalled.sense(stalled)
         self.body.digitalIn.sense(float(values["digital_in"]))
         self.body.digitalOut.sense(float(values["digital_out"]))
         front, rear = self._bumpers
         self.body.show_bumpers(sip.front_bumpers(values["stall"], front), sip.rear_bumpers(values["stall"], rear))
 
-    def _take_sonars(self, values: Mapping[str, Any], stamp: float) -> None:
+    def _update_sonars(self, values: Mapping[str, Any], stamp: float) -> None:
         unit, sonars = self.factors.range, self.sonars
         for number_, value in values.items():
             index = int(number_)
             if index < len(sonars):
                 sonars[index].val.sense(value * unit, stamp)
 
-    def _room(self, sonars: range) -> float:
-        """m to the nearest thing on one side; nan (a sonar that is off) is far."""
+    def _clearance(self, sonars: range) -> float:
+        """Return the distance in m to the nearest obstacle on one side; nan (a sonar that is off) counts as far."""
         room = min((value for index in sonars if (value := self.sonars[index].val.sensed) == value), default=math.inf)
         return min(room, self.laser.nearest()) if sonars is FRONT else room
 
     def obstacles(self) -> list[Point]:
-        """See ``navigation.base.Base``: what the front sonars hear now."""
+        """Return the echoes of the front sonars as points in the robot's frame, in m."""
         echoes = []
         for index in FRONT:
             value, place = self.sonars[index].val.sensed, SONARS[index]
@@ -281,29 +281,29 @@ class P3dx(ArcosRobot):
                 echoes.append((place.x + value * x, place.y + value * y))
         return echoes
 
-    def _forget_sonars(self) -> None:
+    def _clear_sonars(self) -> None:
         for sonar in self.sonars:
             sonar.val.sense(math.nan)
 
     def on_link_down(self, reason: str) -> None:
-        """See ``WiredRobot``."""
+        """End all motion, and show the motors and the sonars as off."""
         if self._parts:
             self._motors = self._motors_wanted = False
             self.halt("the link was lost")
             self.body.load.sense(0.0)
             self.sonar_ring.load.sense(0.0)
-            self._forget_sonars()
+            self._clear_sonars()
             for speed in (self.x.speed, self.yaw.speed, self.wheels[0].speed, self.wheels[1].speed):
                 speed.sense(0.0)
 
     # ---------------------------------------------------------------- limits of the settings
 
-    def limited_devices(self) -> Mapping[str, Limited]:
-        """See ``WiredRobot``: the robot itself."""
+    def limited_devices(self) -> Mapping[str, LimitedDevice]:
+        """Return the robot itself: its limits are those of the whole base."""
         return {"robot": self} if self._parts else {}
 
-    def limits_in_counts(self, limits: DeviceLimits, named: Named) -> tuple[LimitTable, Sequence[m.Threshold]]:
-        """See ``platforms.base.Limited``: m/s, rad/s and m/s2."""
+    def limits_in_counts(self, limits: DeviceLimits, named: LimitNamer) -> tuple[LimitTable, Sequence[m.Threshold]]:
+        """Convert the limits from m/s, rad/s, m/s2 and V."""
         speed = 1 / self.factors.speed
         speeds, turns = (
             whole_counts(-most, most) for most in (limits.speed * speed, math.degrees(limits.turn))
@@ -320,21 +320,21 @@ class P3dx(ArcosRobot):
         return table, [row for row in rows if math.isfinite(row.level)]
 
     def was_limited(self, message: m.Limited) -> None:
-        """See ``platforms.base.Limited``."""
+        """Show the limited speed or turn."""
         if message.item == "vel":
             self.x.limit_applied(message.applied * self.factors.speed, message.limit)
         else:
             self.yaw.limit_applied(math.radians(message.applied), message.limit)
 
-    # ---------------------------------------------------------------- what is ordered
+    # ---------------------------------------------------------------- commands
 
     def switch_motors(self, on: bool) -> None:
-        """See ``devices.Commands``."""
+        """Switch the motors; off ends all motion."""
         self.check_link()
         self._motors_wanted = on
         if not on:
             self.halt("the motors were switched off")
-        self.wire.write(ROBOT, "enable", int(on), self._motors_answered)
+        self.channel.write(ROBOT, "enable", int(on), self._motors_answered)
 
     def _motors_answered(self, reply: m.Reply) -> None:
         if not reply.ok:
@@ -344,70 +344,70 @@ class P3dx(ArcosRobot):
                 self.halt(reply.error)
 
     def switch_sonars(self, on: bool) -> None:
-        """See ``devices.Commands``."""
+        """Switch the sonars."""
         self.check_link()
-        self.wire.write(ROBOT, "sonar", int(on), self.warn("sonars"))
+        self.channel.write(ROBOT, "sonar", int(on), self.warn_on_failure("sonars"))
 
     def set_speed(self, v: float | None = None, w: float | None = None) -> None:
-        """See ``devices.Commands``."""
+        """Drive at these speeds, m/s and rad/s; a write by hand, which ends a movement of urbiscript."""
         self._by_hand = True
-        self._go_at(v, w)
+        self._set_speeds(v, w)
 
-    def _go_at(self, v: float | None, w: float | None) -> None:
+    def _set_speeds(self, v: float | None, w: float | None) -> None:
         if v or w:
             self.check_motors()
         self._origin = self.motion.admit(ROBOT)
         self.planner.cancel()
         self.drive.set(v, w)
-        self._order()
+        self._send_speeds()
 
     def check_motors(self) -> None:
-        """See ``navigation.base.Base``."""
+        """Raise ValueError while the motors are off."""
         if off := self.explain_off():
             raise ValueError(off)
 
     def explain_off(self) -> str:
-        """See ``devices.Commands``."""
+        """Return why the robot does not drive while the motors are off, else ""."""
         on = self._motors or self._motors_wanted
         return "" if on else "the motors are off; switch them on first: P3dx.body.load = 1"
 
     def begin_motion(self, motion: Motion) -> None:
-        """See ``navigation.base.Base``."""
+        """Start a motion of the navigator."""
         self.drive.start(motion)
-        self._order()
+        self._send_speeds()
 
     def halt(self, why: str) -> None:
-        """Nothing shall move any more, and nothing waits to move."""
+        """End all motion and cancel the planned path."""
         self.planner.cancel()
         self.drive.halt(why)
-        self._order()
+        self._send_speeds()
 
-    def _order(self) -> None:
-        """Order the speeds that the drive wants now; until the motors are on, none."""
+    def _send_speeds(self) -> None:
+        """Send the speeds that the drive computes now; nothing while the motors are off."""
         if not self._motors:
-            self._aimed = (0, 0)
+            self._sent_speeds = (0, 0)
             return
         if not self.motion.is_live(self._origin):
-            # What it was told belongs to another epoch, or to a client that is gone.
+            # The motion belongs to an older epoch, or to a client that has disconnected.
             self._origin = self.motion.own()
             self.drive.halt(self.motion.reason)
         v, w = self.drive.step(self.state)
         wanted = round(v / self.factors.speed), round(math.degrees(w))
-        for item, new, old in zip(("vel", "rvel"), wanted, self._aimed, strict=True):
+        for item, new, old in zip(("vel", "rvel"), wanted, self._sent_speeds, strict=True):
             if new or new != old:
-                self.wire.aim(ROBOT, item, new, self._origin)
-        self._aimed = wanted
+                self.channel.set_target(ROBOT, item, new, self._origin)
+        self._sent_speeds = wanted
 
     def claim_motion(self) -> None:
-        """See ``navigation.base.Base``."""
+        """Take the motion over for the running statement; raises if it may not move the robot."""
         self._origin = self.motion.admit(ROBOT)
 
     def on_halt(self, reason: str, devices: tuple[Hashable, ...] | None = None) -> None:
-        """See ``WiredRobot``."""
+        """Cancel the planner's path and the motion of the drive."""
         if self._parts:
             self.planner.cancel()
             self.drive.halt(reason)
-            self._aimed = (0, 0)
+            self._sent_speeds = (0, 0)
 
     def _motion_ended(self, motion: Motion, how: str) -> None:
         self.planner.motion_ended(motion, how)
@@ -416,10 +416,10 @@ class P3dx(ArcosRobot):
 
     @function("driveAt")
     def drive_at(self, v: float, w: float) -> None:
-        """Go at these speeds for a movement that is steered by urbiscript; not once a speed was written by hand."""
+        """Drive at these speeds for a movement steered by urbiscript; an error once a speed was written by hand."""
         if self._by_hand:
             raise ValueError("a speed was written meanwhile")
-        self._go_at(finite_number(v), finite_number(w))
+        self._set_speeds(finite_number(v), finite_number(w))
 
     @function("takeOver")
     def take_over(self) -> None:
@@ -428,7 +428,7 @@ class P3dx(ArcosRobot):
         self.planner.cancel()
 
     def halt_all(self, reason: str) -> None:
-        """See ``WiredRobot``."""
+        """Also allow movements steered by urbiscript again after a speed was written by hand."""
         self._by_hand = False
         super().halt_all(reason)
 
@@ -447,4 +447,4 @@ class P3dx(ArcosRobot):
         self.planner.move_to(goal)
 
     def _watch_laser(self, wanted: bool) -> None:
-        self.tell(m.Watch("laser", ("ranges",), 0.0 if wanted else None))
+        self.send_message(m.Watch("laser", ("ranges",), 0.0 if wanted else None))

@@ -1,7 +1,7 @@
-"""Speeds that must arrive on a wire where nothing is acknowledged, and switches that are seen to have arrived; no I/O.
+"""Repeated speeds for a wire without acknowledgements, and switches that the robot's flags confirm; no I/O.
 
-A lost VEL 0 would leave the robot driving, so a set point is repeated: while it is not zero, as often as the watchdog
-needs a sign of life; once it is zero, a few times more.
+A lost VEL 0 would leave the robot driving, so a set point is repeated: while it is not zero, as often as the robot's
+watchdog requires; once it is zero, a few more times.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from typing import Final
 
 from urbihw.platforms.p3dx.commands import encode
 
-AGAIN: Final = 0.2
+REPEAT_PERIOD_S: Final = 0.2
 """Seconds between repetitions."""
-ZEROES: Final = 3
+ZERO_REPEATS: Final = 3
 """How often a zero is sent."""
-SWITCH_AGAIN: Final = 0.3
+SWITCH_PERIOD_S: Final = 0.3
 SWITCH_TRIES: Final = 4
-SWITCH_SHOWS: Final = 0.03
+SWITCH_DELAY_S: Final = 0.03
 """Seconds after which a SIP may show it."""
 
 
@@ -31,27 +31,27 @@ class SetPoint:
         self._left = 0
         self._due = 0.0
 
-    def set(self, value: int) -> None:
-        """A new set point, to be sent at once if it is another one."""
+    def set_value(self, value: int) -> None:
+        """Set the speed, sent at once if it differs from the last one."""
         if value != self.value:
-            self.value, self._due, self._left = value, 0.0, ZEROES
+            self.value, self._due, self._left = value, 0.0, ZERO_REPEATS
 
     def halt(self) -> None:
-        """Zero, and said so even if it was zero before."""
-        self.value, self._due, self._left = 0, 0.0, ZEROES
+        """Set the speed to zero, and send it even if it was zero before."""
+        self.value, self._due, self._left = 0, 0.0, ZERO_REPEATS
 
-    def packet(self, now: float) -> bytes | None:
-        """What to send now, if anything."""
+    def next_packet(self, now: float) -> bytes | None:
+        """Return the packet to send now, None if none is due."""
         if now < self._due or not (self.value or self._left):
             return None
-        self._due = now + AGAIN
+        self._due = now + REPEAT_PERIOD_S
         self._left = max(0, self._left - 1)
         return encode(self.name, self.value)
 
 
 @dataclass(slots=True)
-class Switch:
-    """Something that the flags of a SIP show: send it until they do.
+class FlagSwitch:
+    """A switch whose state the flags of a SIP show: its command is repeated until they do.
 
     Attributes:
         reply_id: the request that asked for it.
@@ -67,17 +67,17 @@ class Switch:
     tries: int = SWITCH_TRIES
     sent_at: float = -math.inf
 
-    def due(self, now: float) -> bool:
-        """Whether it is time to send it, or to give up."""
-        return now - self.sent_at >= SWITCH_AGAIN
+    def is_due(self, now: float) -> bool:
+        """Return whether it is time to send it again, or to give up."""
+        return now - self.sent_at >= SWITCH_PERIOD_S
 
-    def send(self, now: float) -> bytes:
-        """Count a sending."""
+    def next_packet(self, now: float) -> bytes:
+        """Return the packet, and count it as sent at `now`."""
         self.tries -= 1
         self.sent_at = now
         return self.packet
 
-    def shown(self, flags: int, now: float) -> bool:
-        """Whether the flags show it; those of a SIP that may have been on its way before it was sent do not count."""
-        late_enough = now - self.sent_at >= SWITCH_SHOWS and self.sent_at > -math.inf
+    def is_confirmed(self, flags: int, now: float) -> bool:
+        """Return whether the flags confirm it; a SIP that may have been sent before the command does not count."""
+        late_enough = now - self.sent_at >= SWITCH_DELAY_S and self.sent_at > -math.inf
         return late_enough and bool(flags & self.mask) == bool(self.wanted)

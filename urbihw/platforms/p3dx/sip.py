@@ -1,4 +1,4 @@
-"""The packet that a Pioneer sends all the time, and the counting on of its wrapping positions; bytes only.
+"""The standard packet (SIP) that a Pioneer sends periodically, and the unwrapping of its positions; no I/O.
 
     type x    y    theta left right battery stall control flags compass N   [number range] * N
     u8   u16  u16  s16   s16  s16   u8      u16   s16     u16   u8      u8   u8     u16
@@ -114,7 +114,7 @@ class Odometer:
         self.x = self.y = self.theta = 0
         self._last: tuple[int, int, int] | None = None
 
-    def take(self, sip: Sip) -> None:
+    def add_sip(self, sip: Sip) -> None:
         """Add how far the robot went since the last packet."""
         now = sip.x, sip.y, sip.theta % FULL_TURN
         last, self._last = self._last or now, now

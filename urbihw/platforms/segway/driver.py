@@ -1,15 +1,15 @@
-"""The worker's half of an RMP: a command every tick, as long as the worker lives and no longer.
+"""The driver of an RMP in the worker: one command per tick.
 
-The base obeys a command for about 0.4 s and then ramps to zero by itself (Segway's overview of the RMP; Orca), so the
-commands of a standing robot are zeros, and when this process dies the base stops. Nothing is sent before the base was
-heard: on a bus with other devices 0x0413 may mean something else.
+The base executes a command for about 0.4 s and then ramps to zero by itself (Segway's overview of the RMP; Orca). The
+commands of a standing robot are zeros, and the base stops when this process dies. Nothing is sent before a frame of the
+base has arrived: on a bus with other devices 0x0413 may mean something else.
 
-Motors that were off come back at zero: that they were switched off, by hand, by a fault, by a mode, is told to the
-engine as a stop (`halted`), however short it was; and while they are off no speed is taken. So is a change between the
-modes with motors, unless it was asked for here.
+When the motors were switched off, however briefly, by hand, by a fault or by a mode, the driver reports a stop to the
+engine (`halted`): they start again at zero. While they are off, no speed is accepted. A change between the modes with
+motors is a stop too, unless this driver requested it.
 
-Two commands are never less than SPACING apart, whatever the ticks do (the maker asks for 10 ms at least): a tick that
-comes too soon after a late one sends nothing.
+Two commands are at least SPACING apart (the maker requires 10 ms): a tick that follows too soon after a late one sends
+nothing.
 
 Device: "base". Targets: "velocity", "turn", in counts. Requests: "write" of a row of `protocol.CONFIGURATIONS`, "read"
 of a value of the last cycle, "shutdown" (switches the base off: a balancing one falls).
@@ -25,7 +25,7 @@ from typing import Any, Final
 
 from urbihw.buses.can.frame import Frame
 from urbihw.buses.clock import Clock, RealClock
-from urbihw.buses.driver import Driver, never
+from urbihw.buses.driver import Driver, no_stop
 from urbihw.buses.errors import BadValue, BusTimeout
 from urbihw.buses.link import Port
 from urbihw.buses.messages import (
@@ -49,36 +49,36 @@ from urbihw.platforms.segway.orders import Orders
 
 BASE: Final = "base"
 SPACING: Final = 0.012
-"""Seconds between two commands at least."""
+"""Minimum time between two commands, in seconds."""
 SLOWEST, FASTEST = 20.0, 50.0
-"""Ticks a second: commands come every 20 to 50 ms."""
+"""Ticks per second: a command every 20 to 50 ms."""
 SILENCE: Final = 0.25
-"""Seconds without any frame of the base after which it is lost."""
-_FIRST_WORD: Final = 1.0
-"""Seconds for it to be heard after the link has opened."""
+"""Seconds without a frame of the base after which it is lost."""
+_FIRST_FRAME_S: Final = 1.0
+"""Seconds to wait for the first frame after the link was opened."""
 _REMEMBERED: Final = 50
 _FOREIGN_PAUSE: Final = 10.0
-"""Seconds between two complaints about somebody else's commands."""
+"""Seconds between two reports of foreign commands."""
 _LIMITS: Final = {"velocity": p.MOST_VELOCITY, "turn": p.MOST_TURN}
 
 
 @dataclass(frozen=True, slots=True)
 class BaseInfo:
-    """The base as `Found` tells of it: the number of its firmware, and whether that is the oldest kind."""
+    """The identification in `Found`: the firmware build, and whether it is the oldest firmware."""
 
     build: int
     old: bool
 
 
 class RmpDriver(Driver):
-    """See the head of this file, and `urbihw.buses.driver.Driver` for who calls what."""
+    """Drives a base over one port; `urbihw.buses.driver.Driver` tells when each method is called."""
 
     def __init__(self) -> None:
         self._clock: Clock = RealClock()
         self._line: Line | None = None
         self._monitor = Monitor()
         self._orders = Orders()
-        self._aim = dict.fromkeys(_LIMITS, 0)
+        self._speeds = dict.fromkeys(_LIMITS, 0)
         self._state = ""
         # Items whose targets were refused since the motors went off.
         self._refused: set[str] = set()
@@ -92,16 +92,16 @@ class RmpDriver(Driver):
         self._tick = 1 / FASTEST
         self._period: float | None = None
         self._next_sample = 0.0
-        self._told_at: float | None = None
-        self._owed: list[FromWorker] = []
-        # Multicast brings our own commands back; whatever else commands the base is somebody else.
+        self._sampled_at: float | None = None
+        self._pending_messages: list[FromWorker] = []
+        # Multicast returns our own commands; all other commands are foreign.
         self._own: deque[bytes] = deque(maxlen=_REMEMBERED)
         self._foreign_at = -math.inf
 
     # ---------------------------------------------------------------- the engine's calls
 
     def configure(self, settings: Configure) -> None:
-        """Take settings. Raises BadValue for a rate without sense, BadSetting for an option."""
+        """Apply settings. Raises BadValue for an invalid rate, BadSetting for an option."""
         if not SLOWEST <= settings.rate <= FASTEST:
             raise BadValue(f"commands go out every 20 to 50 ms, so the rate must be 20 to 50, not {settings.rate:g}")
         Options.of(settings.options)
@@ -109,9 +109,9 @@ class RmpDriver(Driver):
         self._tick = 1 / settings.rate
 
     def attach(self, port: Port) -> list[FromWorker]:
-        """Take an open port; the base is found when it is heard."""
+        """Use an open port; the base is found when its first cycle arrives."""
         line = line_over(port)
-        # What waited in the system from before is too old to look at.
+        # Frames that were buffered before are too old.
         line.receive()
         self._line = line
         self._clock = port.clock
@@ -120,17 +120,19 @@ class RmpDriver(Driver):
         return []
 
     def detach(self) -> None:
-        """The port is gone."""
+        """Drop the closed port, speeds and orders."""
         self._line = None
         self._state = ""
         self._unsent = 0
         self._monitor.drop_partial()
         self._halt()
-        self._owed += self._orders.drop("the link went down")
+        self._pending_messages += self._orders.drop_all("the link went down")
 
-    def tick(self, now: float, meanwhile: Callable[[], None], urgent: Callable[[], bool] = never) -> list[FromWorker]:
-        """Send a command, then take in what the base said."""
-        news, self._owed = self._owed, []
+    def tick(
+        self, now: float, meanwhile: Callable[[], None], urgent: Callable[[], bool] = no_stop
+    ) -> list[FromWorker]:
+        """Send a command, then process the received frames."""
+        news, self._pending_messages = self._pending_messages, []
         line = self._line
         if line is None:
             return news
@@ -141,40 +143,40 @@ class RmpDriver(Driver):
         now = self._clock.now()
         for frame in frames:
             if frame.id == p.COMMAND:
-                news += self._overheard(frame, now)
-            self._monitor.take(frame, now)
-        return news + self._look(now)
+                news += self._check_foreign(frame, now)
+            self._monitor.add_frame(frame, now)
+        return news + self._check_base(now)
 
     def targets(self, message: Targets) -> list[FromWorker]:
-        """Take new speeds; they go out with the next command. Those for a base that is not there are forgotten.
+        """Accept new speeds for the next command. Without a base they are dropped.
 
-        Those for a base whose motors are off are refused, which is said once for each time that they are.
+        While the motors are off they are refused; one refusal per item is posted each time the motors go off.
         """
         refused: list[FromWorker] = []
         for (device, item), value in message.values.items():
             if device != BASE or item not in _LIMITS or not isinstance(value, int):
                 refused.append(Refused(device, item, f"no such target, or {value!r} is no number of counts"))
             elif self._state == "ok" and not (value and self._monitor.motors_off):
-                self._aim[item] = value
+                self._speeds[item] = value
             elif self._state == "ok" and item not in self._refused:
                 self._refused.add(item)
                 refused.append(Refused(device, item, "the motors of the base are off"))
         return refused
 
     def watch(self, message: Watch, now: float) -> list[FromWorker]:
-        """Report the last cycle every `period` seconds, at most every tick; all items, whichever are named."""
+        """Post the last cycle, with all items, every `period` seconds, at most once per tick."""
         self._period = message.period
         self._next_sample = now
         return []
 
     def request(self, message: Request) -> list[FromWorker]:
-        """Do something once."""
+        """Execute a request: see the head of this file."""
         if self._state != "ok":
             return [Reply(message.reply_id, False, error="the base is not there")]
         match message.verb:
             case "write":
                 parameter = message.value if isinstance(message.value, int) else -1
-                error = self._orders.add(message.reply_id, message.item, parameter)
+                error = self._orders.add_order(message.reply_id, message.item, parameter)
                 return [Reply(message.reply_id, False, error=error)] if error else []
             case "read":
                 value = self._monitor.latest.get(message.item)
@@ -188,47 +190,47 @@ class RmpDriver(Driver):
                 return [Reply(message.reply_id, False, error=f"an RMP does not know {message.verb!r}")]
 
     def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
-        """Speed and turn to zero, with a command at once: no sooner than allowed after the last."""
+        """Set speed and turn to zero and send the command, SPACING after the last one."""
         self._halt()
         mine, self._stops_itself = self._stops_itself, False
         if not mine:
-            self._owed += self._orders.drop("the robot was stopped")
+            self._pending_messages += self._orders.drop_all("the robot was stopped")
         self._refused.clear()
         if self._line is None or not self._known:
             return
         if self._fall_on_stop and not mine:
-            self._orders.add(0, "mode", 0)
+            self._orders.add_order(0, "mode", 0)
         self._clock.sleep_until(self._sent_at + SPACING)
         self._command(self._line, self._clock.now())
 
     def moves(self, device: Any, item: str, value: Any) -> bool:
-        """Speeds other than zero."""
+        """Return whether the speed is not zero."""
         return bool(value)
 
     def request_moves(self, request: Request) -> bool:
-        """A mode in which the motors are on."""
+        """Return whether the request sets a mode in which the motors are on."""
         return request.verb == "write" and request.item == "mode" and request.value in MOVING_MODES
 
     def errors(self) -> dict[str, int]:
-        """Failures since `attach`."""
+        """Return the number of failures since `attach`."""
         return {"damaged": self._line.damaged if self._line is not None else 0, "unsent": self._unsent}
 
     # ---------------------------------------------------------------- commands
 
     @property
     def _known(self) -> bool:
-        """Whether the base was heard on this port: only then something is sent."""
+        """Whether a cycle of the base has arrived on this port: nothing is sent before."""
         cycle = self._monitor.cycle_at
         return cycle is not None and cycle >= self._attached_at
 
     def _halt(self) -> None:
-        self._aim = dict.fromkeys(_LIMITS, 0)
+        self._speeds = dict.fromkeys(_LIMITS, 0)
 
     def _stop_by_itself(self, reason: str) -> None:
-        """Zero from here on; that the robot was stopped is said if anything else was wanted."""
-        if any(self._aim.values()) or self._refused:
+        """Set the speeds to zero; report a stop if a speed was set or refused."""
+        if any(self._speeds.values()) or self._refused:
             self.halted = reason
-            # The orders under way are no part of what is stopped.
+            # This stop keeps the pending configurations.
             self._stops_itself = True
         self._halt()
         self._refused.clear()
@@ -236,7 +238,7 @@ class RmpDriver(Driver):
     def _command(self, line: Line, now: float) -> None:
         if now < self._sent_at + SPACING:
             return
-        order = self._orders.next(now)
+        order = self._orders.next_order(now)
         number, parameter = 0, 0
         if order is not None:
             name, parameter = order
@@ -247,9 +249,9 @@ class RmpDriver(Driver):
                 self._asked_mode = parameter
                 if parameter not in MOVING_MODES:
                     self._stop_by_itself("a mode without motors was asked for")
-        # The speeds go with every configuration: with zeros the base would jerk.
-        self._send(Frame(p.COMMAND, p.command(self._aim["velocity"], self._aim["turn"], number, parameter)))
-        # Looked at afterwards: on a busy machine some time may have passed since the tick began.
+        # A configuration command also carries the speeds: with zeros the base would jerk.
+        self._send(Frame(p.COMMAND, p.command(self._speeds["velocity"], self._speeds["turn"], number, parameter)))
+        # Read the clock after sending: on a busy machine some time has passed since the tick began.
         self._sent_at = self._clock.now()
 
     def _send(self, frame: Frame) -> None:
@@ -258,46 +260,46 @@ class RmpDriver(Driver):
         try:
             self._line.send(frame)
         except BusTimeout:
-            # Nobody acknowledges; that the base is silent will be said.
+            # There is no acknowledgement; the silence time-out reports a lost base.
             self._unsent += 1
 
     # ---------------------------------------------------------------- what is on the bus
 
-    def _overheard(self, frame: Frame, now: float) -> list[FromWorker]:
-        """A command on the bus: is it one of ours?"""
+    def _check_foreign(self, frame: Frame, now: float) -> list[FromWorker]:
+        """Report a command on the bus that this driver has not sent."""
         if frame.data in self._own or now - self._foreign_at < _FOREIGN_PAUSE:
             return []
         self._foreign_at = now
         return [Happened(BASE, "commanded by another")]
 
-    def _look(self, now: float) -> list[FromWorker]:
+    def _check_base(self, now: float) -> list[FromWorker]:
         news: list[FromWorker] = []
         heard = self._monitor.heard_at
         alive = self._known and heard is not None and now - heard <= SILENCE
         if alive and self._state != "ok":
             news += self._found()
-        elif not alive and (self._state == "ok" or (not self._state and now - self._attached_at > _FIRST_WORD)):
+        elif not alive and (self._state == "ok" or (not self._state and now - self._attached_at > _FIRST_FRAME_S)):
             news += self._lost(now)
         if self._restarts != self._monitor.restarts:
             self._restarts = self._monitor.restarts
             news.append(Happened(BASE, "restarted"))
             self._stop_by_itself("the base was switched off and on")
-        switched = self._monitor.take_switched()
+        switched = self._monitor.pop_switched()
         if switched and not (switched == OTHER_MODE and self._monitor.mode == self._asked_mode):
             self._stop_by_itself(switched)
         latest = self._monitor.latest
-        news += self._orders.check(latest, now)
+        news += self._orders.check_progress(latest, now)
         news += self._sample(latest, now)
         return news
 
     def _sample(self, latest: Mapping[str, int], now: float) -> list[FromWorker]:
-        """The last cycle, if it is new and wanted now."""
+        """Return the last cycle if it is new and due."""
         heard = self._monitor.heard_at
-        # A tick that is a little early is the one that is meant.
+        # A sample may be up to half a tick early.
         early = now < self._next_sample - self._tick / 2
-        if self._state != "ok" or self._period is None or heard in (None, self._told_at) or early:
+        if self._state != "ok" or self._period is None or heard in (None, self._sampled_at) or early:
             return []
-        self._told_at = heard
+        self._sampled_at = heard
         self._next_sample += self._period
         if self._next_sample < now - self._period:
             self._next_sample = now
@@ -317,5 +319,5 @@ class RmpDriver(Driver):
             reason = "it is switched off, says its user interface box"
         else:
             reason = "it says nothing"
-        replies: list[Any] = self._orders.drop(f"the base is lost: {reason}")
+        replies: list[Any] = self._orders.drop_all(f"the base is lost: {reason}")
         return [*replies, DeviceState(BASE, before or "ok", "lost", reason)]

@@ -1,4 +1,4 @@
-"""The way to the base, whichever it is: frames out, frames in, never waiting."""
+"""Frames to and from the base over either port, without waiting."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from urbihw.buses.link import Link, Port, byte_link
 from urbihw.platforms.segway.usb import UsbReader, packet
 
 _MOST_FRAMES = 1000
-"""Taken at one time: about a second of them."""
+"""Frames read at one time at most: those of about a second."""
 _CHUNK = 65536
 
 
@@ -22,12 +22,12 @@ class Line(Protocol):
         ...
 
     def receive(self) -> list[Frame]:
-        """What has come."""
+        """Return the frames received so far."""
         ...
 
     @property
     def damaged(self) -> int:
-        """How much came that was no frame."""
+        """The number of damaged frames or packets."""
         ...
 
 
@@ -38,16 +38,16 @@ class CanLine:
         self._port = port
 
     def send(self, frame: Frame) -> None:
-        """See `Line`."""
+        """Send a frame as it is."""
         self._port.send(frame)
 
     def receive(self) -> list[Frame]:
-        """See `Line`."""
+        """Return the frames received so far, _MOST_FRAMES at most."""
         return self._port.receive(_MOST_FRAMES, 0.0)
 
     @property
     def damaged(self) -> int:
-        """See `Line`."""
+        """The number of damaged frames that the port has counted."""
         return self._port.damaged
 
 
@@ -59,19 +59,19 @@ class UsbLine:
         self._reader = UsbReader()
 
     def send(self, frame: Frame) -> None:
-        """See `Line`."""
+        """Send a frame in a packet of the maker."""
         self._link.write(packet(frame))
 
     def receive(self) -> list[Frame]:
-        """See `Line`."""
+        """Return the frames that the received bytes complete."""
         return self._reader.feed(self._link.read(_CHUNK, 0.0))
 
     @property
     def damaged(self) -> int:
-        """See `Line`."""
+        """The number of damaged packets since the link was opened."""
         return self._reader.damaged
 
 
 def line_over(port: Port) -> Line:
-    """Frames as they are over CAN, in the maker's packets over everything that moves bytes."""
+    """Return the line for a port: plain frames over CAN, the maker's packets over a byte link."""
     return CanLine(port) if isinstance(port, CanPort) else UsbLine(byte_link(port))

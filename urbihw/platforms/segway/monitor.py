@@ -1,13 +1,13 @@
-"""What the base says, put together: cycles, counters that do not wrap, and what was switched in between.
+"""The state of the base, from its frames: cycles, counters that do not wrap, and switched motors and modes.
 
-A cycle is the frames 0x0400 to 0x0407 in order. It is over with its last frame when all of them came, else when the
-next one begins: then it has what came, and the values of a frame that is missing stay as they were for KEPT seconds and
-are gone after that. The oldest firmware stops at 0x0404 (inferred from CARMEN and old Player, which know five), so a
-base that never said more is taken at its word.
+A cycle is the frames 0x0400 to 0x0407 in order. It ends with its last frame if all of them arrived, else when the next
+cycle begins. The values of a missing frame remain for KEPT seconds and are dropped after that. The oldest firmware ends
+its cycle with 0x0404 (inferred from CARMEN and old Player, which have five frames), so a base that has never sent more
+counts as one with that firmware.
 
-Counters are 32 bits wide and wrap; differences are taken modulo 2^32. They begin where the base has them. When the base
-was off, its counters and its servo frame counter begin anew; then ours go on from where they were. After a reset, which
-is not acknowledged, readings of SETTLING seconds do not count (segway_rmp), and what the base then says is zero.
+Counters have 32 bits and wrap; differences are computed modulo 2^32. The first reading is the origin. When the base was
+off, its counters and its servo frame counter restart, and the totals here continue. A reset is not acknowledged:
+readings of the next SETTLING seconds are ignored (segway_rmp), and the first reading after that is zero.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from urbihw.platforms.segway import protocol as p
 SETTLING = 0.25
 """Seconds after a reset of the counters."""
 KEPT: Final = 0.25
-"""Seconds for which the values of a frame are good."""
+"""Seconds for which the values of a frame are valid."""
 _SERVO_FRAME = 0.01
 _TOLERANCE = 100
-"""Servo frames by which clocks and waiting data may differ."""
+"""Tolerance in servo frames, for clocks and buffered data."""
 _OLD = range(p.FIRST, p.LAST_OLD + 1)
 _CYCLE = range(p.FIRST, p.LAST + 1)
 _ALL = frozenset(_CYCLE)
@@ -39,28 +39,28 @@ OTHER_MODE: Final = "the base went into another mode"
 
 
 def missing_words(bits: int) -> str:
-    """The frames of a number "missing", such as "0x0403, 0x0680"; "" for none."""
+    """Return the frames that a value of "missing" stands for, such as "0x0403, 0x0680"; "" for none."""
     return ", ".join(f"0x{identifier:04X}" for bit, identifier in enumerate(_BITS) if bits >> bit & 1)
 
 
 def status_missing(bits: int) -> bool:
-    """Whether the status words are among the frames of a number "missing"."""
+    """Return whether a value of "missing" contains the status words."""
     return bool(bits >> _BITS.index(p.STATUS) & 1)
 
 
 class Monitor:
-    """Takes frames with the time they were read.
+    """Collects frames with the times at which they were read.
 
     Attributes:
-        heard_at: when any frame of the base was last there; None before the first.
-        cycle_at: when a cycle was last over; None before the first.
-        off_at: when the user interface box last said that the base is off; None if never.
+        heard_at: time of the last frame of the base; None before the first.
+        cycle_at: time of the end of the last cycle; None before the first.
+        off_at: time of the last report of the user interface box that the base is off; None if never.
         old: the base has the oldest firmware.
-        restarts: how often the base was found to have begun anew.
-        mode: as it last told; None before it did.
+        restarts: number of detected restarts of the base.
+        mode: the last reported mode; None before the first.
 
-    A cycle also has "resets", how often the counters were reset: across one of those, differences mean nothing; and
-    "missing", the frames that stay out (see `missing_words`).
+    A cycle also has "resets", the number of counter resets: differences across a reset are invalid; and "missing", the
+    frames that do not arrive (see `missing_words`).
     """
 
     def __init__(self) -> None:
@@ -70,12 +70,12 @@ class Monitor:
         self.old = False
         self.restarts = 0
         self._modern = False
-        # The frames of the running cycle; None until a beginning was seen.
+        # The frames of the present cycle; None before the beginning of the first.
         self._seen: set[int] | None = None
         self._last = -1
         self._pending: dict[str, int] = {}
         self._values: dict[str, int] = {}
-        # Frame -> when it last came, since the base was last heard without a gap; that began at `_since`.
+        # Frame -> time of its last arrival, since `_since`, the time from which the base was heard without a gap.
         self._came: dict[int, float] = {}
         self._since = 0.0
         self._raw: dict[str, int] = {}
@@ -88,12 +88,12 @@ class Monitor:
         self.mode: int | None = None
         self._switched = ""
 
-    def take(self, frame: Frame, now: float) -> None:
-        """Look at a frame; those of no interest pass by."""
+    def add_frame(self, frame: Frame, now: float) -> None:
+        """Process a frame; unknown frames are ignored."""
         identifier = frame.id
         if identifier == p.SHUTDOWN:
             self.off_at = now
-            self._look_at_motors(False)
+            self._note_motors(False)
             return
         values = p.decode(identifier, frame.data)
         if not values:
@@ -103,19 +103,19 @@ class Monitor:
         self.heard_at = self._came[identifier] = now
         if identifier == p.STATUS:
             self._values |= values
-            self._look_at_motors(p.motors_on(values["status1"]))
+            self._note_motors(p.motors_on(values["status1"]))
             return
         if "mode" in values:
-            self._look_at_mode(values["mode"])
+            self._note_mode(values["mode"])
         self._add(frame, values, now)
 
     def drop_partial(self) -> None:
-        """The line was interrupted: what came of a cycle so far does not count."""
+        """Drop the incomplete cycle: the line was interrupted."""
         self._pending, self._seen, self._last = {}, None, -1
 
     @property
     def latest(self) -> Mapping[str, int]:
-        """What is known by name, with the status words; empty before the first cycle."""
+        """The values of the last cycle by name, with the status words; empty before the first cycle."""
         if self.cycle_at is None:
             return {}
         known = dict(self._values)
@@ -129,7 +129,7 @@ class Monitor:
 
     @property
     def missing(self) -> tuple[int, ...]:
-        """The frames that stay out."""
+        """The frames that do not arrive."""
         if self.heard_at is None:
             return ()
         late = self.heard_at - KEPT
@@ -138,18 +138,18 @@ class Monitor:
 
     @property
     def motors_off(self) -> bool:
-        """Whether the base is known not to drive: its motors are off, or its mode is one without."""
+        """Whether the motors are known to be off, by the status or by the mode."""
         missing = self.missing
         off = self._on is False and p.STATUS not in missing
         return off or (self.mode not in (None, *MOVING_MODES) and _MODE not in missing)
 
-    def take_switched(self) -> str:
-        """What was switched since the last call, however short: "" if nothing was."""
+    def pop_switched(self) -> str:
+        """Return what was switched since the last call, however briefly; "" if nothing was."""
         switched, self._switched = self._switched, ""
         return switched
 
     def reset(self, mask: int, now: float) -> None:
-        """The counters of a mask (see `protocol.CONFIGURATIONS`) are being reset."""
+        """Note that the counters of a mask (see `protocol.CONFIGURATIONS`) are being reset."""
         self._resets += 1
         for name, bit in RESET_BITS.items():
             if mask & bit:
@@ -158,12 +158,12 @@ class Monitor:
 
     # ---------------------------------------------------------------- what was switched
 
-    def _look_at_motors(self, on: bool) -> None:
+    def _note_motors(self, on: bool) -> None:
         before, self._on = self._on, on
         if before is not None and before != on:
             self._note_switch(on)
 
-    def _look_at_mode(self, mode: int) -> None:
+    def _note_mode(self, mode: int) -> None:
         before, self.mode = self.mode, mode
         if before is None or before == mode:
             return
@@ -180,7 +180,7 @@ class Monitor:
     # ---------------------------------------------------------------- cycles
 
     def _add(self, frame: Frame, values: dict[str, int], now: float) -> None:
-        """A frame of a cycle; one whose number is not above the last begins a new one."""
+        """Add a frame to the cycle; a frame whose number is not above the last begins a new cycle."""
         identifier, last = frame.id, self._last
         self._last = identifier
         self._modern |= identifier > p.LAST_OLD
@@ -191,7 +191,7 @@ class Monitor:
                 self._finish(now)
             self._seen = set()
         if self._seen is None:
-            # The line was opened in the middle of a cycle.
+            # The line was opened during a cycle.
             return
         self._seen.add(identifier)
         self._pending |= values
@@ -199,7 +199,7 @@ class Monitor:
             self._finish(now)
 
     def _finish(self, now: float) -> None:
-        """A cycle is over: what it has counts."""
+        """End a cycle: use its values."""
         assert self._seen is not None
         values, seen = self._pending, self._seen
         self._pending, self._seen = {}, set()
@@ -209,7 +209,7 @@ class Monitor:
         restarted = "servo_frames" in values and self._began_anew(values["servo_frames"], now)
         self.restarts += restarted
         if restarted:
-            # Counters that come later have begun anew too.
+            # The counters of frames that arrive later have restarted too.
             self._raw.clear()
         for name in p.COUNTERS:
             if name in values:
@@ -219,7 +219,7 @@ class Monitor:
         self.cycle_at = now
 
     def _began_anew(self, frames: int, now: float) -> bool:
-        """Whether the servo frame counter is not where it would be had the base been on since it was last told."""
+        """Return whether the servo frame counter shows that the base was off since the last cycle."""
         before, self._servo = self._servo, (frames, now)
         if before is None:
             return False

@@ -1,18 +1,19 @@
-"""What the configuration may say of a Segway: ``[options]`` in ``urbihw.toml``."""
+"""The options of a Segway: ``[options]`` in ``urbihw.toml``."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Final
 
-from urbihw.settings import Table, choice, setting
+from urbihw.navigation.options import DrivenBaseOptions
+from urbihw.settings import choice, setting
 
 MODELS: Final = ("50", "100", "200", "400")
 
 
 @dataclass(frozen=True)
-class Options(Table):
-    """The options.
+class Options(DrivenBaseOptions):
+    """The options, beside those of navigation.
 
     Attributes:
         model: of the RMP: 50, 100, 200 or 400.

@@ -1,7 +1,7 @@
-"""Configurations on their way to the base: one with each command, each once, and a look whether it was obeyed.
+"""Configurations for the base: one with each command, and a check whether it took effect.
 
-Nothing is acknowledged. The mode and the gain schedule come back in 0x0406, so those two are looked for and sent again
-if they do not show; of the others it is only known that they were sent.
+Nothing is acknowledged. The base reports its mode and gain schedule in 0x0406, so those two are checked and sent again
+if they do not appear; the others are sent once, without confirmation.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from urbihw.buses.messages import Reply
 from urbihw.platforms.segway import protocol as p
 
-PATIENCE = 0.2
-"""Seconds until an order that shows is looked upon as not taken."""
+TIMEOUT_S = 0.2
+"""Seconds after which a configuration that the base does not report counts as failed."""
 ATTEMPTS = 3
 _SHOWN = {"mode", "gain"}
 _POWER_DOWN = 3
@@ -30,20 +30,20 @@ class _Order:
 
     @property
     def shown(self) -> bool:
-        """Whether the base tells that it obeyed; a base that was switched off says nothing more."""
+        """Whether the base reports this configuration; a base that is switched off reports nothing."""
         return self.name in _SHOWN and not (self.name == "mode" and self.parameter == _POWER_DOWN)
 
 
 class Orders:
-    """A queue, with one order under way."""
+    """A queue of configurations, one of them in progress."""
 
     def __init__(self) -> None:
         self._waiting: deque[_Order] = deque()
         self._under_way: _Order | None = None
         self._due = False
 
-    def add(self, reply_id: int, name: str, parameter: int) -> str:
-        """Queue an order; why it cannot be, or ""."""
+    def add_order(self, reply_id: int, name: str, parameter: int) -> str:
+        """Queue a configuration; return the error, or ""."""
         row = p.CONFIGURATIONS.get(name)
         if row is None:
             return f"no such setting {name!r}; there are: {', '.join(p.CONFIGURATIONS)}"
@@ -52,8 +52,8 @@ class Orders:
         self._waiting.append(_Order(reply_id, name, parameter))
         return ""
 
-    def next(self, now: float) -> tuple[str, int] | None:
-        """The order that goes with this command, (name, parameter), or None."""
+    def next_order(self, now: float) -> tuple[str, int] | None:
+        """Return the configuration for this command, (name, parameter), or None."""
         if self._under_way is None and self._waiting:
             self._under_way = self._waiting.popleft()
             self._due = True
@@ -65,23 +65,23 @@ class Orders:
         order.sent_at = now
         return order.name, order.parameter
 
-    def check(self, values: Mapping[str, int], now: float) -> list[Reply]:
-        """Look whether the order under way was obeyed."""
+    def check_progress(self, values: Mapping[str, int], now: float) -> list[Reply]:
+        """Check whether the configuration in progress took effect; return replies."""
         order = self._under_way
         if order is None or self._due:
             return []
-        # The oldest firmware shows nothing.
+        # The oldest firmware reports neither of them.
         if not order.shown or values.get(order.name, order.parameter) == order.parameter:
             return [self._done(Reply(order.reply_id, True, order.parameter))]
-        if now - order.sent_at < PATIENCE:
+        if now - order.sent_at < TIMEOUT_S:
             return []
         if order.attempts < ATTEMPTS:
             self._due = True
             return []
         return [self._done(Reply(order.reply_id, False, error=self._refusal(order, values)))]
 
-    def drop(self, reason: str) -> list[Reply]:
-        """Give up all orders."""
+    def drop_all(self, reason: str) -> list[Reply]:
+        """Drop all configurations; return their replies."""
         orders = [*([self._under_way] if self._under_way else []), *self._waiting]
         self._waiting.clear()
         self._under_way = None

@@ -1,4 +1,4 @@
-"""Frames of an RMP: words into values and back. Bytes only.
+"""Frames of an RMP: conversion between words and values. Bytes only.
 
 A frame has four words of 16 bits, big-endian. A value of 32 bits takes two of them, the low word first:
 
@@ -7,7 +7,7 @@ A frame has four words of 16 bits, big-endian. A value of 32 bits takes two of t
     0x0680 base: status words           0x0412 user interface box: the base is off; from the host: switch it off
 
 Source of each fact: libsegwayrmp (81f7971), Player, CARMEN, and Orca's hydrosegwayrmpacfr, which cites the maker's
-interface guide and holds a bus log. Where they disagree the reader of this can choose; see README.md.
+interface guide and holds a bus log. Where they disagree, a coefficient can be set; see README.md.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ FIRST, LAST_OLD, LAST = 0x400, 0x404, 0x407
 SHUTDOWN, COMMAND, STATUS = 0x412, 0x413, 0x680
 
 MOST_VELOCITY, MOST_TURN = 1176, 1024
-"""Counts of a full command; the base must not get more."""
+"""Counts of a full-scale command, the largest that may be sent."""
 MODES: Final = ("disabled", "tractor", "balance", "power down")
 """Operational modes by number; the last is a command only."""
 GAINS: Final = ("light", "tall", "heavy")
@@ -102,7 +102,7 @@ def command(velocity: int, turn: int, configuration: int = 0, parameter: int = 0
 
 
 def decode(identifier: int, data: bytes) -> dict[str, int]:
-    """The values of a frame by name; none for a frame that is not in MONITOR or not 8 bytes long."""
+    """Return the values of a frame by name; none for a frame that is not in MONITOR or not 8 bytes long."""
     rows = MONITOR.get(identifier)
     if rows is None or len(data) != _WORDS.size:
         return {}
@@ -111,23 +111,23 @@ def decode(identifier: int, data: bytes) -> dict[str, int]:
 
 
 def old_battery(data: bytes) -> int:
-    """The battery in 0x0400 of the oldest firmware."""
+    """Return the battery in 0x0400 of the oldest firmware."""
     return _value(_WORDS.unpack(data), OLD_BATTERY[1], OLD_BATTERY[2])
 
 
 def difference(new: int, old: int, bits: int = 32) -> int:
-    """How far a counter that wraps went from `old` to `new`, signed."""
+    """Return the signed difference of a counter that wraps."""
     half = 1 << bits - 1
     return (new - old + half) % (half * 2) - half
 
 
 def motors_on(status1: int) -> bool:
-    """Whether the motors are enabled."""
+    """Return whether the motors are enabled."""
     return bool(status1 & _MOTORS_ON)
 
 
 def fault_words(status1: int, status2: int) -> str:
-    """The status words in words; "" when nothing is wrong."""
+    """Return the faults of the status words as a text; "" for none."""
     found = [text for bit, text in _WORD_1.items() if status1 & bit]
     sides = (status2 | status2 >> 8) & 0xFF
     found += [text for bit, text in _WORD_2.items() if sides & bit]

@@ -1,12 +1,12 @@
-"""The class RMP of the manual: speeds, coders and coefficients of a base, and what else there is to it.
+"""The class RMP of the manual: speeds, coders and coefficients of a base, with its modes, torques and faults.
 
-Raw counts come in with each sample and leave with each command; outside everything is SI, by the coefficients (SI per
-count), which ``usegway.u`` sets for the model.  Those of the manual are for what the base measures; ``velocityCoeff``
-and ``turnCoeff`` are for what it is told, because firmware counts these two differently (README.md, "Quirks").
+Samples and commands are raw counts; slots are in SI units.  The coefficients (SI units per count) convert them;
+``usegway.u`` sets them for the model.  Those of the manual apply to measured values.  ``velocityCoeff`` and
+``turnCoeff`` apply to commands, because the firmware counts these two differently (README.md, "Quirks").
 
-What the base does not tell any more is ``nan``, or "" for a word; ``missing`` names the frames that stay out.
+A value that the base no longer reports is ``nan``, or "" for a word; ``missing`` names the missing frames.
 
-Several RMPs may be made of one base: each shows all, and of two that drive it the last one counts.
+A base may have several RMPs: each shows all values, and the last command of any of them applies.
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ from urbihw.kernel.uobject import (
     set_range,
     variable,
 )
-from urbihw.platforms.base import LimitTable, Named
+from urbihw.navigation.frames import ORIGIN, moved
+from urbihw.navigation.pilot import Pilot
+from urbihw.platforms.base import LimitNamer, LimitTable
 from urbihw.platforms.limits import DeviceLimits, whole_counts
 from urbihw.platforms.segway import protocol as p
 from urbihw.platforms.segway.monitor import missing_words, status_missing
@@ -43,10 +45,10 @@ _FULL_SPEED: Final = 3.576
 """m/s at the largest velocity command: 8 mph (README.md, "Quirks")."""
 _QUARTERS: Final = 4  # counts of the battery for 1 V
 EMPTY, FULL = 60.0, 78.0
-"""Volts between which the battery's charge is estimated, along a straight line; guessed around the nominal 72."""
+"""Volts between which the battery's charge is interpolated; guessed around the nominal 72."""
 
 _EARLY: Final = 0.01
-"""Seconds: half the shortest time between two cycles that come."""
+"""Half the shortest time between two samples, in seconds."""
 
 _SCALED: Final = {
     "leftSpeed": "left_speed",
@@ -56,7 +58,7 @@ _SCALED: Final = {
     "left": "left",
     "right": "right",
 }
-"""Slot -> item; the coefficient is the slot with ``Coeff`` behind it."""
+"""Slot -> item; the name of the coefficient is that of the slot plus ``Coeff``."""
 _WAY: Final = frozenset({"forward", "yaw"})
 """Items that the odometry needs."""
 _ANGLES: Final = {"pitch": "pitch", "pitchRate": "pitch_rate", "roll": "roll", "rollRate": "roll_rate"}
@@ -66,32 +68,36 @@ _SHARES: Final = {
     "turnScale": ("turn_scale", FULL_SCALE),
     "currentLimit": ("current_limit", FULL_CURRENT),
 }
-"""Slot of 0..1 -> (configuration, what 1 is)."""
+"""Slot with the range 0..1 -> (configuration, parameter for 1)."""
 _OFF: Final = (p.MODES[0], p.MODES[3])
-"""The modes in which it does not obey speeds."""
+"""The modes in which the base does not execute speeds."""
 _NAMED: Final = {"mode": p.MODES, "gain": p.GAINS}
 
 
 class Base(Protocol):
-    """What an RMP needs of the robot."""
+    """The part of the robot that an RMP uses."""
 
     settings: dict[str, int]
     """Configurations as last sent."""
 
     motion: Motion
-    """Who may move it."""
+    """The authority over motion."""
 
-    def aim(self, item: str, counts: int, origin: Origin) -> None:
+    def set_target(self, item: str, counts: int, origin: Origin) -> None:
         """Send a speed with the next command."""
         ...
 
-    def order(self, slot: str, name: str, parameter: int) -> None:
+    def end_path(self) -> None:
+        """End the planner's path, because a program is about to write a speed."""
+        ...
+
+    def send_configuration(self, slot: str, name: str, parameter: int) -> None:
         """Configure the base."""
         ...
 
 
 class RMP(EffectorDevice):
-    """One face of the base."""
+    """A base with its coefficients; a base may have several RMPs."""
 
     forwardSpeed = owned(0.0)
     yawSpeed = owned(0.0)
@@ -139,12 +145,12 @@ class RMP(EffectorDevice):
     faulted = event()
 
     def attach(self, base: Base, period: float) -> None:
-        """Belong to a base and show it every ``period`` seconds; ``init`` in ``usegway.u`` sees to it, once."""
+        """Join a base and show it every ``period`` seconds; called once, by ``init`` in ``usegway.u``."""
         self._base = base
         self.period.sense(period)
         self._due = -math.inf
         self._raw: Mapping[str, int] = {}
-        self._place = [0.0, 0.0, 0.0]
+        self._place = ORIGIN
         self._last: tuple[int, float, float] | None = None
         for var, item, coefficient in (
             (self.forwardSpeed, "velocity", self.velocityCoeff),
@@ -160,25 +166,48 @@ class RMP(EffectorDevice):
             self.notify_change(var, self._share(var, item, full))
         for name, words in _NAMED.items():
             self.notify_change(self.variables[name], self._name(self.variables[name], words))
-        self.notify_change(self.lockout, lambda: base.order("lockout", "lockout", int(bool(number(self.lockout)))))
+        self.notify_change(
+            self.lockout, lambda: base.send_configuration("lockout", "lockout", int(bool(number(self.lockout))))
+        )
         self.configured()
 
     # ---------------------------------------------------------------- what urbiscript calls
 
     @function("resetCoders")
     def reset_coders(self) -> None:
-        """Let ``forward``, ``yaw``, ``left`` and ``right`` begin at zero; it takes a quarter of a second."""
-        self._base.order("resetCoders", "reset", p.ALL_INTEGRATORS)
+        """Reset ``forward``, ``yaw``, ``left`` and ``right`` to 0; takes a quarter of a second."""
+        self._base.send_configuration("resetCoders", "reset", p.ALL_INTEGRATORS)
 
     @function
     def odometry(self) -> list[float]:
-        """Where the base is since the first reading: x and y in m, heading in rad, counter-clockwise.
+        """The pose relative to the first reading: x and y in m, heading in rad, counter-clockwise.
 
-        An error while the base does not tell it: whoever goes a way by it must not wait for its end.
+        Raises ValueError while the base does not report it, so that a movement over a distance ends.
         """
+        self.check_way()
+        return list(self._place)
+
+    # ---------------------------------------------------------------- what the planner asks
+
+    pilot: Pilot | None = None
+    """Gets each distance if the planner uses this RMP."""
+
+    def check_way(self) -> None:
+        """Raise ValueError while the base does not report its distance."""
         if self._raw and not self._raw.keys() >= _WAY:
             raise ValueError(f"the base does not tell its way: {missing_words(self._raw['missing'])} missing")
-        return list(self._place)
+
+    def speeds_in_counts(self, v: float, w: float) -> dict[str, int]:
+        """Return the commands, by item, for a speed ahead (m/s) and a turn to the left (rad/s)."""
+        return {
+            "velocity": self._counts_of(v, "velocity", self.velocityCoeff),
+            "turn": self._counts_of(w, "turn", self.turnCoeff),
+        }
+
+    def _counts_of(self, value: float, item: str, coefficient: UVar) -> int:
+        per_count = coefficient.value * self._scale(item)
+        # At scale 0 the base does not move at any command.
+        return round(value / per_count) if per_count else 0
 
     # ---------------------------------------------------------------- written
 
@@ -186,14 +215,13 @@ class RMP(EffectorDevice):
         guard = self.guard(self._base.motion, BASE, var)
 
         def write() -> None:
-            per_count = coefficient.value * self._scale(item)
-            # At scale 0 nothing moves, whatever is asked for.
-            self._base.aim(item, round(number(var) / per_count) if per_count else 0, guard.origin)
+            self._base.end_path()
+            self._base.set_target(item, self._counts_of(number(var), item, coefficient), guard.origin)
 
         return write
 
     def explain_off(self) -> str:
-        """See ``EffectorDevice``."""
+        """Return why the base does not drive in its present mode, "" if it does."""
         if self.mode.sensed not in _OFF:
             return ""
         return f'the base does not drive (mode {self.mode.sensed}): switch it on with mode = "tractor" or "balance"'
@@ -205,22 +233,22 @@ class RMP(EffectorDevice):
         self._show()
 
     def _share(self, var: UVar, item: str, full: int) -> Any:
-        return lambda: self._base.order(var.name, item, round(number(var) * full))
+        return lambda: self._base.send_configuration(var.name, item, round(number(var) * full))
 
     def _name(self, var: UVar, words: tuple[str, ...]) -> Any:
         def write() -> None:
             if var.value not in words:
                 raise ValueError(f"{var.name} is one of {', '.join(words)}, not {var.value!r}")
-            self._base.order(var.name, var.name, words.index(var.value))
+            self._base.send_configuration(var.name, var.name, words.index(var.value))
 
         return write
 
     def _scale(self, item: str) -> float:
-        """The share of a command that the base obeys."""
+        """Return the share of a command that the base executes."""
         return self._base.settings.get(f"{item}_scale", FULL_SCALE) / FULL_SCALE
 
     def configured(self) -> None:
-        """What the base was told has changed: show it, and what can be asked of it."""
+        """Show the changed configuration of the base, and the ranges that follow from it."""
         settings = self._base.settings
         for name, (item, full) in _SHARES.items():
             self.variables[name].sense(settings.get(item, full) / full)
@@ -234,10 +262,10 @@ class RMP(EffectorDevice):
 
     # ---------------------------------------------------------------- limits of the settings
 
-    def limits_in_counts(self, limits: DeviceLimits, named: Named) -> tuple[LimitTable, Sequence[m.Threshold]]:
-        """See ``platforms.base.Limited``: m/s, rad/s, m/s2, by what full scale is.
+    def limits_in_counts(self, limits: DeviceLimits, named: LimitNamer) -> tuple[LimitTable, Sequence[m.Threshold]]:
+        """Convert the limits from m/s, rad/s and m/s2, by the full scale of the commands.
 
-        Coefficients and scales are for programs to change; what is limited does not change with them.
+        Programs may change coefficients and scales; the limits do not depend on them.
         """
         forward, turn = p.MOST_VELOCITY / _FULL_SPEED, PER_RADIAN
         speeds, turns = (
@@ -256,30 +284,30 @@ class RMP(EffectorDevice):
         return table, [row for row in rows if math.isfinite(row.level)]
 
     def was_limited(self, message: m.Limited) -> None:
-        """See ``platforms.base.Limited``."""
+        """Show the limited speed, by the coefficient of this RMP."""
         coefficient = self.velocityCoeff if message.item == "velocity" else self.turnCoeff
         self.limit_applied(message.applied * coefficient.value * self._scale(message.item), message.limit)
 
     # ---------------------------------------------------------------- read
 
-    def offer(self, raw: Mapping[str, int], stamp: float) -> None:
-        """Take a cycle if it is time for one."""
+    def offer_cycle(self, raw: Mapping[str, int], stamp: float) -> None:
+        """Show a cycle if it is time for one."""
         period = float(self.period.sensed)
-        # One that comes a little early is the one that is meant.
+        # A cycle may be slightly early.
         if stamp < self._due - _EARLY:
             return
         self._due = max(self._due + period, stamp - period)
-        self.take(raw, stamp)
+        self.show_cycle(raw, stamp)
 
-    def take(self, raw: Mapping[str, int], stamp: float) -> None:
-        """Take a cycle, in counts."""
+    def show_cycle(self, raw: Mapping[str, int], stamp: float) -> None:
+        """Show a cycle, in counts, with its kernel time in s."""
         self._raw = raw
         self._show(stamp)
-        self._travel(raw)
+        self._add_way(raw, stamp)
         self.stale.sense(False)
 
     def changed_state(self, state: str) -> None:
-        """The base is "ok" or "lost"."""
+        """Show the state of the base, "ok" or "lost"."""
         self.state.sense(state)
         if state != "ok":
             self.stale.sense(True)
@@ -300,7 +328,7 @@ class RMP(EffectorDevice):
         self._show_rest(raw, coefficient["torqueCoeff"], stamp)
 
     def _show_rest(self, raw: Mapping[str, int], per_torque: float, stamp: float | None) -> None:
-        """What old firmware does not tell, or only part of it."""
+        """Show the values that old firmware does not report, or only in part."""
         self.leftTorque.sense(raw.get("left_torque", math.nan) * per_torque, stamp)
         self.rightTorque.sense(raw.get("right_torque", math.nan) * per_torque, stamp)
         volts = raw.get("battery", math.nan) / 4
@@ -327,17 +355,19 @@ class RMP(EffectorDevice):
             if words:
                 self.faulted.emit(words)
 
-    def _travel(self, raw: Mapping[str, int]) -> None:
-        """Add the way since the last cycle to the place."""
+    def _add_way(self, raw: Mapping[str, int], stamp: float) -> None:
+        """Add the distance since the last cycle to the pose, and pass it to the planner."""
+        pilot = self.pilot
         if not raw.keys() >= _WAY:
-            # What was gone meanwhile is added when the counters are there again.
+            # The distance of this time is added when the counters are back.
+            if pilot is not None:
+                pilot.stop_following("the base does not tell its way")
             return
         forward, yaw = self.forward.sensed, self.yaw.sensed
         last, self._last = self._last, (raw["resets"], forward, yaw)
-        if last is None or last[0] != raw["resets"]:
-            return
-        way, turned = forward - last[1], yaw - last[2]
-        middle = self._place[2] + turned / 2
-        self._place[0] += way * math.cos(middle)
-        self._place[1] += way * math.sin(middle)
-        self._place[2] += turned
+        way = angle = 0.0
+        if last is not None and last[0] == raw["resets"]:
+            way, angle = forward - last[1], yaw - last[2]
+        self._place = moved(self._place, way, angle)
+        if pilot is not None:
+            pilot.show_way(way, angle, stamp)

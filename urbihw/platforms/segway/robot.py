@@ -1,39 +1,42 @@
-"""The object ``segway``: the base on its wire, with the RMPs that show it, and what stops it.
+"""The object ``segway``: the base, its RMPs, and the causes of a stop.
 
-The base is stopped when the kernel has not been heard of for DEAD_MAN seconds, when the connection that drove it
-closes, when the link or the base is lost, and when the daemon ends.  None of that needs a script's help.
+The base is stopped when the kernel has been silent for DEAD_MAN seconds, when the connection that drove it closes, when
+the link or the base is lost, and when the daemon ends.  No script is needed for that.
 """
 
 from __future__ import annotations
 
 import weakref
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import BadConfig, NotReady, Opened, Origin, RobotSettings, event, function, reading
-from urbihw.platforms.base import Limited, WiredRobot
+from urbihw.navigation.pilot import Pilot
+from urbihw.platforms.base import LimitedDevice, WiredRobot
+from urbihw.platforms.limits import DeviceLimits
 from urbihw.platforms.segway.driver import BASE, FASTEST, SLOWEST
+from urbihw.platforms.segway.navigation import SegwayOdometry, SegwayPlanner, SegwayWheels
 from urbihw.platforms.segway.options import Options
 from urbihw.platforms.segway.rmp import RMP
 
 DEAD_MAN: Final = 0.4
-"""Seconds of silence of the kernel at most until the base is stopped: as long as a base waits by itself."""
+"""Maximum silence of the kernel in seconds before the base is stopped: the base's own time-out."""
 ALIVE: Final = 0.1
-"""Seconds between signs of life."""
+"""Seconds between heartbeats."""
 SHORTEST: Final = 1 / FASTEST
-"""Seconds between two readings at least; the base's own cycle takes half of that."""
+"""Minimum seconds between two readings: two cycles of the base."""
 LONGEST: Final = 60.0
 TREE: Final = "rmp.u"
-"""Builds the standard robot API, when the base is there."""
+"""Builds the standard robot API when the base was found."""
 
 
 class Segway(WiredRobot):
     """A Segway RMP."""
 
-    classes = (RMP,)
+    classes = (RMP, SegwayOdometry, SegwayPlanner)
 
     robot_name = "segway"
     family = "urbihw.platforms.segway.driver:RmpDriver"
@@ -47,31 +50,36 @@ class Segway(WiredRobot):
     refused = event()
 
     def init(self) -> None:
-        """Called by ``new``; nothing happens before ``open``."""
+        """Called by ``new``; the worker is started by ``open``."""
         super().init()
         self.settings: dict[str, int] = {}
         self._members: weakref.WeakSet[RMP] = weakref.WeakSet()
+        self.options = Options()
         self._wanted: RobotSettings
+        self._pilot: Pilot | None = None
+        self._wheels: SegwayWheels | None = None
         self._raw: dict[str, int] = {}
         self._built = False
 
     # ---------------------------------------------------------------- what the daemon calls
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
-        """See ``Robot``."""
+        """Start the worker at a safe rate and dead-man time, and the faster heartbeat of this robot."""
         self._wanted = _safe(settings)
         super().open(self._wanted, opened)
-        self.model.sense(Options.of(settings.options).model)
-        self.wire.watch(BASE, (), 1 / self._wanted.rate)
-        self.set_timer(ALIVE, self._say_alive)
+        self.options = Options.of(settings.options)
+        self.model.sense(self.options.model)
+        self.channel.watch(BASE, (), 1 / self._wanted.rate)
+        self.set_timer(ALIVE, self._send_heartbeat)
 
     def configure(self, settings: RobotSettings) -> None:
-        """See ``Robot``; the rate stays what the RMPs asked for."""
+        """Apply new settings; the rate remains the one that the RMPs requested."""
         self._wanted = replace(_safe(settings), rate=self._wanted.rate)
         super().configure(self._wanted)
+        self.options = Options.of(settings.options)
 
     def status(self) -> str:
-        """See ``Robot``."""
+        """Return the model, the voltage of the battery and the rate."""
         if not self.link.sensed:
             return "link down"
         if self.state.sensed != "ok":
@@ -83,7 +91,7 @@ class Segway(WiredRobot):
 
     @function
     def join(self, rmp: RMP, period: float) -> None:
-        """Let an RMP show this base, every ``period`` s; commands go out as often as the quickest RMP wants, within
+        """Add an RMP that shows this base every ``period`` s; the fastest RMP sets the rate of the commands, within
         20 to 50 ms."""
         if not 0 < period <= LONGEST:
             raise ValueError(f"period is in seconds, {SHORTEST:g} to {LONGEST:g}")
@@ -92,21 +100,53 @@ class Segway(WiredRobot):
         rmp.changed_state(str(self.state.sensed))
         self._pace(min(float(member.period.sensed) for member in self._members))
         if self._raw and self.state.sensed == "ok":
-            rmp.take(self._raw, self.host.now())
+            rmp.show_cycle(self._raw, self.host.now())
+
+    @function
+    def steer(self, rmp: RMP) -> None:
+        """Make the planner use this RMP: its odometry, its coefficients, and its ranges."""
+        if self._pilot is None or self._wheels is None:
+            self._wheels = SegwayWheels(self, rmp)
+            odometry = self.host.create(SegwayOdometry)
+            self._pilot = Pilot(self._wheels, odometry, self.motion, self.log)
+            self._pilot.planner = self.host.create(SegwayPlanner, None, self._pilot)
+            self.put_slot("odometry", odometry)
+            self.put_slot("planner", self._pilot.planner)
+        self._wheels.rmp.pilot = None
+        self._wheels.rmp = rmp
+        rmp.pilot = self._pilot
+
+    @function("startPath")
+    def start_path(self, goal: Any) -> None:
+        """Drive to [x, y, heading] on the map along a planned path; the planner's events report the end."""
+        if self._pilot is None:
+            raise ValueError("there is no planner yet: segway.steer(rmp) makes one")
+        self._pilot.planner.move_to(goal)
 
     @function
     def shutdown(self) -> None:
-        """Switch the base off; one that balances falls."""
-        self.wire.ask("shutdown", BASE, lambda reply: None if reply.ok else self._refuse("shutdown", reply.error))
+        """Switch the base off; a balancing base falls."""
+        self.channel.send_request(
+            "shutdown", BASE, lambda reply: None if reply.ok else self._refuse("shutdown", reply.error)
+        )
 
-    # ---------------------------------------------------------------- what an RMP calls
+    # ---------------------------------------------------------------- what an RMP and the planner call
 
-    def aim(self, item: str, counts: int, origin: Origin) -> None:
+    def base_limits(self) -> DeviceLimits:
+        """Return the limits of the settings for the base."""
+        return self.limits.device(BASE)
+
+    def end_path(self) -> None:
+        """End the planner's path: a program drives the base itself."""
+        if self._pilot is not None:
+            self._pilot.yield_to_hand()
+
+    def set_target(self, item: str, counts: int, origin: Origin) -> None:
         """Send a speed with the next command."""
-        self.wire.aim(BASE, item, counts, origin)
+        self.channel.set_target(BASE, item, counts, origin)
 
-    def order(self, slot: str, name: str, parameter: int) -> None:
-        """Configure the base; what it does not take is said."""
+    def send_configuration(self, slot: str, name: str, parameter: int) -> None:
+        """Configure the base; a refusal is logged and emitted."""
 
         def done(reply: m.Reply) -> None:
             if not reply.ok:
@@ -116,7 +156,7 @@ class Segway(WiredRobot):
             for rmp in self._members:
                 rmp.configured()
 
-        self.wire.write(BASE, name, parameter, done, self.motion.origin())
+        self.channel.write(BASE, name, parameter, done, self.motion.origin())
 
     def _refuse(self, slot: str, reason: str) -> None:
         self.log.warning("%s: not done: %s", slot, reason)
@@ -129,15 +169,15 @@ class Segway(WiredRobot):
         if rate != self._wanted.rate:
             self._wanted = replace(self._wanted, rate=rate)
             super().configure(self._wanted)
-        self.wire.watch(BASE, (), period)
+        self.channel.watch(BASE, (), period)
 
-    def limited_devices(self) -> Mapping[str, Limited]:
-        """See ``WiredRobot``: the base, shown by the RMP that was made first."""
+    def limited_devices(self) -> Mapping[str, LimitedDevice]:
+        """Return the base, represented by the RMP that was made first."""
         first = min(self._members, key=lambda rmp: rmp.unique_name, default=None)
         return {} if first is None else {BASE: first}
 
     def on_found(self, message: m.Found) -> None:
-        """See ``WiredRobot``."""
+        """Show the firmware, and build the tree at the first connection."""
         (info,) = message.devices
         self.build.sense(float(info.build))
         if info.old:
@@ -150,37 +190,38 @@ class Segway(WiredRobot):
 
     def _has_tree(self, problem: str) -> None:
         self.send_limits()
-        self.answer(BadConfig(problem) if problem else None)
+        self.answer_open(BadConfig(problem) if problem else None)
 
     def on_samples(self, message: m.Samples) -> None:
-        """See ``WiredRobot``."""
+        """Offer the values of a cycle to every RMP."""
         self._raw = dict(message.values[BASE])
         stamp = message.times[BASE] + self.offset
         for rmp in self._members:
-            rmp.offer(self._raw, stamp)
+            rmp.offer_cycle(self._raw, stamp)
 
-    def whole(self) -> bool:
-        """See ``WiredRobot``; the tree answers."""
+    def is_complete(self) -> bool:
+        """Return False: ``open`` is answered when the tree is built."""
         return False
 
     def on_happened(self, message: m.Happened) -> None:
-        """See ``WiredRobot``; a base that was off in between has forgotten its settings, which it gets again."""
+        """Report another commander on the bus; after a restart of the base, send its settings again."""
         if message.what != "restarted":
             self.log.warning("another program on the bus commands this base too; end it, or the base jerks")
             return
         self.log.warning("the base was switched off and on; it gets its settings again")
         for name, parameter in self.settings.items():
-            self.order(name, name, parameter)
+            self.send_configuration(name, name, parameter)
         self.restarted.emit()
 
     def on_device_state(self, message: m.DeviceState) -> None:
-        """See ``WiredRobot``."""
+        """Show the loss and the return of the base; the loss ends a path."""
         if message.new == "lost":
             if self.opening:
-                self.answer(NotReady(_nobody(self.url.sensed, message.reason)))
+                self.answer_open(NotReady(_nobody(self.url.sensed, message.reason)))
                 return
             self.log.warning("the base is lost: %s; its motion is zero until it is driven again", message.reason)
             self._changed("lost")
+            self._drop_path(f"the base is lost: {message.reason}")
             self.lost.emit(message.reason)
         elif message.new == "back":
             self.log.warning("the base is back")
@@ -188,8 +229,18 @@ class Segway(WiredRobot):
             self.back.emit()
 
     def on_link_down(self, reason: str) -> None:
-        """See ``WiredRobot``."""
+        """Mark the base as lost and end a path."""
         self._changed("lost")
+        self._drop_path("the link was lost")
+
+    def on_halt(self, reason: str, devices: tuple[Hashable, ...] | None = None) -> None:
+        """End a path."""
+        self._drop_path(reason)
+
+    def _drop_path(self, reason: str) -> None:
+        """End a path, because the worker has stopped the base."""
+        if self._pilot is not None:
+            self._pilot.drop_orders(reason)
 
     def _changed(self, state: str) -> None:
         self.state.sense(state)
@@ -198,7 +249,7 @@ class Segway(WiredRobot):
 
 
 def _safe(settings: RobotSettings) -> RobotSettings:
-    """The settings within what this robot allows: never without a dead man, never faster or slower than it likes."""
+    """Return the settings within the limits of this robot: always a dead-man time, and a rate of 20 to 50 Hz."""
     return replace(
         settings,
         rate=min(max(settings.rate, SLOWEST), FASTEST),

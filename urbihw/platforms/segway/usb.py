@@ -3,7 +3,7 @@
     host to base   F0 55 00 00 00 00 ID ID 00 | data (8) | sum          ID: CAN identifier, big-endian
     base to host   F0 55 AA 00 II JJ 00 00 00 | data (8) | sum          identifier = II << 3 | JJ >> 5
 
-Byte 2 of what comes is the channel: AA is taken, BB, which repeats everything, is not. The sum is the two's complement
+Byte 2 of a received packet is the channel: AA is used, BB repeats it and is ignored. The sum is the two's complement
 of the end-around-carry sum of the 17 bytes before it. FTDI chip, 0403:e729, 460800 baud (libsegwayrmp, Player, Orca).
 """
 
@@ -18,20 +18,20 @@ SIZE: Final = 18
 _HEAD = b"\xf0\x55"
 _CHANNEL_A = 0xAA
 _KEPT = 16 * SIZE
-"""Bytes of garbage at most that are looked through again with the next piece."""
+"""Maximum bytes of garbage that are scanned again with the next data."""
 
 
 def packet(frame: Frame) -> bytes:
-    """A frame of the host in its packet."""
+    """Return the packet of a frame of the host."""
     body = _HEAD + bytes(4) + frame.id.to_bytes(2, "big") + b"\0" + frame.data.ljust(8, b"\0")
     return body + bytes([_sum(body)])
 
 
 class UsbReader:
-    """Finds packets in what comes.
+    """Finds packets in received bytes.
 
     Attributes:
-        damaged: how often something was there that was no packet (a row of garbage counts once).
+        damaged: number of runs of bytes that were no packet.
     """
 
     def __init__(self) -> None:
@@ -40,14 +40,14 @@ class UsbReader:
         self._lost = False
 
     def feed(self, data: bytes) -> list[Frame]:
-        """The frames of channel A that are complete with these bytes."""
+        """Return the frames of channel A that these bytes complete."""
         data = self._rest + data
         frames: list[Frame] = []
         start, end = 0, len(data)
         while end - start >= SIZE:
             if data[start] == _HEAD[0] and _sum(data[start : start + SIZE - 1]) == data[start + SIZE - 1]:
                 self._lost = False
-                self._take(data[start : start + SIZE], frames)
+                self._parse_packet(data[start : start + SIZE], frames)
                 start += SIZE
                 continue
             if not self._lost:
@@ -58,7 +58,7 @@ class UsbReader:
         self._rest = data[start:][-_KEPT:]
         return frames
 
-    def _take(self, packet: bytes, frames: list[Frame]) -> None:
+    def _parse_packet(self, packet: bytes, frames: list[Frame]) -> None:
         # Byte 1 is 0 in the heartbeat of older firmware.
         if packet[1] == _HEAD[1] and packet[2] == _CHANNEL_A:
             frames.append(Frame((packet[4] << 3 | packet[5] >> 5) % STANDARD_IDS, packet[9:17]))

@@ -1,0 +1,49 @@
+"""Warnings that repeat are counted and told once a minute."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+
+import pytest
+
+from urbihw.kernel.server.limitedlog import MAX_KINDS, LimitedLog
+
+log = logging.getLogger("urbihw.test")
+
+
+def lines(caplog: pytest.LogCaptureFixture) -> list[str]:
+    """What was logged since the last call."""
+    said = [record.getMessage() for record in caplog.records]
+    caplog.clear()
+    return said
+
+
+def test_the_first_of_a_kind_is_told_and_the_others_are_counted(caplog: pytest.LogCaptureFixture) -> None:
+    async def play() -> None:
+        limited_log = LimitedLog(log, 0.02)
+        for number in range(1000):
+            limited_log.warning("refused", f"client {number} refused")
+        limited_log.warning("lost", "client 7 lost")
+        assert lines(caplog) == ["client 0 refused", "client 7 lost"]
+        await asyncio.sleep(0.1)
+        assert lines(caplog) == ["refused: and 999 more"]
+        limited_log.warning("refused", "client 1000 refused")
+        limited_log.warning("refused", "client 1001 refused")
+        assert lines(caplog) == ["client 1000 refused"]
+        limited_log.close()
+        assert lines(caplog) == ["refused: and 1 more"]
+
+    asyncio.run(play())
+
+
+def test_kinds_are_bounded(caplog: pytest.LogCaptureFixture) -> None:
+    async def play() -> None:
+        limited_log = LimitedLog(log)
+        for number in range(1000):
+            limited_log.warning(f"kind {number}", "text")
+        assert len(lines(caplog)) == MAX_KINDS + 1
+        limited_log.close()
+        assert lines(caplog) == [f"other warnings: and {999 - MAX_KINDS} more"]
+
+    asyncio.run(play())

@@ -1,0 +1,27 @@
+"""Platforms and navigation reach the kernel by the UObject API alone: nothing behind their host is theirs."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import urbihw
+
+ROOT = Path(urbihw.__file__).parent
+FILES = [path for folder in ("platforms", "navigation") for path in sorted((ROOT / folder).rglob("*.py"))]
+BEHIND_THE_HOST = {"world", "registry", "observer"}
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_nothing_behind_the_host_is_used(path: Path) -> None:
+    reached = [
+        f"{path.name}:{node.lineno}: host.{node.attr}"
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.Attribute)
+        and node.attr in BEHIND_THE_HOST
+        and ((isinstance(node.value, ast.Attribute) and node.value.attr == "host")
+             or (isinstance(node.value, ast.Name) and node.value.id == "host"))
+    ]  # fmt: skip
+    assert reached == []

@@ -1,0 +1,45 @@
+"""The statistics of a worker, counted for one second at a time."""
+
+from __future__ import annotations
+
+from urbihw.buses.link import Port
+from urbihw.buses.messages import Statistics
+
+
+class StatisticsCounter:
+    """Counters of the present second.
+
+    Attributes:
+        since: when it began, in seconds of the worker's clock.
+        ticks: ticks executed.
+        late: ticks skipped because they were late.
+    """
+
+    def __init__(self, now: float) -> None:
+        self.restart(now)
+
+    def restart(self, now: float) -> None:
+        """Begin a second at `now`, with a new link whose counters are 0."""
+        self.since = now
+        self.ticks = 0
+        self.late = 0
+        self._errors: dict[str, int] = {}
+        self._bytes = 0
+
+    def close(self, now: float, link: Port | None, errors: dict[str, int], dropped: int) -> Statistics:
+        """Return the second that ends now and begin the next; `errors` are totals since the link opened."""
+        elapsed = now - self.since
+        total = 0 if link is None else link.bytes_read + link.bytes_written
+        busy = 0.0 if link is None else max(total - self._bytes, 0) * link.byte_time / elapsed
+        news = {kind: count - self._errors.get(kind, 0) for kind, count in errors.items()}
+        statistics = Statistics(
+            time=now,
+            rate=self.ticks / elapsed,
+            late=self.late,
+            errors={kind: count for kind, count in news.items() if count > 0},
+            load=min(busy, 1.0),
+            dropped=dropped,
+        )
+        self.restart(now)
+        self._errors, self._bytes = errors, total
+        return statistics

@@ -1,0 +1,82 @@
+"""What a worker receives: the messages of its parent and the commands of its control socket, in three queues.
+
+Stops have a queue of their own, because they overtake everything else.  An emergency stop also drops the releases that
+wait in the other queues: it is newer, so they must not end it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from urbihw.buses.clock import Clock
+from urbihw.buses.control import ESTOP, RELEASE, STOP, ControlCommand, ControlSocket
+from urbihw.buses.mailbox import Mailbox
+from urbihw.buses.messages import EmergencyStop, Release, Stop, ToWorker
+
+
+class Inbox:
+    """The queues of a worker; `state` returns the fields of the answer to a dropped command.
+
+    Attributes:
+        urgent: stops of the whole robot, in order of arrival.
+        messages: the other messages of the parent.
+        commands: the other commands of the control socket.
+        heard_at: when the parent last sent a message, in seconds of the worker's clock.
+    """
+
+    def __init__(
+        self, mailbox: Mailbox, control: ControlSocket | None, clock: Clock, state: Callable[[], Mapping[str, Any]]
+    ) -> None:
+        self.urgent: deque[Stop | EmergencyStop | ControlCommand] = deque()
+        self.messages: deque[ToWorker] = deque()
+        self.commands: deque[ControlCommand] = deque()
+        self.heard_at = clock.now()
+        self._mailbox = mailbox
+        self._control = control
+        self._clock = clock
+        self._state = state
+
+    def receive(self, until: float) -> bool:
+        """Wait until something arrives, or until a time; queue it. Return whether something arrived."""
+        ready = self._clock.wait_readable(self._descriptors(), until)
+        if not ready:
+            return False
+        if self._mailbox.fd in ready:
+            self._receive_messages()
+        if self._control is not None:
+            self._receive_commands(self._control.poll(ready))
+        return True
+
+    def is_urgent(self) -> bool:
+        """Return whether a stop has arrived; a driver calls this between two transactions."""
+        self.receive(0.0)
+        return bool(self.urgent)
+
+    def _descriptors(self) -> list[int]:
+        mine = [] if self._mailbox.ended else [self._mailbox.fd]
+        return mine if self._control is None else mine + self._control.descriptors()
+
+    def _receive_messages(self) -> None:
+        for message in self._mailbox.receive_messages():
+            self.heard_at = self._clock.now()
+            if isinstance(message, EmergencyStop):
+                self._drop_releases()
+                self.urgent.append(message)
+            elif isinstance(message, Stop) and message.devices is None:
+                self.urgent.append(message)
+            else:
+                self.messages.append(message)
+
+    def _receive_commands(self, commands: list[ControlCommand]) -> None:
+        for command in commands:
+            if command.verb == ESTOP:
+                self._drop_releases()
+            (self.urgent if command.verb in (STOP, ESTOP) else self.commands).append(command)
+
+    def _drop_releases(self) -> None:
+        self.messages = deque(message for message in self.messages if not isinstance(message, Release))
+        for command in [command for command in self.commands if command.verb == RELEASE]:
+            self.commands.remove(command)
+            command.answer(self._state())

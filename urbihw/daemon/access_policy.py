@@ -1,0 +1,97 @@
+"""The access policy of the TCP port: plain connections from this machine, TLS with tokens from others.
+
+Clients on this machine need no authentication.  An address that other machines can reach requires TLS and tokens,
+unless ``allow_plain`` allows every client to do everything.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import logging
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from ssl import SSLContext
+
+from urbihw.daemon import tls
+from urbihw.daemon.access import Authenticator, TokenHandshake, Tokens
+from urbihw.daemon.config import Config
+from urbihw.daemon.state import state_folder
+from urbihw.kernel.server.connection import Connection
+from urbihw.kernel.server.handshake import HandshakeFactory, PlainHandshake, Refusal, line
+from urbihw.kernel.uobject import BadConfig
+
+log = logging.getLogger("urbihw.access")
+
+
+@dataclass(frozen=True)
+class AccessPolicy:
+    """The requirements for clients that connect by TCP.
+
+    Attributes:
+        handshake: makes the handshake of each connection.
+        ssl: the context for TLS; None for plain TCP.
+        authenticator: checks the tokens; None without authentication.
+        files: the certificate and its key; None without TLS.
+    """
+
+    handshake: HandshakeFactory = PlainHandshake
+    ssl: SSLContext | None = None
+    authenticator: Authenticator | None = None
+    files: tls.Files | None = None
+
+    def problems(self) -> Iterator[str]:
+        """Check the files of tokens, certificate and key; yields a line for each one that cannot be used.
+
+        Open connections stay open.  Changed tokens take effect at once, a changed certificate at the next start.
+        """
+        if self.authenticator is not None:
+            try:
+                self.authenticator.check()
+            except BadConfig as error:
+                yield f"nobody else is let in by a token until this is mended: {error}"
+        if self.files is not None:
+            try:
+                tls.context(self.files)
+            except BadConfig as error:
+                yield f"the certificate stays as it was: {error}"
+
+    def disconnect_removed(self, connections: Iterable[Connection]) -> None:
+        """Disconnect clients whose token has been removed since their login."""
+        if self.authenticator is None:
+            return
+        holders = {
+            connection: connection.handshake.entry
+            for connection in connections
+            if isinstance(connection.handshake, TokenHandshake) and connection.handshake.entry is not None
+        }
+        removed_entries = self.authenticator.removed_entries(holders.values())
+        for connection, entry in holders.items():
+            if entry in removed_entries:
+                connection.refuse(Refusal(line("token refused: it was removed"), "its token was removed"))
+
+
+def access_policy(config: Config, addresses: Iterable[str]) -> AccessPolicy:
+    """The policy for the addresses of ``config.host``; a certificate is made if there is none yet.
+
+    Raises BadConfig.
+    """
+    if all(ipaddress.ip_address(address.partition("%")[0]).is_loopback for address in addresses):
+        return AccessPolicy()
+    if config.allow_plain:
+        log.warning("allow_plain: whoever reaches %s moves the robot and runs programs as the user of this process, "
+                    "and everybody on the way can read along; without it TLS and a token are asked for", config.host)
+        return AccessPolicy()
+    folder = state_folder()
+    tokens = Tokens(folder)
+    count = len(tokens.entries())
+    if not count:
+        raise BadConfig(f"others than this machine reach host {config.host}, and nobody has a token yet: urbihw access "
+                        "add NAME, as the same user (with sudo for the service); or set allow_plain = true, which lets "
+                        "in everybody")
+    if not config.tls_cert:
+        tls.make(folder)
+    files = tls.files(config.tls_cert, config.tls_key, folder)
+    context = tls.context(files)
+    log.info("TLS on %s for %d who have a token; fingerprint %s", config.host, count, tls.fingerprint(files))
+    authenticator = Authenticator(tokens)
+    return AccessPolicy(authenticator.handshake, context, authenticator, files)

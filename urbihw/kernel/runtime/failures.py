@@ -1,0 +1,164 @@
+"""Conversion of errors: any Python exception to an urbiscript one, to its value for ``catch``, and to its text for
+users.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from typing import TYPE_CHECKING, Any
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.backtrace import Stack, failed_in_program, stack_of
+from urbihw.kernel.runtime.binary import BinaryObject
+from urbihw.kernel.runtime.location import make_frames, make_location
+from urbihw.kernel.runtime.object import Obj, Plain
+from urbihw.kernel.runtime.plain import plain_error
+from urbihw.kernel.runtime.spelling import suggestion
+from urbihw.kernel.sched.errors import HeldTooLong, TooManyJobs
+from urbihw.kernel.value import Value
+
+if TYPE_CHECKING:
+    from urbihw.kernel.runtime.world import World
+
+log = logging.getLogger("urbihw.kernel")
+
+
+class Failures:
+    """The errors of one world."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._showing = False
+        """Whether a value is being printed for a message, which may fail too."""
+
+    def type_error(self, index: int | None, value: Value, expected: str, routine: str | None = "") -> errors.UrbiError:
+        """``routine: unexpected VALUE for argument INDEX, expected a TYPE``."""
+        if value is self._world.void:
+            return errors.unexpected_void()
+        where = "" if index is None else f" for argument {index}"
+        article = "an" if expected[:1] in "AEIOU" else "a"
+        kind = "Type" if index is None else "ArgumentType"
+        return errors.Raised(kind, f"unexpected {self._shown(value)}{where}, expected {article} {expected}", routine)
+
+    def _shown(self, value: Value) -> str:
+        """``printable``, or a plain text when printing the value has failed."""
+        if isinstance(value, BinaryObject):  # the content may be a picture of a megabyte
+            return f"BIN {len(value.content)} {value.keywords}".rstrip()
+        if self._showing:
+            return f"{self._world.type_name(value)}_{self._world.uid(value)}"
+        self._showing = True
+        try:
+            return self._world.printable(value)
+        finally:
+            self._showing = False
+
+    def normalized(self, error: BaseException) -> errors.UrbiError:
+        """Any Python exception as an urbiscript one; an exception that is no error of urbiscript is logged as an
+        internal error.
+        """
+        if isinstance(error, errors.UrbiError):
+            return error
+        if isinstance(error, ZeroDivisionError):
+            raised: errors.UrbiError = errors.primitive("division by 0", "/")
+        elif isinstance(error, RecursionError):
+            raised = errors.Raised("Scheduling", "stack exhausted", None)
+        elif isinstance(error, TooManyJobs | HeldTooLong):
+            raised = errors.Raised("Scheduling", str(error), None)
+        elif isinstance(error, MemoryError):
+            raised = errors.Raised("Scheduling", "memory exhausted", None)
+        elif isinstance(error, OSError):
+            raised = errors.primitive(error.strerror or str(error), None)
+        else:
+            log.error("bug in urbihw: %s: %s", type(error).__name__, error)
+            log.debug("traceback of the bug", exc_info=error)
+            raised = errors.primitive(f"internal error ({type(error).__name__}), please report it: {error}", None)
+        return raised.with_traceback(error.__traceback__)
+
+    def caught(self, error: BaseException) -> Any:
+        """The urbiscript value of a caught error; Exceptions get their location and backtrace here."""
+        urbi = self.normalized(error)
+        if isinstance(urbi, errors.Raised):
+            if urbi.value is None:
+                urbi.value = self._exception(urbi)
+            return urbi.value
+        value, world = urbi.value, self._world
+        if isinstance(value, Obj) and "backtrace" not in value.slots and world.is_a(value, world.exception_proto):
+            self._locate(value, stack_of(urbi, world.hide_system))
+        return value
+
+    def describe(self, error: BaseException) -> list[str]:
+        """The lines that report an uncaught error to a user, without the leading ``!!!``.
+
+        Never fails, although it may run functions of a program: an error in such a function is reported instead, and
+        where the library itself cannot print any more, the text is plain.
+        """
+        try:
+            return self._described(error)
+        except Exception as second:
+            if failed_in_program(second):
+                with contextlib.suppress(Exception):
+                    return self._described(second)
+        urbi = self.normalized(error)
+        return plain_error(self._world, urbi, stack_of(urbi, self._world.hide_system))
+
+    def _described(self, error: BaseException) -> list[str]:
+        urbi = self.normalized(error)
+        stack = stack_of(urbi, self._world.hide_system)
+        value = self.caught(urbi)
+        if isinstance(value, Obj) and self._world.is_a(value, self._world.exception_proto):
+            head = self.exception_text(value)
+            place = self._slot_text(value, "location")
+            loc = self._slot_text(value, "loc")
+            lines = [f"{loc or place}: {head}" if loc or place else head]
+            if loc and stack.routine:  # a syntax error in a text that was being evaluated
+                lines.append(f"   called from: {place}: {stack.routine}")
+        else:
+            lines = [self._world.text(value)]
+        lines += [f"   called from: {frame.location}: {frame.name}" for frame in stack.calls]
+        return lines
+
+    def exception_text(self, value: Value) -> str:
+        """``routine: message`` of an Exception."""
+        loc = self._slot_text(value, "loc")
+        routine = self._slot_text(value, "routine")
+        message = self._world.text(self._world.send(value, "message"))
+        if loc:
+            return f"syntax error: {message}"
+        return f"{routine}: {message}" if routine else message
+
+    def _slot_text(self, value: Value, name: str) -> str:
+        holder = self._world.as_obj(value).find(name)
+        content = None if holder is None else holder.slots[name]
+        if content is None or content is self._world.void or content is self._world.nil:
+            return ""
+        return self._world.text(content)
+
+    def _exception(self, raised: errors.Raised) -> Obj:
+        base = self._world.exception_proto
+        kind = base if raised.kind == "Exception" else self._world.classes.get(f"Exception.{raised.kind}", base)
+        made = Plain(self._world, [kind])
+        made.slots["message"] = self._world.string(raised.message + self._spelling(raised))
+        stack = stack_of(raised, self._world.hide_system)
+        routine = stack.routine if raised.routine == "" else raised.routine
+        if routine is not None:
+            made.slots["routine"] = self._world.string(routine)
+        for name, value in raised.slots.items():
+            made.slots[name] = self._world.from_python(value)
+        self._locate(made, stack)
+        return made
+
+    def _spelling(self, raised: errors.Raised) -> str:
+        """The text that is added to the message of a failed look-up."""
+        if not isinstance(raised, errors.LookupFailed) or raised.target is None:
+            return ""
+        kind = self._world.classes.get("Exception.Lookup")
+        if kind is None or not kind.slots.get("fixSpelling"):
+            return ""
+        return suggestion(self._world, raised.target, raised.slots["name"])
+
+    def _locate(self, value: Obj, stack: Stack) -> None:
+        value.slots["location"] = make_location(self._world, stack.location)
+        value.slots["backtrace"] = make_frames(self._world, stack)
+        if value.cache is not None:
+            self._world.flush()

@@ -1,0 +1,110 @@
+"""The class AX12: servos of protocol 1.0, whose angle limits select between joint and wheel."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from urbihw.buses.dynamixel import units
+from urbihw.buses.dynamixel.status import state_words
+from urbihw.buses.dynamixel.stop import PRESENT_POSITION
+from urbihw.kernel.uobject import UVar
+from urbihw.platforms.bioloid import slots
+from urbihw.platforms.bioloid.devices import ChangeHandler
+from urbihw.platforms.bioloid.motors import Servo, Step
+from urbihw.platforms.bioloid.slots import Slot
+
+_SLOWEST: Final = 1
+"""Counts of an AX's moving_speed: 0.1 rpm of a joint, 0.1 % of the drive of a wheel."""
+
+
+class AX12(Servo):
+    """An AX-12, AX-12W or AX-18."""
+
+    rows = slots.AX12
+    limits = ("cw_angle_limit", "ccw_angle_limit")
+
+    def prepare(self) -> None:
+        """Also watch the torque limit, which an alarm sets to 0."""
+        super().prepare()
+        self.on_change("torque_limit", lambda raw, stamp: self.update_load(stamp))
+
+    def update_load(self, stamp: float) -> None:
+        """The motor is on with torque enable 1 and a torque limit other than 0, to which an alarm sets it."""
+        on = self.raw.get("torque_enable") == 1 and self.raw.get("torque_limit") != 0
+        self.load.sense(float(on), stamp)
+
+    def explain_alarm(self) -> str:
+        """Return the advice for a torque limit of 0, which an alarm has set."""
+        if self.raw.get("torque_limit") != 0:
+            return ""
+        return f"motor {self.number} gives no torque since an alarm: switch it on with load = 1"
+
+    def restorable_settings(self) -> dict[str, int]:
+        """Leave the speed out for a wheel: the speed that was set for a joint would drive it."""
+        wheel = bool(self.wheel.sensed)
+        return {item: raw for item, raw in self.settings.items() if not (wheel and item == "moving_speed")}
+
+    def plan_on(self) -> list[Step]:
+        """Goal to the present position (an old goal must not move it), torque limit after an alarm, torque on."""
+        steps: list[Step] = []
+        if not self.wheel.sensed:
+            steps.append((self.goal, PRESENT_POSITION))
+        if self.raw.get("torque_limit") == 0:
+            steps.append(("torque_limit", self.settings.get("torque_limit", self.raw.get("max_torque", 1023))))
+        return [*steps, ("torque_enable", 1)]
+
+    def reads_wheel(self) -> bool:
+        """True while both angle limits are 0."""
+        return not any(self.raw[item] for item in self.limits)
+
+    def speed_range(self, wheel: bool) -> tuple[float, float]:
+        """A wheel turns both ways up to its no-load speed; a joint from 0 up to the register's largest value."""
+        if wheel:
+            return -self.facts.full_speed, self.facts.full_speed
+        return 0.0, units.UNITS["ax_speed"].to_si(1023)
+
+    def speed_target(self, value: float, wheel: bool) -> Step:
+        """A wheel is driven open loop: a share of full drive, taken to give that share of full speed."""
+        item = self.table.item("moving_speed")
+        return item.name, units.from_si(item, value / self.facts.full_speed if wheel else value, wheel)
+
+    def speed_of(self, raw: int) -> float:
+        """The inverse of ``speed_target``."""
+        return units.to_si(self.table.item("moving_speed"), raw, True) * self.facts.full_speed
+
+    def speed_handler(self, row: Slot, var: UVar) -> ChangeHandler:
+        """The present speed of a wheel is a share of full drive, too."""
+        item, full = self.table.item(row.item), self.facts.full_speed
+
+        def show_speed(raw: int, stamp: float) -> None:
+            if self.wheel.sensed:
+                var.sense(units.to_si(item, raw, wheel=True) * full, stamp)
+            else:
+                var.sense(units.to_si(item, raw), stamp)
+
+        return show_speed
+
+    def plan_limits(self, wheel: bool, least: float, most: float) -> list[Step]:
+        """Write the speed first: that of a joint would drive the wheel, and that of a wheel is invalid for a joint.
+
+        Between the writes, and if the servo stops answering among them, it has the smallest speed: a wheel does not
+        turn with it, and a joint hardly moves; 0 would be full speed for a joint.
+        """
+        cw, ccw = self.limits
+        if wheel:
+            values = {cw: 0, ccw: 0}
+        else:
+            values = {item: units.from_si(self.table.item(item), si) for item, si in ((cw, least), (ccw, most))}
+            values[ccw] = max(values[ccw], 1)
+        steps: list[Step] = [(item, raw) for item, raw in values.items() if self.raw.get(item) != raw]
+        if wheel == self.wheel.sensed or not steps:
+            return steps
+        if wheel:
+            return [("moving_speed", _SLOWEST), *steps, ("moving_speed", 0)]
+        # Without a new goal it would go to the one that it had before it was a wheel.
+        held: list[Step] = [(self.goal, PRESENT_POSITION)] if self.raw.get("torque_enable") == 1 else []
+        return [("moving_speed", _SLOWEST), *steps, *held, ("moving_speed", self.settings.get("moving_speed", 0))]
+
+    def on_state_bits(self, raw: int, stamp: float) -> None:
+        """The error bits say what is wrong."""
+        self.show_alarm(state_words(raw, self.protocol))
