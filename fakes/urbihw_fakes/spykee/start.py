@@ -1,0 +1,34 @@
+"""How a simulated Spykee is reached: the arguments of `python -m urbihw_fakes spykee`; see `urbihw_fakes.__main__`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Mapping
+
+from urbihw_fakes.console import Command
+from urbihw_fakes.serving import Endpoint
+from urbihw_fakes.spykee.console import commands
+from urbihw_fakes.spykee.device import UID, Spykee
+from urbihw_fakes.spykee.endpoint import SpykeeEndpoint
+
+HELP = "a Spykee in a small room"
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """Its options."""
+    parser.add_argument("--tcp", type=int, required=True, metavar="PORT",
+                        help="the port of control and of discovery; 0 takes a free one, a real robot has 9000")
+    parser.add_argument("--address", default="127.0.0.1", help="of this machine (%(default)s)")
+    parser.add_argument("--uid", default=UID, help="(%(default)s)")
+    parser.add_argument("--user", default="admin", help="(%(default)s)")
+    parser.add_argument("--password", default="admin", help="(%(default)s)")
+
+
+def start(options: argparse.Namespace) -> tuple[Endpoint, Mapping[str, Command]]:
+    """The robot on its transport, and its words for the console."""
+    robot = Spykee(options.uid, options.user, options.password)
+    if not robot.pictures:
+        print("fakes: the camera shows nothing without Pillow: pip install 'urbihw[images]'", file=sys.stderr)
+    end = SpykeeEndpoint(robot, options.tcp, address=options.address)
+    return end, commands(robot, end.clock)

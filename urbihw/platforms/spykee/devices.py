@@ -1,0 +1,88 @@
+"""Tracks, lights and battery."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from urbihw.buses import messages as m
+from urbihw.kernel.uobject import EffectorDevice, Motion, UObject, number, owned, reading, set_range
+from urbihw.platforms.base import LimitNamer, LimitTable
+from urbihw.platforms.channel import DeviceChannel
+from urbihw.platforms.limits import DeviceLimits, whole_counts
+from urbihw.platforms.spykee import protocol as p
+
+
+class SpykeeTrack(EffectorDevice):
+    """A track: ``val`` is its speed, -100 (backward) to 100.
+
+    The robot measures none, so what is read is what was ordered; 0 after a stop.
+    """
+
+    val = owned(0.0)
+
+    def init(self, channel: DeviceChannel, motion: Motion, name: str) -> None:
+        """Speak to the worker through ``channel``; ``motion`` is who may move the robot."""
+        self._channel, self._name = channel, name
+        set_range(self.val, -p.FULL, p.FULL)
+        self._guard = self.guard(motion, name, self.val)
+        self.notify_change(self.val, self._write)
+
+    def _write(self) -> None:
+        speed = number(self.val)
+        self._channel.set_target(self._name, "speed", round(speed), self._guard.origin)
+        self.val.sense(speed)
+
+    def halted(self) -> None:
+        """It stands, whatever it was told."""
+        self.val.sense(0.0)
+
+    def limits_in_counts(self, limits: DeviceLimits, named: LimitNamer) -> tuple[LimitTable, Sequence[m.Threshold]]:
+        """Convert the limits of a track: speed in shares of 100, acceleration in shares per second."""
+        low, high = whole_counts(-limits.speed, limits.speed)
+        return {(self._name, "speed"): m.Limit(low, high, limits.acceleration, named("speed"))}, ()
+
+    def was_limited(self, message: m.Limited) -> None:
+        """Show the limited speed."""
+        if message.device == self._name:
+            self.limit_applied(message.applied, message.limit)
+            self.val.sense(float(message.applied))
+
+
+class SpykeeLed(UObject):
+    """A light: on if ``val`` is 1, off if it is 0."""
+
+    val = owned(0.0)
+
+    def init(self, channel: DeviceChannel, name: str) -> None:
+        """Speak to the worker through ``channel``."""
+        self._channel, self._name = channel, name
+        set_range(self.val, 0.0, 1.0)
+        self.notify_change(self.val, self._write)
+
+    def _write(self) -> None:
+        on = number(self.val) >= 0.5
+        self._channel.set_target(self._name, "on", int(on))
+        self.val.sense(float(on))
+
+
+class SpykeeBattery(UObject):
+    """The battery: ``remain`` is a share of 1, the last one that was known while it charges.
+
+    The robot measures neither capacity (A h) nor current (A) nor voltage (V).
+    """
+
+    remain = reading(math.nan)
+    charging = reading(False)
+    capacity = reading(math.nan)
+    current = reading(math.nan)
+    voltage = reading(math.nan)
+
+    def init(self) -> None:
+        """Made by the robot."""
+
+    def show(self, level: int, stamp: float) -> None:
+        """Show a level as the robot sends it: percent, negative while it charges."""
+        self.charging.sense(level < 0, stamp)
+        if level >= 0:
+            self.remain.sense(min(level, 100) / 100, stamp)

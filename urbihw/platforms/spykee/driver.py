@@ -1,0 +1,329 @@
+"""The worker's half of a Spykee: logs in, sends wanted speeds again and again, takes in what the robot says.
+
+Devices and their items:
+
+    trackL, trackR            target "speed", -100..100
+    headLed, ledL, ledR       target "on", 0 or 1
+    power                     "level", raw: percent, negative while it charges
+    camera                    "image": the newest JPEG; sent while it is watched
+    micro                     "piece0" to "piece7": (number, PCM), the newest eight; sent while it is watched
+
+Requests: "write" of ("engine", "move") one of UNDOCK, DOCK, CANCEL; of ("play", "sound"), ("play", "stop"), ("play",
+"volume"); of ("file", "chunk") (flags, bytes), ("speaker", "piece") bytes, ("speaker", "flush"); of ("config", KEY).
+"read" of ("config", ""), ("networks", ""), ("log", ""), answered when the robot does.  Events (``Happened``): ("dock",
+"docked"), ("dock", "undocked"), ("music", "ended").
+
+Pictures and sound are values like others: where the daemon does not read, newer ones take the place of older ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from urbihw.buses.driver import Driver, no_stop
+from urbihw.buses.errors import BadFrame, BadValue, LinkGone
+from urbihw.buses.link import Link, Port, byte_link
+from urbihw.buses.messages import (
+    Configure,
+    Found,
+    FromWorker,
+    Happened,
+    Refused,
+    Reply,
+    Request,
+    Samples,
+    Targets,
+    Watch,
+)
+from urbihw.platforms.spykee import protocol as p
+from urbihw.platforms.spykee.bulk import PIECE_BYTES, SoundOut, Uploads
+from urbihw.platforms.spykee.options import Options
+from urbihw.platforms.spykee.session import log_in
+from urbihw.platforms.spykee.tracks import LEFT, RIGHT, TrackSpeeds
+
+TRACKS: Final = (LEFT, RIGHT)
+POWER, CAMERA, MICRO, ENGINE = "power", "camera", "micro", "engine"
+STREAMS: Final[Mapping[str, int]] = {CAMERA: p.CAMERA, MICRO: p.MICROPHONE}
+ANSWER_TIMEOUT_S: Final = 3.0
+"""Seconds to wait for configuration, networks or log."""
+PIECES: Final = 8
+"""Of sound that are kept while the daemon does not read: a second."""
+PACKETS_PER_TICK: Final = 2
+"""Of bulk data."""
+_READ_BYTES: Final = 65536
+_QUESTIONS: Final = {"config": p.CONFIGURATION, "networks": p.NETWORKS, "log": p.LOG}
+_READERS: Final[Mapping[int, Callable[[bytes], Any]]] = {
+    p.CONFIGURATION: p.read_configuration, p.NETWORKS: p.read_networks, p.LOG: p.read_log,
+}  # fmt: skip
+
+
+class SpykeeDriver(Driver):
+    """Drives a Spykee over one TCP link; ``urbihw.buses.driver.Driver`` tells when each method is called."""
+
+    def __init__(self) -> None:
+        self._link: Link | None = None
+        self._framer = p.Framer()
+        self._options = Options()
+        self._tracks = TrackSpeeds()
+        self._searching = self._docked = False
+        self._watched: set[str] = set()
+        self._leds: dict[str, int] = {}
+        self._switches: list[bytes] = []
+        self._uploads = Uploads()
+        self._sound = SoundOut()
+        # What came behind the login, in the same piece.
+        self._early: list[tuple[int, bytes]] = []
+        # (kind of the answer, request, until when) of each question.
+        self._asked: list[tuple[int, int, float]] = []
+        self._owed: list[FromWorker] = []
+        self._piece = 0
+        self._frames_dropped = 0
+        self._unreadable = 0
+
+    # ---------------------------------------------------------------- settings and the link
+
+    def configure(self, settings: Configure) -> None:
+        """Take settings.  Raises BadSetting for an option."""
+        self._options = Options.of(settings.options)
+
+    def attach(self, port: Port) -> list[FromWorker]:
+        """Log in.  Raises Unavailable, BadUrl."""
+        link = byte_link(port)
+        self._framer = p.Framer()
+        self._tracks.forget()
+        self._sound.restart()
+        self._searching = False
+        self._frames_dropped = self._unreadable = 0
+        info, self._early = log_in(link, self._framer, self._options.user, self._options.password)
+        self._link = link
+        self._docked = info.docked
+        # It may have been switched off meanwhile.
+        self._switches = [_stream(device, True) for device in sorted(self._watched)]
+        self._switches += [_light(led, on) for led, on in self._leds.items() if on]
+        now = link.clock.now()
+        return [Found((info,)), Samples(now, {POWER: {"level": info.power}}, {POWER: now})]
+
+    def detach(self) -> None:
+        """The port is gone: nothing that was to be done survives it but the watches."""
+        self._link = None
+        self._tracks.forget()
+        self._searching = False
+        self._owed += self._drop_all("the link went down")
+
+    def _drop_all(self, reason: str) -> list[FromWorker]:
+        asked, self._asked = self._asked, []
+        gone: list[FromWorker] = [Reply(reply_id, False, error=reason) for _, reply_id, _ in asked]
+        return gone + self._uploads.drop(reason) + self._sound.drop(reason)
+
+    def errors(self) -> dict[str, int]:
+        """Pictures that were left out because a newer one had come, and packets that made no sense."""
+        return {"skipped": self._frames_dropped, "unreadable": self._unreadable}
+
+    # ---------------------------------------------------------------- one tick
+
+    def tick(self, now: float, meanwhile: Callable[[], None], urgent: Callable[[], bool] = no_stop) -> list[FromWorker]:
+        """Take in what has come, send what is due.  Raises LinkGone."""
+        link = self._link
+        news, self._owed = self._owed, []
+        if link is None:
+            return news
+        values: dict[Any, dict[str, Any]] = {}
+        data = link.read(_READ_BYTES, now)
+        if data or self._early:
+            news += self._take_in(data, values, link)
+        move = self._tracks.packet(now)
+        if move is not None:
+            link.write(move)
+        if self._switches:
+            switches, self._switches = self._switches, []
+            link.write(b"".join(switches))
+        news += self._send_bulk(link, now, urgent)
+        late = [row for row in self._asked if now > row[2]]
+        self._asked = [row for row in self._asked if row not in late]
+        news += [Reply(reply_id, False, error="the robot did not answer") for _, reply_id, _ in late]
+        if values:
+            news.append(Samples(now, values, dict.fromkeys(values, now)))
+        return news
+
+    def _send_bulk(self, link: Link, now: float, urgent: Callable[[], bool]) -> list[FromWorker]:
+        """Send what may leave now of music and sound; what to answer.  Raises LinkGone."""
+        news: list[FromWorker] = []
+        for _ in range(PACKETS_PER_TICK if self._sound.busy or self._uploads.busy else 0):
+            if urgent() or not link.is_writable():
+                break
+            piece = self._sound.next(now) or self._uploads.next()
+            if piece is None:
+                break
+            link.write(piece[0])
+            news += piece[1]
+        return news
+
+    def _take_in(self, data: bytes, values: dict[Any, dict[str, Any]], link: Link) -> list[FromWorker]:
+        news: list[FromWorker] = []
+        try:
+            packets = self._early + self._framer.feed(data)
+        except BadFrame as error:
+            raise LinkGone(f"{link.url.text}: {error}; connecting again") from error
+        self._early = []
+        for kind, payload in packets:
+            if kind == p.VIDEO:
+                camera = values.setdefault(CAMERA, {})
+                self._frames_dropped += bool(camera)
+                camera["image"] = payload
+            elif kind == p.AUDIO:
+                for at in range(0, len(payload), PIECE_BYTES):
+                    self._piece += 1
+                    piece = self._piece, payload[at : at + PIECE_BYTES]
+                    values.setdefault(MICRO, {})[f"piece{self._piece % PIECES}"] = piece
+            else:
+                try:
+                    news += self._take(kind, payload, values)
+                except BadFrame:
+                    self._unreadable += 1
+        return news
+
+    def _take(self, kind: int, payload: bytes, values: dict[Any, dict[str, Any]]) -> list[FromWorker]:
+        """A packet that is neither picture nor sound.  Raises BadFrame."""
+        if kind == p.POWER:
+            values[POWER] = {"level": p.read_power(payload)}
+        elif kind == p.ENGINE and payload[:1] == bytes([p.IS_DOCKED]):
+            self._searching, self._docked = False, True
+            if self._tracks.moving:
+                self._tracks.halt()
+                self.halted = "the robot is on its dock"
+            return [Happened("dock", "docked")]
+        elif kind == p.ENGINE and payload[:1] == bytes([p.IS_UNDOCKED]):
+            self._docked = False
+            return [Happened("dock", "undocked")]
+        elif kind == p.STOP:
+            return [Happened("music", "ended")]
+        elif kind in _READERS:
+            answered = [row for row in self._asked if row[0] == kind]
+            self._asked = [row for row in self._asked if row[0] != kind]
+            value = _READERS[kind](payload)
+            return [Reply(reply_id, True, value) for _, reply_id, _ in answered]
+        return []
+
+    # ---------------------------------------------------------------- what the parent wants
+
+    def targets(self, message: Targets) -> list[FromWorker]:
+        """Speeds of tracks, which are forgotten without a robot, and lights, which are not."""
+        refused: list[FromWorker] = []
+        for (device, item), value in message.values.items():
+            if device in TRACKS and item == "speed" and isinstance(value, int) and abs(value) <= p.FULL:
+                if self._link is not None:
+                    self._tracks.set(device, value)
+            elif device in p.LEDS and item == "on" and value in (0, 1):
+                self._leds[device] = value
+                if self._link is not None:
+                    self._switches.append(_light(device, value))
+            else:
+                refused.append(Refused(device, item, f"no such target, or no such value: {value!r}"))
+        return refused
+
+    def watch(self, message: Watch, now: float) -> list[FromWorker]:
+        """Switch pictures or sound on or off."""
+        device = message.device
+        if device not in STREAMS:
+            return []
+        wanted = message.period is not None
+        (self._watched.add if wanted else self._watched.discard)(device)
+        if self._link is not None:
+            self._switches.append(_stream(device, wanted))
+        return []
+
+    def request(self, message: Request) -> list[FromWorker]:
+        """Execute one of the requests listed at the head of this file.  Raises LinkGone."""
+        link = self._link
+        if link is None:
+            return [Reply(message.reply_id, False, error="the link is down")]
+        try:
+            return self._request(message, link)
+        except BadValue as error:
+            return [Reply(message.reply_id, False, error=str(error))]
+
+    def _request(self, message: Request, link: Link) -> list[FromWorker]:
+        match message.verb, message.device, message.item:
+            case "read", ("config" | "networks" | "log") as what, _:
+                kind = _QUESTIONS[what]
+                if all(row[0] != kind for row in self._asked):
+                    link.write(p.packet(kind))
+                self._asked.append((kind, message.reply_id, link.clock.now() + ANSWER_TIMEOUT_S))
+                return []
+            case "write", "file", "chunk":
+                flags, data = message.value
+                self._uploads.add(message.reply_id, flags, data)
+                return []
+            case "write", "speaker", "piece":
+                error = self._sound.add(message.reply_id, message.value)
+                return [Reply(message.reply_id, False, error=error)] if error else []
+            case "write", "speaker", "flush":
+                return [*self._sound.drop("it was stopped"), Reply(message.reply_id, True)]
+            case "write", "config", key:
+                link.write(p.pair(key, message.value))
+            case "write", "engine", "move" if message.value in (p.UNDOCK, p.DOCK, p.CANCEL):
+                self._searching = message.value == p.DOCK
+                if message.value != p.CANCEL:
+                    # A move that came behind the order, a zero too, would end it.
+                    self._tracks.forget()
+                link.write(p.packet(p.ENGINE, bytes([message.value])))
+            case "write", "play", "sound" if message.value in p.SOUNDS or message.value == p.MUSIC:
+                link.write(p.packet(p.PLAY, bytes([message.value])))
+            case "write", "play", "stop":
+                link.write(p.packet(p.STOP))
+            case "write", "play", "volume" if message.value in range(101):
+                link.write(p.packet(p.VOLUME, bytes([message.value])))
+            case _:
+                what = f"{message.verb} {message.device} {message.item}"
+                raise BadValue(f"this robot knows no request {what} {message.value!r:.40}")
+        return [Reply(message.reply_id, True)]
+
+    # ---------------------------------------------------------------- motion
+
+    def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
+        """Stop the tracks at once, and a search for the dock.  Raises LinkGone."""
+        self._tracks.halt(track for track in TRACKS if devices is None or track in devices)
+        link = self._link
+        if link is None:
+            return
+        if self._searching and (devices is None or ENGINE in devices):
+            self._searching = False
+            link.write(p.packet(p.ENGINE, bytes([p.CANCEL])))
+        now = link.clock.now()
+        move = self._tracks.packet(now)
+        if move is not None:
+            link.write(move)
+
+    def stop_what_moves(self) -> tuple[Any, ...]:
+        """Stop the robot in any case: the protocol does not tell whether an earlier client left it moving.
+
+        Raises LinkGone.
+        """
+        self._stop_all()
+        return ()
+
+    def stop_on_reconnect(self) -> None:
+        """Stop the robot: it may have moved on during the loss of the link.  Raises LinkGone."""
+        self._stop_all()
+
+    def _stop_all(self) -> None:
+        # Who logged in before may have sent it to its dock; this connection does not know.
+        self._searching = not self._docked
+        self.safe_stop()
+
+    def moves(self, device: Any, item: str, value: Any) -> bool:
+        """A speed other than zero does."""
+        return device in TRACKS and bool(value)
+
+    def request_moves(self, request: Request) -> bool:
+        """To look for the dock, and to leave it."""
+        return request.device == ENGINE and request.value in (p.UNDOCK, p.DOCK)
+
+
+def _light(led: str, on: int) -> bytes:
+    return p.packet(p.LED, bytes([p.LEDS[led], on]))
+
+
+def _stream(device: str, on: bool) -> bytes:
+    return p.packet(p.STREAM, bytes([STREAMS[device], on]))

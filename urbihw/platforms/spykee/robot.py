@@ -1,0 +1,294 @@
+"""The object ``Spykee`` (the robot on its connection), and how its parts get what the worker says.
+
+The tree of components (``robot``) is put together in ``spykee.u``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from urbihw.buses import messages as m
+from urbihw.kernel.uobject import (
+    BadConfig,
+    Opened,
+    RobotSettings,
+    event,
+    finite_number,
+    function,
+    number,
+    owned,
+    reading,
+    set_range,
+)
+from urbihw.platforms.base import LimitedDevice, WiredRobot
+from urbihw.platforms.spykee import protocol as p
+from urbihw.platforms.spykee.audio import SpykeeMp3, SpykeeSpeaker
+from urbihw.platforms.spykee.calibration import Calibration, calibration_file, load, save
+from urbihw.platforms.spykee.clapper import Clapper
+from urbihw.platforms.spykee.devices import SpykeeBattery, SpykeeLed, SpykeeTrack
+from urbihw.platforms.spykee.driver import CAMERA, ENGINE, MICRO, POWER, TRACKS
+from urbihw.platforms.spykee.options import Options
+from urbihw.platforms.spykee.session import RobotInfo
+from urbihw.platforms.spykee.streams import SpykeeCamera, SpykeeMicro
+from urbihw.settings import BadSetting
+
+TREE: Final = "tree.u"
+"""Builds the standard robot API, when the robot was found."""
+
+
+class Spykee(WiredRobot):
+    """A Spykee."""
+
+    uname = "SpykeeRobot"
+    classes = (SpykeeTrack, SpykeeLed, SpykeeBattery, SpykeeCamera, SpykeeMicro, SpykeeSpeaker, SpykeeMp3, Clapper)
+
+    robot_name = "spykee"
+    family = "urbihw.platforms.spykee.driver:SpykeeDriver"
+
+    power = reading(0.0)
+    charging = reading(False)
+    onDock = reading(False)
+    volume = owned(0.0)
+    uid = reading("")
+    robotName = reading("")
+    firmware = reading("")
+    fullSpeed = reading(0.0)
+    fullTurn = reading(0.0)
+    docked = event()
+    undocked = event()
+    answered = event()
+
+    def init(self) -> None:
+        """Called by ``new``; nothing happens before ``open``."""
+        super().init()
+        self._options = Options()
+        self._calibration = Calibration(self._options.full_speed, self._options.full_turn)
+        self._count = 0
+        self._built = self._complete = self._measured = False
+        set_range(self.volume, 0.0, 100.0)
+        self.notify_change(self.volume, self._write_volume)
+
+    # ---------------------------------------------------------------- opening
+
+    def open(self, settings: RobotSettings, opened: Opened) -> None:
+        """Read the options, then start the worker."""
+        self._take_options(settings)
+        super().open(settings, opened)
+
+    def configure(self, settings: RobotSettings) -> None:
+        """Apply new options and settings, and load the calibration again."""
+        self._take_options(settings)
+        super().configure(settings)
+        if self._built:
+            self._load_calibration()
+
+    def _take_options(self, settings: RobotSettings) -> None:
+        try:
+            self._options = Options.of(settings.options)
+        except BadSetting as error:
+            raise BadConfig(f"spykee: {error}") from error
+
+    def status(self) -> str:
+        """Return the name of the robot and its charge."""
+        if not self.link.sensed:
+            return "link down"
+        power = "charging" if self.charging.sensed else f"battery {self.power.sensed:.0f} %"
+        return f"{self.robotName.sensed or self.uid.sensed}, {power}"
+
+    # ---------------------------------------------------------------- what is there
+
+    def on_found(self, message: m.Found) -> None:
+        """Make the objects at the first connection; after each later one, restart the sound stream."""
+        (info,) = message.devices
+        self._identify(info)
+        # A robot that was off has forgotten it.
+        self._send_volume(self._options.volume if not self._built else int(self.volume.sensed))
+        if not self._built:
+            self._build()
+            path = Path(__file__).with_name(TREE)
+            self.host.run(path.read_text("latin-1"), str(path), self._has_tree)
+            return
+        self.micro.restart()
+        self.send_limits()
+
+    def _identify(self, info: RobotInfo) -> None:
+        self.uid.sense(info.uid)
+        self.robotName.sense(info.name)
+        self.firmware.sense(info.firmware)
+        self.onDock.sense(info.docked)
+        self._load_calibration()
+
+    def _build(self) -> None:
+        self._built = True
+        create, channel = self.host.create, self.channel
+        self.tracks = [create(SpykeeTrack, name, channel, self.motion, name) for name in TRACKS]
+        for name in p.LEDS:
+            create(SpykeeLed, name, channel, name)
+        self.camera = create(SpykeeCamera, "camera", channel)
+        self.micro = create(SpykeeMicro, "micro", channel)
+        self.speaker = create(SpykeeSpeaker, "speaker", channel, self.log)
+        self.mp3 = create(SpykeeMp3, "mp3", channel, self.log)
+        self.battery = create(SpykeeBattery, "battery")
+
+    def _has_tree(self, problem: str) -> None:
+        if problem:
+            self.answer_open(BadConfig(problem))
+            return
+        self._complete = True
+        self.send_limits()
+        self.wait_for_readings()
+
+    def is_complete(self) -> bool:
+        """Return whether the tree is built and the robot was measured once."""
+        return self._complete and self._measured
+
+    def limited_devices(self) -> Mapping[str, LimitedDevice]:
+        """Return the two tracks by name."""
+        return dict(zip(TRACKS, self.tracks, strict=True)) if self._built else {}
+
+    # ---------------------------------------------------------------- what the worker says
+
+    def on_samples(self, message: m.Samples) -> None:
+        """Show pictures, sound and the battery."""
+        if not self._built:
+            return
+        for device, values in message.values.items():
+            stamp = message.times[device] + self.offset
+            if device == CAMERA:
+                self.camera.show(values["image"], stamp)
+            elif device == MICRO:
+                self.micro.show(values, stamp)
+            elif device == POWER:
+                self._show_power(values["level"], stamp)
+
+    def _show_power(self, level: int, stamp: float) -> None:
+        self._measured = True
+        self.power.sense(float(level), stamp)
+        self.charging.sense(level < 0, stamp)
+        self.battery.show(level, stamp)
+
+    def on_happened(self, message: m.Happened) -> None:
+        """Show docking and undocking, and the end of the music."""
+        if message.device == "dock":
+            docked = message.what == "docked"
+            self.onDock.sense(docked)
+            (self.docked if docked else self.undocked).emit()
+        elif self._built:
+            self.mp3.has_ended()
+
+    def on_link_down(self, reason: str) -> None:
+        """End the music and the movements: without a link, their progress is unknown."""
+        if self._built:
+            self.mp3.link_down()
+            self._halt_tracks(None)
+            if self._complete:
+                # A movement that is reckoned by time alone knows no more where it is.
+                self.send("Mobility.of(robot).abort;")
+
+    def on_halt(self, reason: str, devices: tuple[Hashable, ...] | None = None) -> None:
+        """Set the shown speeds of the stopped tracks to 0."""
+        if self._built:
+            self._halt_tracks(devices)
+
+    def _halt_tracks(self, devices: tuple[Hashable, ...] | None) -> None:
+        for name, track in zip(TRACKS, self.tracks, strict=True):
+            if devices is None or name in devices:
+                track.halted()
+
+    # ---------------------------------------------------------------- what urbiscript calls
+
+    @function("findBase")
+    def find_base(self) -> None:
+        """Let the robot look for its base and station on it."""
+        self._move_by_itself(p.DOCK)
+
+    @function("cancelFindBase")
+    def cancel_find_base(self) -> None:
+        """Let it look for its base no longer."""
+        self.channel.write(ENGINE, "move", p.CANCEL, self._warn("cancelFindBase"))
+
+    @function("chargeStop")
+    def charge_stop(self) -> None:
+        """Let the robot stop charging and drive off its charging station."""
+        self._move_by_itself(p.UNDOCK)
+
+    def _move_by_itself(self, order: int) -> None:
+        self.check_link()
+        origin = self.motion.admit(ENGINE)
+        self.channel.write(ENGINE, "move", order, self._warn("base"), origin)
+
+    def _write_volume(self) -> None:
+        self._send_volume(round(number(self.volume)))
+
+    def _send_volume(self, volume: int) -> None:
+        self.channel.write("play", "volume", volume, self._warn("volume"))
+        self.volume.sense(float(volume))
+
+    @function("tracksFor")
+    def tracks_for(self, x: float, yaw: float) -> list[float]:
+        """Left and right, -100..100, for a speed ahead (m/s) and to the left (rad/s)."""
+        return list(self._calibration.tracks(finite_number(x), finite_number(yaw)))
+
+    @function("calibrateGo")
+    def calibrate_go(self, asked: float, went: float) -> None:
+        """``robot.go(asked)`` went so many m: be right the next time, and after a restart."""
+        self._calibrate(self._calibration.after_going(asked, went))
+
+    @function("calibrateTurn")
+    def calibrate_turn(self, asked: float, turned: float) -> None:
+        """``robot.turn(asked)`` turned it by so many rad: be right the next time, and after a restart."""
+        self._calibrate(self._calibration.after_turning(asked, turned))
+
+    def _calibrate(self, calibration: Calibration) -> None:
+        path = calibration_file(self._options.calibration)
+        try:
+            save(path, str(self.uid.sensed), calibration)
+        except OSError as error:
+            raise ValueError(f"{path} cannot be written: {error.strerror}; choose another one: calibration") from error
+        self._show_calibration(calibration)
+
+    def _load_calibration(self) -> None:
+        default = Calibration(self._options.full_speed, self._options.full_turn)
+        try:
+            found = load(calibration_file(self._options.calibration), str(self.uid.sensed), default)
+        except ValueError as error:
+            self.log.warning("%s", error)
+            found = default
+        self._show_calibration(found)
+
+    def _show_calibration(self, calibration: Calibration) -> None:
+        self._calibration = calibration
+        self.fullSpeed.sense(calibration.speed)
+        self.fullTurn.sense(calibration.turn)
+
+    @function("requestInfo")
+    def request_info(self, what: str) -> int:
+        """Ask the robot for its "config", its "networks" or its "log"; ``answered`` then has this number, the answer,
+        and why there is none."""
+        return self._request(lambda done: self.channel.read(what, "", done))
+
+    @function("requestWrite")
+    def request_write(self, key: str, value: str) -> int:
+        """Write a row of the configuration; ``answered`` as for ``requestInfo``."""
+        return self._request(lambda done: self.channel.write("config", key, value, done))
+
+    def _request(self, send: Any) -> int:
+        self.check_link()
+        self._count += 1
+        number = self._count
+        send(lambda reply: self.answered.emit(float(number), reply.value, reply.error))
+        return number
+
+    def check_link(self) -> None:
+        """Raise ValueError while the link is down."""
+        if not self.link.sensed:
+            raise ValueError("the link to the robot is down")
+
+    def _warn(self, what: str) -> Any:
+        def done(reply: m.Reply) -> None:
+            if not reply.ok:
+                self.log.warning("%s: not done: %s", what, reply.error)
+
+        return done

@@ -1,0 +1,123 @@
+"""What comes as a stream: the camera and the microphone.  Each is on while somebody reads or follows its ``val``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import ClassVar, Final
+
+from urbihw.kernel.uobject import UBinary, UImage, UObject, USound, reading
+from urbihw.platforms.channel import DeviceChannel
+from urbihw.platforms.spykee.protocol import SOUND_RATE
+
+LINGER_S: Final = 3.0
+"""Seconds after the last reading for which a stream goes on."""
+LOOK_PERIOD_S: Final = 0.25
+"""Seconds between two looks whether anybody follows."""
+WIDTH, HEIGHT = 320, 240
+_FRAME_HEADERS: Final = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
+"""Markers of a JPEG behind which its size stands."""
+
+
+class Streamed(UObject):
+    """A device whose ``val`` comes as a stream; ``on`` is whether it does now."""
+
+    stream: ClassVar[str]
+    nothing: ClassVar[UBinary]
+    """What ``val`` is before anything has come."""
+
+    val = reading()
+    on = reading(False)
+
+    def init(self, channel: DeviceChannel) -> None:
+        """Speak to the worker through ``channel``."""
+        self._channel = channel
+        self._read_at = -math.inf
+        self.val.sense(self.nothing)
+        self.notify_access(self.val, self._read)
+        self.set_timer(LOOK_PERIOD_S, self._look)
+
+    def _read(self) -> None:
+        self._read_at = self.host.now()
+        self._switch(True)
+
+    def _look(self) -> None:
+        self._switch(self.val.has_subscribers or self.host.now() - self._read_at < LINGER_S)
+
+    def _switch(self, on: bool) -> None:
+        if on is not self.on.sensed:
+            self.on.sense(on)
+            self._channel.watch(self.stream, ("val",), 0.0 if on else None)
+
+
+class SpykeeCamera(Streamed):
+    """The camera: ``val`` is the newest picture, a JPEG; it is on while somebody reads or follows ``val``.
+
+    ``width`` and ``height`` (pixels) are those of the picture; the angles of view (rad) are not known.
+    """
+
+    stream = "camera"
+    nothing = UImage.of(b"", 0, 0, "jpeg")
+    width = reading(float(WIDTH))
+    height = reading(float(HEIGHT))
+    xfov = reading(math.nan)
+    yfov = reading(math.nan)
+    format = reading("jpeg")
+    frames = reading(0.0)
+
+    def show(self, image: bytes, stamp: float) -> None:
+        """Show a picture that was taken in at a time of the kernel's clock."""
+        width, height = size_of(image)
+        self.width.sense(float(width))
+        self.height.sense(float(height))
+        self.frames.sense(self.frames.sensed + 1)
+        self.val.sense(UImage.of(image, width, height, "jpeg"), stamp)
+
+
+class SpykeeMicro(Streamed):
+    """The microphone: ``val`` is what was heard since the last change, 16000 samples a second of 16 bits.
+
+    ``duration`` (ms) is how long that is.  It is on while somebody reads or follows ``val``.
+    """
+
+    stream = "micro"
+    nothing = USound.of(b"", 1, SOUND_RATE, 16)
+    duration = reading(0.0)
+
+    def init(self, channel: DeviceChannel) -> None:
+        """Start with no sound heard."""
+        super().init(channel)
+        self._last = 0
+        self._pieces: list[bytes] = []
+
+    def show(self, pieces: Mapping[str, tuple[int, bytes]], stamp: float) -> None:
+        """Show what was heard; pieces that come in the same round are one sound."""
+        fresh = sorted(piece for piece in pieces.values() if piece[0] > self._last)
+        if not fresh:
+            return
+        self._last = fresh[-1][0]
+        if not self._pieces:
+            self.host.post(lambda: self._tell(stamp))
+        self._pieces += [data for _, data in fresh]
+
+    def restart(self) -> None:
+        """Another worker counts anew."""
+        self._last = 0
+
+    def _tell(self, stamp: float) -> None:
+        data, self._pieces = b"".join(self._pieces), []
+        sound = USound.of(data[: len(data) // 2 * 2], 1, SOUND_RATE, 16)
+        self.duration.sense(sound.duration * 1000)
+        self.val.sense(sound, stamp)
+
+
+def size_of(jpeg: bytes) -> tuple[int, int]:
+    """Width and height of a JPEG as it says itself; those of the robot's camera if it does not."""
+    at = 2
+    while at + 9 <= len(jpeg) and jpeg[at] == 0xFF:
+        if jpeg[at + 1] in _FRAME_HEADERS:
+            return int.from_bytes(jpeg[at + 7 : at + 9], "big"), int.from_bytes(jpeg[at + 5 : at + 7], "big")
+        at += 2 + int.from_bytes(jpeg[at + 2 : at + 4], "big")
+    return WIDTH, HEIGHT
+
+
