@@ -1,0 +1,241 @@
+"""The body of a Nao: 26 joints with speed, limits and stiffness, two legs that carry it, and where it is.
+
+A joint with stiffness goes to its command, no faster than its motor and the asked share of that; a slack one falls as
+its weight pulls it, or stays where nothing pulls.  A command stays when the stiffness goes: a joint that gets stiff
+again with an old command goes there.  Standing with slack legs it falls, and one that has fallen does not walk.
+Walking has a speed that grows and shrinks as steps allow.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+ROWS = """
+HeadYaw -2.0857 2.0857 8.268
+HeadPitch -0.6720 0.5149 7.194 0.5
+LShoulderPitch -2.0857 2.0857 8.268 1.5
+LShoulderRoll -0.3142 1.3265 7.194 0.1
+LElbowYaw -2.0857 2.0857 8.268
+LElbowRoll -1.5446 -0.0349 7.194 -0.1
+LWristYaw -1.8239 1.8239 24.62
+LHand 0 1 8.33
+LHipYawPitch -1.1453 0.7407 4.162
+LHipRoll -0.3794 0.7905 4.162
+LHipPitch -1.5359 0.4840 6.402 -0.7
+LKneePitch -0.0923 2.1126 6.402 2.1
+LAnklePitch -1.1894 0.9226 6.402 -1.18
+LAnkleRoll -0.3978 0.7690 4.162
+RHipYawPitch -1.1453 0.7407 4.162
+RHipRoll -0.7905 0.3794 4.162
+RHipPitch -1.5359 0.4840 6.402 -0.7
+RKneePitch -0.0923 2.1126 6.402 2.1
+RAnklePitch -1.1863 0.9320 6.402 -1.18
+RAnkleRoll -0.7690 0.3978 4.162
+RShoulderPitch -2.0857 2.0857 8.268 1.5
+RShoulderRoll -1.3265 0.3142 7.194 -0.1
+RElbowYaw -2.0857 2.0857 8.268
+RElbowRoll 0.0349 1.5446 7.194 0.1
+RWristYaw -1.8239 1.8239 24.62
+RHand 0 1 8.33
+"""
+"""Joint, limits in rad (hands: 0 closed, 1 open), greatest speed in rad/s, where its weight pulls it."""
+FALL = 3.0
+"""rad/s of a slack joint."""
+STEP = 0.01
+"""Seconds of a step of the simulation at most."""
+FASTEST = (0.12, 0.08, 0.6)
+"""Of walking: m/s, m/s, rad/s."""
+PICK_UP = (0.3, 0.3, 1.5)
+"""What walking speeds up and slows down by: m/s2, m/s2, rad/s2."""
+STIFF = 0.05
+"""Stiffness from which a motor holds."""
+STAND = {
+    "HeadYaw": 0.0, "HeadPitch": -0.17, "ShoulderPitch": 1.45, "ShoulderRoll": 0.2, "ElbowYaw": -1.2,
+    "ElbowRoll": -0.4, "WristYaw": 0.1, "Hand": 0.3, "HipYawPitch": 0.0, "HipRoll": 0.0, "HipPitch": -0.45,
+    "KneePitch": 0.7, "AnklePitch": -0.35, "AnkleRoll": 0.0,
+}  # fmt: skip
+CROUCH = {"HipPitch": -0.7, "KneePitch": 2.1, "AnklePitch": -1.18, "ShoulderPitch": 1.5}
+ZERO: dict[str, float] = {}
+POSTURES = {"Stand": STAND, "StandInit": STAND, "StandZero": ZERO, "Crouch": CROUCH}
+
+
+@dataclass
+class Joint:
+    """A joint; ``moves_at`` is its speed in the last step, rad/s."""
+
+    name: str
+    low: float
+    high: float
+    fastest: float
+    pulled_to: float | None
+    angle: float = 0.0
+    command: float = 0.0
+    share: float = 1.0
+    stiffness: float = 0.0
+    moves_at: float = 0.0
+
+    def advance(self, dt: float) -> None:
+        """Some time passes."""
+        before = self.angle
+        if self.stiffness >= STIFF:
+            goal, speed = self.command, self.fastest * self.share
+        elif self.pulled_to is not None:
+            goal, speed = self.pulled_to, FALL
+        else:
+            goal, speed = self.angle, 0.0
+        way = goal - self.angle
+        self.angle = goal if abs(way) <= speed * dt else self.angle + math.copysign(speed * dt, way)
+        self.moves_at = (self.angle - before) / dt
+
+    def order(self, angle: float, share: float) -> None:
+        """A new command, cut to what the joint can; it replaces the last."""
+        self.command = min(max(angle, self.low), self.high)
+        self.share = min(max(share, 0.0), 1.0)
+
+
+def joints() -> dict[str, Joint]:
+    """All joints, crouching."""
+    found = {}
+    for row in ROWS.split("\n"):
+        if row:
+            name, *numbers = row.split()
+            low, high, fastest, *pulled = map(float, numbers)
+            made = found[name] = Joint(name, low, high, fastest, pulled[0] if pulled else None)
+            made.angle = made.command = pulled[0] if pulled else min(max(0.0, low), high)
+    return found
+
+
+def posture(name: str) -> dict[str, float]:
+    """The angles of a posture, right ones mirrored."""
+    found = {}
+    for joint in joints().values():
+        side, part = joint.name[0], joint.name[1:]
+        plain = joint.name if joint.name.startswith("Head") else part
+        angle = POSTURES[name].get(plain, 0.0)
+        mirrored = side == "R" and part.endswith(("Roll", "Yaw"))
+        found[joint.name] = min(max(-angle if mirrored else angle, joint.low), joint.high)
+    return found
+
+
+class Body:
+    """The whole robot; ``x``, ``y``, ``heading`` are where it is, ``walk`` its speeds, ``asked`` those it was told."""
+
+    def __init__(self) -> None:
+        self.joints = joints()
+        self.x = self.y = self.heading = 0.0
+        self.walk = [0.0, 0.0, 0.0]
+        self.asked = [0.0, 0.0, 0.0]
+        self.goal: tuple[float, float, float] | None = None
+        self.standing = self.fallen = False
+        self.powered = True
+        self.charge = 0.8
+        self.plugged_in = False
+        self.touched: dict[str, float] = {}
+        self.sonars = [1.2, 1.5]
+        self.on_fall: Callable[[], None] = lambda: None
+        self._now: float | None = None
+
+    # ---------------------------------------------------------------- time
+
+    def advance(self, now: float) -> None:
+        """Live until ``now``."""
+        if self._now is None:
+            self._now = now
+        left = now - self._now
+        steps = math.ceil(left / STEP - 1e-9) if left > 0 else 0
+        for _ in range(steps):
+            self._step(left / steps)
+        self._now = max(now, self._now)
+
+    def _step(self, dt: float) -> None:
+        for joint in self.joints.values():
+            joint.advance(dt)
+        left, right = self.joints["LHipYawPitch"], self.joints["RHipYawPitch"]
+        right.angle, right.command, right.moves_at = left.angle, left.command, left.moves_at
+        right.stiffness = left.stiffness
+        if self.standing and not self.legs_stiff:
+            self._fall()
+        self._steps(dt)
+        if not self.plugged_in and self.powered:
+            self.charge = max(0.0, self.charge - dt * 1e-5)
+
+    def _fall(self) -> None:
+        self.standing, self.fallen, self.goal = False, True, None
+        self.walk = [0.0, 0.0, 0.0]
+        self.asked = [0.0, 0.0, 0.0]
+        self.on_fall()
+
+    def _steps(self, dt: float) -> None:
+        if self.goal is not None:
+            self._steer()
+        for axis, (most, pick_up) in enumerate(zip(FASTEST, PICK_UP, strict=True)):
+            wanted = min(max(self.asked[axis], -most), most) if self.standing else 0.0
+            change = wanted - self.walk[axis]
+            self.walk[axis] += min(max(change, -pick_up * dt), pick_up * dt)
+        forward, left, turn = self.walk
+        self.x += (forward * math.cos(self.heading) - left * math.sin(self.heading)) * dt
+        self.y += (forward * math.sin(self.heading) + left * math.cos(self.heading)) * dt
+        self.heading += turn * dt
+
+    def _steer(self) -> None:
+        """Speeds towards a goal, so that it can still brake there."""
+        assert self.goal is not None
+        dx, dy, turn = self.goal[0] - self.x, self.goal[1] - self.y, self.goal[2] - self.heading
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        ways = (dx * cos + dy * sin, dy * cos - dx * sin, turn)
+        for axis, way in enumerate(ways):
+            self.asked[axis] = math.copysign(min(FASTEST[axis], math.sqrt(1.2 * PICK_UP[axis] * abs(way))), way)
+        if all(abs(way) < 0.004 for way in ways) and all(abs(speed) < 0.03 for speed in self.walk):
+            self.goal, self.asked = None, [0.0, 0.0, 0.0]
+
+    # ---------------------------------------------------------------- what it is told
+
+    @property
+    def legs_stiff(self) -> bool:
+        """Whether the legs carry it."""
+        legs = ("LHipPitch", "LKneePitch", "LAnklePitch", "RHipPitch", "RKneePitch", "RAnklePitch")
+        return all(self.joints[name].stiffness >= STIFF for name in legs)
+
+    @property
+    def walking(self) -> bool:
+        """Whether it walks, or is about to."""
+        return self.goal is not None or any(self.asked) or any(abs(speed) > 1e-6 for speed in self.walk)
+
+    def take_posture(self, name: str, share: float) -> Callable[[], bool]:
+        """Go to a posture with stiff motors; what says whether it is there."""
+        goals = posture(name)
+        for joint in self.joints.values():
+            joint.stiffness = 1.0
+            joint.order(goals[joint.name], share * 0.3)
+        self.fallen = False
+        self.standing = name.startswith("Stand")
+        return lambda: all(abs(joint.angle - goals[joint.name]) < 0.01 for joint in self.joints.values())
+
+    def ready_to_walk(self) -> bool:
+        """Stand as for walking, if the legs carry it; whether they do."""
+        if not self.legs_stiff or self.fallen:
+            return False
+        if not self.standing:
+            goals = posture("StandInit")
+            for name, joint in self.joints.items():
+                if any(part in name for part in ("Hip", "Knee", "Ankle")):
+                    joint.order(goals[name], 0.5)
+            self.standing = True
+        return True
+
+    def drive(self, speeds: Iterable[float]) -> None:
+        """Walk with these speeds until told otherwise."""
+        self.goal = None
+        self.asked = list(speeds)
+
+    def walk_to(self, x: float, y: float, turn: float) -> None:
+        """Walk to a place, seen from here."""
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        self.goal = self.x + x * cos - y * sin, self.y + x * sin + y * cos, self.heading + turn
+
+    def slack(self) -> None:
+        """All motors off."""
+        for joint in self.joints.values():
+            joint.stiffness = 0.0

@@ -1,0 +1,100 @@
+"""A Nao in simulated time: see ``lab``; and what it says of its motion: see ``motions``."""
+
+from __future__ import annotations
+
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+from lab import SpeakingLab
+from motions import Kind, Motion, Numbers
+
+from urbihw.platforms.nao.robot import Nao as NaoRobot
+from urbihw_fakes.console import Console
+from urbihw_fakes.nao.body import Body, posture
+from urbihw_fakes.nao.console import commands
+from urbihw_fakes.nao.device import Nao
+
+
+class Lab(SpeakingLab):
+    """A robot at the end of a connection."""
+
+    robot: NaoRobot
+    device: Nao
+
+    platform = "nao"
+    url = "pipe://robot?baud=100000000"
+    tick = 0.02
+
+    def __init__(self, device: Nao | None = None, **options: Any) -> None:
+        self.device = device if device is not None else Nao()
+        self.seen: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=4)
+        """When the body was looked at last, and its joints then."""
+        super().__init__(**options)
+        self.end.on_open = self._connected
+
+    def _connected(self) -> None:
+        self.end.hang_up()  # what was said on another connection is gone with it
+        self.device.reconnect()
+
+    def unplug(self) -> None:
+        """The network is gone; what the robot was told goes on."""
+        self.end.unplug()
+        self.device.reconnect()
+
+    def console(self) -> Console:
+        """See ``RobotLab``."""
+        return self.console_of(self.device, self.end, commands(self.device, self.bus_clock.now))
+
+
+def stand(body: Body) -> None:
+    """Somebody has put it on its feet."""
+    for name, angle in posture("Stand").items():
+        joint = body.joints[name]
+        joint.angle = joint.command = angle
+        joint.stiffness = 1.0
+    body.standing, body.fallen = True, False
+
+
+def _body(lab: Lab) -> tuple[Numbers, Numbers]:
+    body, now = lab.device.body, lab.bus_clock.now()
+    angles = tuple(joint.angle for joint in body.joints.values())
+    # A motor goes from goal to goal at its full speed, so what counts is its way in some ticks.
+    if not lab.seen or now > lab.seen[-1][0]:
+        lab.seen.append((now, angles))
+    since, before = lab.seen[0]
+    elapsed = now - since
+    speeds = [(angle - old) / elapsed if elapsed else 0.0 for angle, old in zip(angles, before, strict=True)]
+    return (*speeds, body.walk[0], body.walk[2]), (*angles, body.x, body.heading)
+
+
+def _stand(lab: Lab, folder: Path) -> None:
+    stand(lab.device.body)
+    lab.run(0.2)
+    lab.seen.clear()  # it was put there, it did not move
+
+
+MOTION = Motion(
+    make=Lab.ready,
+    look=_body,
+    slot="nao",
+    unplug=Lab.unplug,
+    plug=lambda lab: lab.end.replug(),
+    revive="motors.load = 1",
+    standstill=0.6,
+    kinds={
+        "joint": Kind("headYaw.val = -2 | headYaw.val = 2 | shoulderPitchL.val = -2;", 3.0, lead=0.1,
+                      again="headYaw.val = -2; sleep(1s); headYaw.val = 2;"),
+        "trajectory": Kind("headYaw.val = 0 sin:2s ampli:1,", 2.0, lead=2.3, live=True),
+        "at": Kind(
+            "trip!;", 3.0, lead=1.5, live=True,
+            prepare='if (!Global.hasLocalSlot("trip")) var Global.trip = Event.new|;'
+            " at (trip?) loop { headYaw.val = 0.5; sleep(200ms); headYaw.val = -0.5; sleep(400ms) };",
+        ),
+        "go": Kind("robot.go(2);", 0.05, error=True, ready=_stand),
+        "turn": Kind("robot.turn(10);", 0.3, error=True, ready=_stand),
+        "speeds": Kind("robot.xSpeed = 0.1;", 0.05, ready=_stand),
+        "service": Kind("motion.moveTo(1.0, 0.0, 0.0);", 0.05, error=True, ready=_stand),
+        "remote": Kind("HeadYaw.val = 2", 3.0, lead=0.1, again="HeadYaw.val = -2", remote=True),
+    },
+)  # fmt: skip

@@ -1,0 +1,76 @@
+"""What there is on a robot: its joints, services, lights and sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from urbihw.buses.qi.session import Service, Session
+from urbihw.platforms.nao import reading
+from urbihw.platforms.nao.orders import JointInfo
+
+MOTION, MEMORY, LEDS, SONAR = "ALMotion", "ALMemory", "ALLeds", "ALSonar"
+PROXIES: Final = (
+    MOTION, MEMORY, LEDS, SONAR, "ALRobotPosture", "ALTextToSpeech", "ALBattery", "ALBehaviorManager", "ALAudioPlayer",
+    "ALSpeechRecognition", "DCM",
+)  # fmt: skip
+"""Services that programs may call without asking for them."""
+_NAME: Final = "urbihw"
+
+
+@dataclass(frozen=True, slots=True)
+class NaoInfo:
+    """The robot as ``Found`` tells of it; ``methods`` are those of the services in ``PROXIES``."""
+
+    model: str
+    joints: tuple[JointInfo, ...]
+    services: tuple[str, ...]
+    leds: tuple[str, ...]
+    methods: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What was found: the robot, the keys of each cycle, all keys that it has, and their first values."""
+
+    info: NaoInfo
+    fast_keys: Mapping[str, reading.Key]
+    all_keys: Mapping[str, reading.Key]
+    values: list[Any]
+
+
+def find(session: Session, motion: Service, memory: Service) -> Finding:
+    """Ask for everything, and switch the sonars on.  Raises Unavailable, BadValue, LinkGone."""
+
+    def ask(service: Service, name: str, *arguments: Any) -> Any:
+        return session.wait(session.call(service, name, *arguments))
+
+    names = [str(name) for name in ask(motion, "getBodyNames", "Body")]
+    limits = ask(motion, "getLimits", "Body")
+    joints = tuple(JointInfo(name, *map(float, row[:3])) for name, row in zip(names, limits, strict=True))
+    services = tuple(session.names())
+    lights: list[str] = []
+    if LEDS in services:
+        for method in ("listGroups", "listLEDs"):
+            lights += ask(session.look_up(LEDS), method)
+    if SONAR in services:
+        # Without a subscriber the sonars measure nothing.
+        session.post(session.look_up(SONAR), "subscribe", _NAME)
+    methods = {name: tuple(session.look_up(name).meta.names()) for name in PROXIES if name in services}
+    model = _model(ask(motion, "getRobotConfig"))
+    info = NaoInfo(model, joints, services, tuple(dict.fromkeys(lights)), methods)
+    fast = reading.joint_keys(names)
+    keys = fast | reading.slow_keys(names)
+    values = ask(memory, "getListData", list(keys))
+    known = reading.known_keys(keys, values)
+    return Finding(info, fast, known, [value for name, value in zip(keys, values, strict=True) if name in known])
+
+
+def _model(config: Any) -> str:
+    """The "Model Type" of getRobotConfig, whose two lists are names and values."""
+    try:
+        names, values = config
+        return str(dict(zip(names, values, strict=True)).get("Model Type", "nao"))
+    except (TypeError, ValueError):
+        return "nao"

@@ -1,0 +1,171 @@
+"""Joints and hands, and walking."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final
+
+from urbihw.buses import messages as m
+from urbihw.kernel.uobject import EffectorDevice, Motion, function, number, owned, reading, set_range
+from urbihw.platforms.base import LimitNamer, LimitTable
+from urbihw.platforms.channel import DeviceChannel
+from urbihw.platforms.limits import DeviceLimits
+from urbihw.platforms.nao.driver import AXES, SERVICES, WALK
+from urbihw.platforms.nao.finding import MOTION
+from urbihw.platforms.nao.orders import SLACK, JointInfo
+
+SETTLING_S: Final = 0.5
+"""Seconds in which a stiffness that was written is measured; then what is measured counts."""
+FASTEST: Final[Mapping[str, float]] = {"x": 0.12, "y": 0.08, "yaw": 0.6}
+"""m/s and rad/s that NAOqi walks at most, about; it limits them itself too."""
+Failed = Callable[[str, str], None]
+"""Called for what NAOqi has not done: slot, reason."""
+
+
+class NaoJoint(EffectorDevice):
+    """A joint: ``val`` is its angle in rad, ``load`` its stiffness, 0 (slack) to 1.  A slack joint does not move.
+
+    A joint that gets stiff stays where it is.
+    """
+
+    val = owned(math.nan)
+    load = owned(0.0)
+    torque = reading(math.nan)
+    temperature = reading(math.nan)
+    naoqiName = reading("")
+
+    def init(self, channel: DeviceChannel, motion: Motion, info: JointInfo, device: str) -> None:
+        """Show a joint; ``device`` is its name in the worker, which two joints share that have one motor."""
+        self.device, self._channel, self._motion = device, channel, motion
+        self._wanted: tuple[float, float] | None = None
+        self.naoqiName.sense(info.name)
+        set_range(self.val, info.low, info.high)
+        set_range(self.load, 0.0, 1.0)
+        self._guard = self.guard(motion, device, self.val)
+        self.notify_change(self.val, self._write)
+        self.notify_change(self.load, self._write_load)
+
+    @property
+    def stiffness(self) -> float:
+        """What was written a short time ago, or what is measured."""
+        if self._wanted is not None and self._motion.now() - self._wanted[1] < SETTLING_S:
+            return self._wanted[0]
+        return float(self.load.sensed)
+
+    def explain_off(self) -> str:
+        """See ``EffectorDevice``."""
+        return "" if self.stiffness > SLACK else f"{self.naoqiName.sensed} is slack: make it stiff with load = 1"
+
+    def _write(self) -> None:
+        if not self.explain_off():
+            self._channel.set_target(self.device, "angle", number(self.val), self._guard.origin)
+
+    def _write_load(self) -> None:
+        stiffness = number(self.load)
+        origin = self._motion.origin()
+        if stiffness > 0:
+            origin = self._motion.admit(self.device)
+        self._wanted = stiffness, self._motion.now()
+        self._channel.set_target(self.device, "stiffness", stiffness, origin if stiffness > 0 else None)
+
+    def show(self, values: Mapping[str, float], stamp: float) -> None:
+        """Show what was measured."""
+        if "angle" in values:
+            self.val.sense(values["angle"], stamp)
+        if "stiffness" in values:
+            self.load.sense(values["stiffness"], stamp)
+        if "temperature" in values:
+            self.temperature.sense(values["temperature"], stamp)
+
+    def limits_in_counts(self, limits: DeviceLimits, named: LimitNamer) -> tuple[LimitTable, Sequence[m.Threshold]]:
+        """See ``platforms.base.LimitedDevice``: rad and rad/s, as the worker has them too."""
+        return {(self.device, "angle"): m.Limit(*limits.position, limits.speed, named("position"))}, ()
+
+    def was_limited(self, message: m.Limited) -> None:
+        """See ``platforms.base.LimitedDevice``."""
+        if message.device == self.device and message.item == "angle":
+            self.limit_applied(message.applied, message.limit)
+
+
+class NaoHand(NaoJoint):
+    """A hand: ``val`` is 0 closed, 1 open.  ``open`` and ``close`` leave its motor off when they are done."""
+
+    def init(  # type: ignore[override]
+        self, channel: DeviceChannel, motion: Motion, info: JointInfo, device: str, failed: Failed
+    ) -> None:
+        """``failed`` gets what NAOqi did not do."""
+        super().init(channel, motion, info, device)
+        self._failed = failed
+
+    @function
+    def open(self) -> None:
+        """Open it, then switch its motor off."""
+        self._move("openHand")
+
+    @function
+    def close(self) -> None:
+        """Close it, then switch its motor off."""
+        self._move("closeHand")
+
+    def _move(self, method: str) -> None:
+        self._motion.check_device(self.device)
+        origin = self._motion.admit(SERVICES)
+
+        def done(reply: m.Reply) -> None:
+            if not reply.ok:
+                self._failed(f"{self.naoqiName.sensed}.{method}", reply.error)
+
+        self._channel.call(MOTION, method, [str(self.naoqiName.sensed)], done, origin)
+
+
+class NaoWalk(EffectorDevice):
+    """Walking: speeds ahead and to the left (m/s), and turning to the left (rad/s); where it has come."""
+
+    xSpeed = owned(0.0)
+    ySpeed = owned(0.0)
+    yawSpeed = owned(0.0)
+    x = reading(0.0)
+    y = reading(0.0)
+    theta = reading(0.0)
+
+    def init(self, channel: DeviceChannel, motion: Motion) -> None:
+        """Speak to the worker through ``channel``; ``motion`` is who may move the robot."""
+        self._channel = channel
+        for var, axis in zip((self.xSpeed, self.ySpeed, self.yawSpeed), AXES, strict=True):
+            set_range(var, -FASTEST[axis], FASTEST[axis])
+            self._bind(var, axis, motion)
+
+    def _bind(self, var: Any, axis: str, motion: Motion) -> None:
+        guard = self.guard(motion, WALK, var)
+
+        def write() -> None:
+            self._channel.set_target(WALK, axis, number(var), guard.origin)
+            var.sense(number(var))
+
+        self.notify_change(var, write)
+
+    def show(self, values: Mapping[str, float], stamp: float) -> None:
+        """Show where it is."""
+        for var, item in ((self.x, "x"), (self.y, "y"), (self.theta, "theta")):
+            if item in values:
+                var.sense(values[item], stamp)
+
+    def halted(self) -> None:
+        """It stands, whatever it was told."""
+        for var in (self.xSpeed, self.ySpeed, self.yawSpeed):
+            var.sense(0.0)
+
+    def limits_in_counts(self, limits: DeviceLimits, named: LimitNamer) -> tuple[LimitTable, Sequence[m.Threshold]]:
+        """See ``platforms.base.LimitedDevice``: m/s and rad/s."""
+        rate = limits.acceleration
+        straight = m.Limit(-limits.speed, limits.speed, rate, named("speed"))
+        return {
+            (WALK, "x"): straight, (WALK, "y"): straight,
+            (WALK, "yaw"): m.Limit(-limits.turn, limits.turn, rate, named("turn")),
+        }, ()  # fmt: skip
+
+    def was_limited(self, message: m.Limited) -> None:
+        """See ``platforms.base.LimitedDevice``."""
+        if message.device == WALK:
+            self.limit_applied(message.applied, message.limit)

@@ -1,0 +1,80 @@
+"""What is read of ALMemory: the keys, by device and item (fact sheet, section 9)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+PREFIX: Final = "Device/SubDeviceList/"
+SENSORS: Final[Mapping[str, tuple[str, ...]]] = {
+    "sonarL": ("US/Left/Sensor/Value",),
+    "sonarR": ("US/Right/Sensor/Value",),
+    "headTouchF": ("Head/Touch/Front/Sensor/Value",),
+    "headTouchM": ("Head/Touch/Middle/Sensor/Value",),
+    "headTouchR": ("Head/Touch/Rear/Sensor/Value",),
+    "bumperLL": ("LFoot/Bumper/Left/Sensor/Value",),
+    "bumperLR": ("LFoot/Bumper/Right/Sensor/Value",),
+    "bumperRL": ("RFoot/Bumper/Left/Sensor/Value",),
+    "bumperRR": ("RFoot/Bumper/Right/Sensor/Value",),
+    # The second name is that of robots before NAOqi 2.
+    "accelX": ("InertialSensor/AccelerometerX/Sensor/Value", "InertialSensor/AccX/Sensor/Value"),
+    "accelY": ("InertialSensor/AccelerometerY/Sensor/Value", "InertialSensor/AccY/Sensor/Value"),
+    "accelZ": ("InertialSensor/AccelerometerZ/Sensor/Value", "InertialSensor/AccZ/Sensor/Value"),
+    "gyroX": ("InertialSensor/GyroscopeX/Sensor/Value", "InertialSensor/GyrX/Sensor/Value"),
+    "gyroY": ("InertialSensor/GyroscopeY/Sensor/Value", "InertialSensor/GyrY/Sensor/Value"),
+    "charge": ("Battery/Charge/Sensor/Value",),
+    "current": ("Battery/Current/Sensor/Value",),
+    "weightL": ("LFoot/FSR/TotalWeight/Sensor/Value",),
+    "weightR": ("RFoot/FSR/TotalWeight/Sensor/Value",),
+}
+"""Item of the device ``SENSOR`` -> its keys behind PREFIX, newest name first."""
+CONTACTS: Final[Mapping[str, str]] = {
+    "contact": "footContact", "contactL": "leftFootContact", "contactR": "rightFootContact",
+}  # fmt: skip
+"""The same without PREFIX."""
+SENSOR: Final = "sensors"
+OUTSIDE: Final = 0.3
+"""Rad beyond its range at which an angle of a joint is no measurement."""
+
+Key = tuple[str, str]
+"""Device and item."""
+
+
+def joint_keys(joints: Sequence[str]) -> dict[str, Key]:
+    """What is read in each cycle."""
+    found = {f"{PREFIX}{name}/Position/Sensor/Value": (name, "angle") for name in joints}
+    return found | {f"{PREFIX}{name}/Hardness/Actuator/Value": (name, "stiffness") for name in joints}
+
+
+def slow_keys(joints: Sequence[str]) -> dict[str, Key]:
+    """What is read now and then: all names that there may be, those of each sensor in the order of ``SENSORS``."""
+    found = {PREFIX + name: (SENSOR, item) for item, names in SENSORS.items() for name in names}
+    found |= {name: (SENSOR, item) for item, name in CONTACTS.items()}
+    return found | {f"{PREFIX}{name}/Temperature/Sensor/Value": (name, "temperature") for name in joints}
+
+
+def known_keys(keys: Mapping[str, Key], values: Sequence[Any]) -> dict[str, Key]:
+    """Those that this robot has, as a first reading tells: the first of several names of a sensor."""
+    found: dict[str, Key] = {}
+    for (name, key), value in zip(keys.items(), values, strict=True):
+        if _number(value) is not None and key not in found.values():
+            found[name] = key
+    return found
+
+
+def sort_values(keys: Mapping[str, Key], values: Any) -> dict[str, dict[str, float]]:
+    """Device -> item -> value; what is no number is left out."""
+    found: dict[str, dict[str, float]] = {}
+    if isinstance(values, list) and len(values) == len(keys):
+        for (device, item), value in zip(keys.values(), values, strict=True):
+            number = _number(value)
+            if number is not None:
+                found.setdefault(device, {})[item] = number
+    return found
+
+
+def _number(value: Any) -> float | None:
+    if isinstance(value, bool | int | float) and math.isfinite(value):
+        return float(value)
+    return None
