@@ -84,7 +84,7 @@ def test_names_are_completed_while_something_runs(console: Callable[..., Termina
 def test_help_from_docstrings(console: Callable[..., Terminal]) -> None:
     talk = console()
     talk.type("help sleep\r")
-    talk.wait(r"sleep: Primitive\n +Do nothing for a duration in seconds")
+    talk.wait(r"sleep: Primitive\n +Sleep for a duration in seconds")
     talk.type("help nobody\r")
     talk.wait("no help for nobody: lookup failed: nobody")
     talk.type("help\r")

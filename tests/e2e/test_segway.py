@@ -111,8 +111,9 @@ def test_a_stop_of_the_daemon_is_clean(serve: Callable[..., Daemon]) -> None:
         until(lambda: speed(end) > 0.9)
         daemon.process.send_signal(signal.SIGTERM)
         assert daemon.process.wait(TIMEOUT_S) == 0
-        # Long before the base itself, which waits 0.4 s for a command.
-        until(lambda: end.call(lambda: base_of(end).reading().velocity) == 0, 0.2)
+        until(lambda: end.call(lambda: base_of(end).reading().velocity) == 0)
+        # By a command, not by the base itself, which stops when there was none for 0.4 s.
+        assert end.call(lambda: base_of(end).expired) == 0
 
 
 class FakeProcess:

@@ -46,6 +46,7 @@ class SegwayRmp(CanNode):
         powered: the base is on; the box is always on.
         heard: number of commands so far.
         refused: number of invalid configurations.
+        expired: number of commands to move that ended because no further one came in time.
         turn_factor: counts of turn command for 1 rad/s; published values differ.
         blink: number of servo frames, from the next one on, with the motors off; then they are on again.
 
@@ -71,7 +72,7 @@ class SegwayRmp(CanNode):
         self.estop = False
         self.powered = True
         self.frames = 0
-        self.heard = self.refused = 0
+        self.heard = self.refused = self.expired = 0
         self.blink = 0
         self._off = False
         self._lost: dict[int | None, int] = {}
@@ -217,6 +218,7 @@ class SegwayRmp(CanNode):
         self.frames = (self.frames + 1) & 0xFFFF
         self._off, self.blink = self.blink > 0, max(0, self.blink - 1)
         if self._commanded is not None and now - self._commanded > LIFETIME:
+            self.expired += self._velocity != 0 or self._turn != 0
             self._velocity = self._turn = 0
             self._commanded = None
         if self.estop and self.mode != f.DISABLED:
