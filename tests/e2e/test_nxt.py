@@ -152,7 +152,7 @@ def test_motors_stand_when_the_daemon_ends(serve: Callable[..., Daemon], usb: En
     daemon.process.wait(TIMEOUT_S)
     until(lambda: powers(usb) == [0, 0, 0], 5)
     assert time.monotonic() - began < 8
-    assert not robot_of(usb).brick.sound.sounding(usb.clock())
+    until(lambda: not robot_of(usb).brick.sound.sounding(usb.clock()), 5)
 
 
 def test_a_script_that_never_yields_does_not_keep_the_robot_going(serve: Callable[..., Daemon], usb: Endpoint) -> None:
