@@ -1,9 +1,13 @@
 """The checks of arguments, made from the annotated types of a native function's parameters.
 
-========================  ============================================================== ``float``                 a
-Float ``int``                   a Float of integral value ``str``                   a String, given as a Python str
-``bool``                  anything, given as its truth ``list``                  a List, given as its Python list
-``Value``, ``object``     anything, as it is a class of the runtime    an object of that class, as it is
+========================  ==============================================================
+``float``                 a Float
+``int``                   a Float of integral value
+``str``                   a String, given as a Python str
+``bool``                  anything, given as its truth
+``list``                  a List, given as its Python list
+``Value``, ``object``     anything, as it is
+a class of the runtime    an object of that class, as it is
 ========================  ==============================================================
 
 A wrong argument raises ``unexpected VALUE for argument N, expected a TYPE``.  The built-ins of the library use these

@@ -1,11 +1,12 @@
 """How a job waits for something: the only callers of ``Scheduler.suspend``.
 
-=================  ===================================================================================== ``Completion``
-happens once, with a value or an error; one job waits for it ``WaitQueue``      happens again and again; all who wait
-are woken, or the first ``HandoverQueue``  values are handed out, each to the job that has waited longest
-``wait_for_ever``  nothing will come; the job ends when somebody stops it ``wait_unfrozen``  the job waits until no tag
-freezes it any more =================
-=====================================================================================
+=================  =====================================================================================
+``Completion``     happens once, with a value or an error; one job waits for it
+``WaitQueue``      happens again and again; the first waiting job is woken, or all of them
+``HandoverQueue``  values are handed out, each to the job that has waited longest
+``wait_for_ever``  nothing will come; the job ends when a tag or a client stops it
+``wait_unfrozen``  the job waits until no tag freezes it any more
+=================  =====================================================================================
 
 A job that is stopped while it waits leaves the queue.  Waking it after that does nothing.
 """
