@@ -14,7 +14,9 @@ from urbihw.buses.link import Context, Url
 from urbihw.buses.messages import Configure, DeviceState, Found, Happened, Refused, Reply, Request, Samples, Targets
 from urbihw.buses.pipe import PipeEnd, PipeLink
 from urbihw.buses.qi.frames import CALL, POST, Framer
-from urbihw.platforms.nao import driver as d
+from urbihw.platforms.nao.driver import NaoDriver
+from urbihw.platforms.nao.exchange import CYCLE_TIMEOUT_S
+from urbihw.platforms.nao.sense_part import SLOW_CYCLES
 from urbihw_fakes.nao.body import Body
 from urbihw_fakes.nao.device import Nao
 
@@ -31,7 +33,7 @@ class Rig:
         self.end = PipeEnd(self._receive)
         self.end.on_open = self.robot.reconnect
         self.link = PipeLink(Url.parse("pipe://robot?baud=100000000"), Context(self.clock, {"robot": self.end}))
-        self.driver = d.NaoDriver()
+        self.driver = NaoDriver()
         self.driver.configure(Configure(options=options))
         self.news: list[Any] = []
 
@@ -106,7 +108,7 @@ def test_a_cycle_is_one_reading_and_one_set_angles_for_all_joints() -> None:
         rig.run(TICK)
     assert rig.robot.motion.calls["setAngles"] - before == cycles
     # And where it is, in each fifth cycle.
-    assert rig.asked == 2 * cycles + cycles // d.SLOW_CYCLES
+    assert rig.asked == 2 * cycles + cycles // SLOW_CYCLES
 
 
 def test_a_joint_that_gets_stiff_stays_where_it_is() -> None:
@@ -231,7 +233,7 @@ def test_a_silent_naoqi_is_given_up_after_a_second() -> None:
     rig = Rig().attach()
     rig.robot.faults.start("silence")
     with pytest.raises(LinkGone, match="NAOqi does not tell what it measures"):
-        rig.run(d.CYCLE_TIMEOUT_S + 0.1)
+        rig.run(CYCLE_TIMEOUT_S + 0.1)
 
 
 def test_a_link_that_is_lost_fails_what_waits_and_drops_goals() -> None:

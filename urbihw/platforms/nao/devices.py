@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from urbihw.kernel.uobject import UObject, UVar, number, owned, reading, set_range
 from urbihw.platforms.channel import DeviceChannel
-from urbihw.platforms.nao.driver import LED
+from urbihw.platforms.nao.light_part import LED
 
 
 class NaoLed(UObject):

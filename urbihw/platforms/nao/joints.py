@@ -11,9 +11,10 @@ from urbihw.kernel.uobject import EffectorDevice, Motion, function, number, owne
 from urbihw.platforms.base import LimitNamer, LimitTable
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.limits import DeviceLimits
-from urbihw.platforms.nao.driver import AXES, SERVICES, WALK
+from urbihw.platforms.nao.call_part import SERVICES
 from urbihw.platforms.nao.finding import MOTION
 from urbihw.platforms.nao.orders import SLACK, JointInfo
+from urbihw.platforms.nao.walk_part import AXES, WALK
 
 SETTLING_S: Final = 0.5
 """Seconds in which a stiffness that was written is measured; then what is measured counts."""

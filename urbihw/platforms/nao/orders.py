@@ -38,7 +38,7 @@ class JointOrders:
         self.where: dict[str, float] = {}
         self.stiff: dict[str, float] = {}
 
-    def forget(self, joints: Iterable[str]) -> None:
+    def drop_waiting(self, joints: Iterable[str]) -> None:
         """Drop what waits."""
         for name in joints:
             self.angles.pop(name, None)

@@ -12,6 +12,7 @@ from typing import Any, Final
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import BadConfig, Origin, event, function, reading
 from urbihw.platforms.base import LimitedDevice, WiredRobot
+from urbihw.platforms.nao.call_part import SERVICES, may_move
 from urbihw.platforms.nao.devices import (
     SENSOR_OBJECTS,
     NaoBattery,
@@ -20,10 +21,10 @@ from urbihw.platforms.nao.devices import (
     NaoLed,
     NaoSensor,
 )
-from urbihw.platforms.nao.driver import SERVICES, WALK, may_move
 from urbihw.platforms.nao.finding import NaoInfo
 from urbihw.platforms.nao.joints import NaoHand, NaoJoint, NaoWalk
 from urbihw.platforms.nao.reading import SENSOR
+from urbihw.platforms.nao.walk_part import WALK
 
 TREE: Final = "tree.u"
 """Builds the standard robot API, when the robot was found."""

@@ -1,0 +1,82 @@
+"""Walking by speeds: ``ALMotion.move``, its end, and the odometry."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from urbihw.buses.qi.session import Call
+from urbihw.platforms.nao.exchange import Exchange
+from urbihw.platforms.nao.part import Devices, Part
+
+WALK: Final = "walk"
+AXES: Final = ("x", "y", "yaw")
+PLACE_CYCLES: Final = 5
+"""The place of a robot that does not walk is read in each such cycle."""
+
+
+class WalkPart(Part):
+    """Targets "x", "y" (m/s), "yaw" (rad/s) of ``WALK``; values "x", "y" (m), "theta" (rad)."""
+
+    def __init__(self, exchange: Exchange) -> None:
+        super().__init__(exchange)
+        self._speeds = dict.fromkeys(AXES, 0.0)
+        self._due = self._walks = False
+        self._cycle = 0
+
+    def begin(self) -> None:
+        """See ``Part``: a speed that was not sent before is not sent now."""
+        self._due = False
+
+    def owns(self, device: Any) -> bool:
+        """See ``Part``."""
+        return bool(device == WALK)
+
+    def set_target(self, device: Any, item: str, value: float) -> str:
+        """See ``Part``."""
+        if item not in AXES:
+            return "no such target"
+        self._speeds[item] = value
+        self._due = True
+        return ""
+
+    def send(self) -> None:
+        """See ``Part``."""
+        exchange = self.exchange
+        if not self._due or exchange.busy(WALK):
+            return
+        self._due = False
+        if any(self._speeds.values()):
+            self._walks = True
+            exchange.call(WALK, exchange.motion, "move", *self._speeds.values())
+        elif self._walks:
+            self._walks = False
+            exchange.call(WALK, exchange.motion, "stopMove")
+
+    def read(self) -> None:
+        """See ``Part``."""
+        exchange = self.exchange
+        slow = self._cycle % PLACE_CYCLES == 0
+        self._cycle += 1
+        if (slow or self._walks) and not exchange.busy("place"):
+            exchange.call("place", exchange.motion, "getRobotPosition", True, then=self._show_place)
+
+    def _show_place(self, call: Call) -> None:
+        if isinstance(call.value, list) and len(call.value) == 3:
+            self.exchange.values[WALK] = dict(zip(("x", "y", "theta"), map(float, call.value), strict=True))
+
+    def drop_targets(self, devices: Devices) -> None:
+        """See ``Part``."""
+        if devices is None or WALK in devices:
+            self._speeds = dict.fromkeys(AXES, 0.0)
+            self._due = False
+
+    def stop(self, devices: Devices) -> None:
+        """End a walk with its next step."""
+        if self._walks and (devices is None or WALK in devices):
+            self._walks = False
+            self.exchange.post_motion("stopMove")
+
+    def find_moving(self) -> list[Any]:
+        """See ``Part``: whether somebody lets it walk."""
+        self._walks = bool(self.exchange.ask(self.exchange.motion, "moveIsActive"))
+        return [WALK] if self._walks else []
