@@ -22,7 +22,8 @@ BIN = .venv/bin
 PIP = $(BIN)/python -m pip --disable-pip-version-check install --quiet
 
 # The many cases of tests/platforms are shared out one by one; elsewhere a file stays together, as some count what is left.
-# Pieces of `make test`, each to be run alone while working.  Tests in real time (e2e) come last, apart from the hard work.
+# Pieces of `make test`, each to be run alone while working.  Tests in real time (e2e) come last, apart from the hard work;
+# those of them that fail are run once more, alone: see CONTRIBUTING.md.
 .PHONY: run test lint types check bench fuzz hostile soak clean
 
 run: .venv/installed
@@ -39,7 +40,9 @@ types: .venv/installed-dev
 check: .venv/installed-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m 'not e2e' --ignore tests/platforms $(ARGS)
 	$(BIN)/python -m pytest --numprocesses auto --dist worksteal -m 'not e2e' tests/platforms $(ARGS)
-	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m e2e $(ARGS)
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m e2e $(ARGS) || { [ $$? -eq 1 ] \
+	  && echo '*** Tests in real time failed (above).  They are run once more, alone:' \
+	  && $(BIN)/python -m pytest -m e2e --last-failed --last-failed-no-failures none $(ARGS); }
 
 bench: .venv/installed-dev
 	$(BIN)/python -m bench.kernel_bench

@@ -1,59 +1,116 @@
 """Joints of a Nao: cycles a second that all joints get a goal in and are measured, and what the worker's half costs.
+And its camera: how many pictures come of those that were asked for, as JPEG of 320 x 240.
 
-The simulated Nao runs in a thread of this process, so the share of the processor is that of the driver alone, by
-`time.thread_time`; a cycle is one `setAngles` of 24 joints and one `getListData`, over loopback TCP.
+Each back end (ours, and libqi's where its package is) at each rate.  The simulated Nao is a process of its own, so the
+share of the processor, by `time.process_time`, is that of the driver with the threads of libqi; a cycle is one
+`setAngles` of 24 joints and one `getListData`, over loopback TCP.
 """
 
 from __future__ import annotations
 
+import contextlib
+import importlib.util
 import math
+import subprocess
+import sys
 import time
+from collections.abc import Callable, Iterator
 
 from urbihw import buses
-from urbihw.buses.messages import Configure, Targets
+from urbihw.buses.messages import Configure, Found, Request, Samples, Targets
+from urbihw.platforms.nao.camera_part import CAMERA, FILM
 from urbihw.platforms.nao.driver import NaoDriver
-from urbihw_fakes.nao.device import Nao
-from urbihw_fakes.nao.endpoint import NaoEndpoint
+from urbihw.platforms.nao.pictures import JPEG, CameraMode
 
 SECONDS = 5.0
 RATES = (50.0, 100.0)
+PICTURE_RATES = (10.0, 30.0)
+TICKS = 50.0
+"""A second, while pictures are counted."""
+SCHEMES = ("qi", "libqi")
 BUDGET = 0.25
-"""Share of a processor at 100 cycles a second, at most."""
+"""Share of a processor at 100 cycles a second, at most, by our own back end."""
 
 
-def measure(rate: float) -> tuple[float, float, float]:
-    """Cycles a second, calls of setAngles a second, share of a processor."""
-    robot = Nao()
-    with NaoEndpoint(robot) as end:
-        end.start()
-        with buses.open(end.url) as port:
-            driver = NaoDriver()
-            driver.configure(Configure(rate=rate))
-            driver.attach(port)
-            names = [name for name in robot.body.joints if "Hand" not in name and name != "RHipYawPitch"]
-            driver.targets(Targets({(name, "stiffness"): 1.0 for name in names}))
-            begun, worked = time.monotonic(), time.thread_time()
-            before, cycles = robot.motion.calls.get("setAngles", 0), 0
-            while (now := time.monotonic()) < begun + SECONDS:
-                driver.targets(Targets({(name, "angle"): 0.01 * math.sin(now) for name in names}))
-                driver.tick(now, lambda: None)
-                cycles += 1
-                time.sleep(max(0.0, begun + cycles / rate - time.monotonic()))
-            share = (time.thread_time() - worked) / SECONDS
-            driver.detach()
-        calls = robot.motion.calls["setAngles"] - before
-    return cycles / SECONDS, calls / SECONDS, share
+@contextlib.contextmanager
+def simulated_robot() -> Iterator[tuple[str, Callable[[str], int]]]:
+    """The address of a Nao in a process of its own, and what tells how often one of its methods was called."""
+    command = [sys.executable, "-m", "urbihw_fakes", "nao", "--tcp", "0", "--until-eof"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdin is not None and process.stdout is not None
+        source, sink = process.stdout, process.stdin
+
+        def count_calls(method: str) -> int:
+            sink.write(f"calls {method}\n")
+            sink.flush()
+            return int(source.readline())
+
+        yield source.readline().strip().removeprefix("qi://"), count_calls
+        sink.close()
+
+
+def measure(scheme: str, rate: float) -> tuple[float, float, float]:
+    """Cycles a second, joint goals a second, share of a processor."""
+    with simulated_robot() as (address, count_calls), buses.open(f"{scheme}://{address}") as port:
+        driver = NaoDriver()
+        driver.configure(Configure(rate=rate))
+        (found,) = (each for each in driver.attach(port) if isinstance(each, Found))
+        names = [each.name for each in found.devices[0].joints if "Hand" not in each.name]
+        names.remove("RHipYawPitch")
+        driver.targets(Targets({(name, "stiffness"): 1.0 for name in names}))
+        before, cycles = count_calls("setAngles"), 0
+        begun, worked = time.monotonic(), time.process_time()
+        while (now := time.monotonic()) < begun + SECONDS:
+            driver.targets(Targets({(name, "angle"): 0.01 * math.sin(now) for name in names}))
+            driver.tick(now, lambda: None)
+            cycles += 1
+            time.sleep(max(0.0, begun + cycles / rate - time.monotonic()))
+        share = (time.process_time() - worked) / SECONDS
+        calls = count_calls("setAngles") - before
+        driver.detach()
+    return cycles / SECONDS, calls * len(names) / SECONDS, share
+
+
+def measure_camera(scheme: str, rate: float) -> tuple[float, float, float]:
+    """Pictures a second that were sent and that came, share of a processor."""
+    with simulated_robot() as (address, count_calls), buses.open(f"{scheme}://{address}") as port:
+        driver = NaoDriver()
+        driver.configure(Configure(rate=TICKS))
+        driver.attach(port)
+        driver.request(Request(1, FILM, CAMERA, value=CameraMode(0, 1, JPEG, 75, rate)))
+        before, cycles, shown = count_calls("getImageRemote"), 0, 0
+        begun, worked = time.monotonic(), time.process_time()
+        while (now := time.monotonic()) < begun + SECONDS:
+            news = driver.tick(now, lambda: None)
+            shown += sum(isinstance(each, Samples) and CAMERA in each.values for each in news)
+            cycles += 1
+            time.sleep(max(0.0, begun + cycles / TICKS - time.monotonic()))
+        share = (time.process_time() - worked) / SECONDS
+        sent = count_calls("getImageRemote") - before
+        driver.request(Request(2, FILM, CAMERA, value=None))
+        driver.detach()
+    return sent / SECONDS, shown / SECONDS, share
 
 
 def main() -> None:
-    """Print the figures beside their budgets."""
-    for rate in RATES:
-        cycles, calls, share = measure(rate)
-        goals = calls * 24
-        print(
-            f"nao: {cycles:.0f} cycles/s (asked {rate:.0f}), {goals:.0f} joint goals/s, "
-            f"{share:.0%} of a processor (budget {BUDGET * rate / 100:.0%})"
-        )
+    """Print the figures of all back ends beside the budget of ours."""
+    for scheme in SCHEMES:
+        if scheme == "libqi" and importlib.util.find_spec("qi") is None:
+            print("nao, libqi: its package is not there")
+            continue
+        for rate in RATES:
+            cycles, goals, share = measure(scheme, rate)
+            budget = f" (budget {BUDGET * rate / 100:.0%})" if scheme == "qi" else ""
+            print(
+                f"nao, {scheme}: {cycles:.0f} cycles/s (asked {rate:.0f}), {goals:.0f} joint goals/s, "
+                f"{share:.0%} of a processor{budget}"
+            )
+        for rate in PICTURE_RATES:
+            sent, shown, share = measure_camera(scheme, rate)
+            print(
+                f"nao, {scheme}: {shown:.1f} pictures/s of {sent:.1f} sent (asked {rate:.0f}), "
+                f"{share:.0%} of a processor, joints measured {TICKS:.0f} times a second beside it"
+            )
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 Real daemons, with their workers, before simulated robots in this process, on real transports. Each robot is set
 moving; then something happens, and the body of the robot is looked at every few milliseconds: when it last moved, how
 far it has come since, whether it then stands for three seconds, and what the client has read that had set it moving.
-With `--write` the tables go into docs/safety.md, between the two markers.
+With `--write` the tables go into docs/safety.md, between the two markers; those of robots that were not measured stay.
 """
 
 from __future__ import annotations
@@ -46,23 +46,28 @@ def row(rig: Rig, event: Event, outcome: Outcome) -> str:
     return f"| {event.name} | {after} | {way} | {stays} | {reads or 'nothing'} |"
 
 
-def tables(rigs: Iterable[Rig], events: Iterable[Event]) -> Iterator[str]:
-    """The tables, line by line, as they are measured."""
-    events = tuple(events)
-    yield f"Measured with Python {platform.python_version()} on {os.cpu_count()} cores, with the simulated robots."
-    for rig in rigs:
-        yield f"\n### {rig.name}\n\n`{rig.go}`\n\n{HEAD}"
-        for event in events:
-            yield row(rig, event, run(rig, event))
+def head() -> str:
+    """The line above the tables."""
+    return f"Measured with Python {platform.python_version()} on {os.cpu_count()} cores, with the simulated robots."
 
 
-def put(text: str) -> None:
-    """Replace what stands between the markers of the page."""
-    page = PAGE.read_text("utf-8") if PAGE.exists() else EMPTY
+def table(rig: Rig, events: Iterable[Event]) -> Iterator[str]:
+    """The table of a robot, line by line, as it is measured."""
+    yield f"### {rig.name}\n\n`{rig.go}`\n\n{HEAD}"
+    for event in events:
+        yield row(rig, event, run(rig, event))
+
+
+def merge(page: str, fresh: dict[str, str]) -> str:
+    """A page with these tables between its markers, by names of robots; those of other robots stay."""
     if BEGIN not in page:
         page = f"{page.rstrip()}\n\n{BEGIN}\n{END}\n"
-    inner = f"{BEGIN}\n{text.strip()}\n{END}"
-    PAGE.write_text(re.sub(f"{BEGIN}.*?{END}", lambda found: inner, page, flags=re.S), "utf-8")
+    before, _, rest = page.partition(BEGIN)
+    inner, _, after = rest.partition(END)
+    old = (text.strip() for text in re.split(r"^(?=### )", inner, flags=re.M)[1:])
+    known = {text.splitlines()[0].removeprefix("### "): text for text in old} | fresh
+    found = "\n\n".join([head(), *(known[rig.name] for rig in RIGS if rig.name in known)])
+    return f"{before}{BEGIN}\n{found}\n{END}{after}"
 
 
 def main() -> None:
@@ -77,13 +82,19 @@ def main() -> None:
     if not rigs or not events:
         names = ", ".join(each.name for each in (RIGS if not rigs else EVENTS))
         parser.error(f"no such {'rig' if not rigs else 'event'}; there are: {names}")
-    lines = []
-    for line in tables(rigs, events):
-        print(line)
-        sys.stdout.flush()
-        lines.append(line)
+    if wanted.write and wanted.event:
+        parser.error("--write takes whole tables: leave --event out")
+    print(head())
+    fresh: dict[str, str] = {}
+    for rig in rigs:
+        lines = []
+        print()
+        for line in table(rig, events):
+            print(line, flush=True)
+            lines.append(line)
+        fresh[rig.name] = "\n".join(lines)
     if wanted.write:
-        put("\n".join(lines))
+        PAGE.write_text(merge(PAGE.read_text("utf-8") if PAGE.exists() else EMPTY, fresh), "utf-8")
 
 
 if __name__ == "__main__":

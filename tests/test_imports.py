@@ -83,14 +83,22 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     # What the robots share: a robot on one wire.
     "urbihw.platforms.limits": ("urbihw.kernel.uobject", "urbihw.settings"),
     "urbihw.platforms.devicelog": ("urbihw.repeats",),
+    "urbihw.platforms.identity": ("urbihw.kernel.uobject",),
     "urbihw.platforms.base": (
         "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.platforms.channel",
-        "urbihw.platforms.limits", "urbihw.platforms.devicelog",
+        "urbihw.platforms.limits", "urbihw.platforms.devicelog", "urbihw.platforms.identity",
     ),  # fmt: skip
     "urbihw.platforms.channel": ("urbihw.kernel.uobject", "urbihw.buses"),
+    "urbihw.platforms.sound": ("urbihw.kernel.uobject",),
+    "urbihw.platforms.speaker": (
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.channel", "urbihw.platforms.devicelog",
+        "urbihw.platforms.sound",
+    ),  # fmt: skip
+    "urbihw.platforms.streamed": ("urbihw.kernel.uobject", "urbihw.platforms.channel"),
     ROBOT: (
         "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.platforms.base", "urbihw.platforms.channel",
-        "urbihw.platforms.limits", "urbihw.platforms.devicelog", "urbihw.navigation",
+        "urbihw.platforms.limits", "urbihw.platforms.devicelog", "urbihw.platforms.streamed",
+        "urbihw.platforms.speaker", "urbihw.platforms.sound", "urbihw.navigation",
     ),  # fmt: skip
     # The ways in.  "urbihw.kernel" alone is its door, Kernel; "urbihw.platforms" alone is the loader.
     "urbihw.daemon": (

@@ -23,6 +23,7 @@ from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
 from urbihw.buses.link import Context, Link, Url, split_parameters
 from urbihw.buses.pipe import PipeEnd
 from urbihw.buses.spy import SpyLink
+from urbihw_fakes.nao.tls import Identity
 
 
 class Peer:
@@ -129,7 +130,37 @@ def _qi(stack: ExitStack) -> Peer:
     return peer
 
 
-PEERS = {"serial": _pty, "socket": _tcp, "spykee": _spykee, "qi": _qi, "pipe": _pipe, "spy": _spy, "usb": _usb}
+def _qis(stack: ExitStack) -> Peer:
+    """The same over TLS; the handshake is part of opening the link, so somebody must answer meanwhile."""
+    server = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+    context = Identity().context
+    accepted: list[socket.socket] = []
+    shaken = threading.Event()
+
+    def accept() -> None:
+        with contextlib.suppress(OSError):
+            plain = stack.enter_context(server.accept()[0])
+            accepted.append(stack.enter_context(context.wrap_socket(plain, server_side=True)))
+            shaken.set()
+
+    acceptor = threading.Thread(target=accept)
+    acceptor.start()
+    stack.callback(acceptor.join)
+    stack.callback(lambda: server.shutdown(socket.SHUT_RDWR))
+
+    def peer_socket() -> socket.socket:
+        assert shaken.wait(5.0)
+        return accepted[0]
+
+    url = f"qis://127.0.0.1:{server.getsockname()[1]}"
+    peer = Peer(url, Context(), lambda data: peer_socket().sendall(data), lambda size: peer_socket().recv(size))
+    peer.hang_up = lambda: peer_socket().close()
+    return peer
+
+
+PEERS = {
+    "serial": _pty, "socket": _tcp, "spykee": _spykee, "qi": _qi, "qis": _qis, "pipe": _pipe, "spy": _spy, "usb": _usb,
+}  # fmt: skip
 
 
 def _write(fd: int, data: bytes) -> None:
@@ -225,8 +256,8 @@ def test_a_vanished_peer_is_link_gone(peer: Peer, link: Link) -> None:
 
 
 def test_every_row_is_covered() -> None:
-    # A CAN bus moves frames, not bytes: `test_can_port` is about it.
-    assert {*PEERS, "can"} == set(buses.BUSES)
+    # A CAN bus moves frames, not bytes: `test_can_port` is about it; libqi has a session: `test_qi_contract`.
+    assert {*PEERS, "can", "libqi", "libqis"} == set(buses.BUSES)
 
 
 def test_urls() -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 
 import pytest
 
-from urbihw.buses.mailbox import Mailbox
+from urbihw.buses.mailbox import Joiner, Mailbox
 from urbihw.buses.messages import FromWorker, LinkState, Samples
 
 FILLER = LinkState(True, "x" * 30_000)
@@ -74,12 +75,35 @@ def test_pictures_and_sound_never_block_who_posts_them_and_the_newest_is_left() 
             "micro": dict(sound),
         }
         mailbox.post(Samples(float(number), values, dict.fromkeys(values, float(number))))
-    while not isinstance(last := parent.recv(), Samples) or mailbox._samples is not None:
-        mailbox.post(LinkState(True))
-    while parent.poll():
-        if isinstance(message := parent.recv(), Samples):
+    joiner, last = Joiner(), None
+    while mailbox._samples is not None or mailbox._pieces or parent.poll():
+        mailbox.flush()
+        if isinstance(message := joiner.add(parent.recv()), Samples):
             last = message
+    assert last is not None
     assert last.values["camera"]["image"][:1] == bytes([49])
     assert sorted(number for number, _ in last.values["micro"].values()) == [*range(42, 50)]
+    parent.close()
+    mailbox.close()
+
+
+def test_a_message_larger_than_the_pipe_never_blocks_who_posts_it() -> None:
+    parent, theirs = Pipe()
+    mailbox, joiner = Mailbox(theirs), Joiner()
+    image = bytes(range(256)) * 3600
+    posting = threading.Thread(target=mailbox.post, args=(Samples(1.0, {"camera": {"image": image}}, {"camera": 1.0}),))
+    posting.start()
+    posting.join(5.0)
+    assert not posting.is_alive(), "post has blocked"
+    mailbox.post(LinkState(False, "behind the picture"))
+    found: list[FromWorker] = []
+    while len(found) < 2:
+        mailbox.flush()
+        assert parent.poll(5.0)
+        whole = joiner.add(parent.recv())
+        found += [] if whole is None else [whole]
+    samples, state = found
+    assert isinstance(samples, Samples) and samples.values["camera"]["image"] == image
+    assert state == LinkState(False, "behind the picture")
     parent.close()
     mailbox.close()

@@ -63,7 +63,7 @@ def test_a_header_that_is_none_is_said(head: bytes) -> None:
 
 def test_a_message_of_two_gigabytes_is_not_waited_for() -> None:
     head = f.HEADER.pack(f.MAGIC, 1, 1 << 31, 0, f.REPLY, 0, 1, 1, 100)
-    with pytest.raises(BadFrame, match="16777216 are taken at most"):
+    with pytest.raises(BadFrame, match="at most 16777216 are accepted"):
         f.Framer().feed(head)
 
 
@@ -134,7 +134,7 @@ def test_values_of_another_type_are_refused(signature: str, value: Any) -> None:
         encode(signature, value)
 
 
-def test_numbers_of_programs_are_taken_where_nothing_is_lost() -> None:
+def test_numbers_of_programs_are_accepted_where_nothing_is_lost() -> None:
     assert encode("(iLb)", (5.0, 3.0, 1.0)).hex() == "05000000" + "0300000000000000" + "01"
 
 

@@ -12,6 +12,7 @@ from urbihw.cli import reach
 from urbihw.client.credentials import Credentials
 from urbihw.client.where import Where
 from urbihw.kernel import Kernel
+from urbihw.kernel.facade import HostProcess
 from urbihw.kernel.sched.clock import SimClock
 
 HERE = Where("here", 1)
@@ -26,14 +27,13 @@ class KernelSocket:
     """
 
     def __init__(self, setup: str = "", *, quiet: bool = True, interrupt: bool = False) -> None:
-        self.kernel = Kernel(SimClock())
+        self.kernel = Kernel(SimClock(), process=HostProcess(shutdown=self.close))
         self.sent = b""
         self._interrupt = interrupt
         self._said = b""
         self._unread: deque[bytes] = deque()
         self.kernel.run_text(self.kernel.open_lobby(), setup, until=0.0)
         self.kernel.programs.quiet = quiet
-        self.kernel.programs.shutdown = self.close
         self.open()
 
     def open(self) -> KernelSocket:

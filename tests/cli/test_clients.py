@@ -234,6 +234,15 @@ def test_the_first_image_of_a_camera_that_sends_only_while_it_is_read(
     assert (tmp_path / "a.ppm").read_bytes() == b"P6\n2 1\n255\nabcdef"
 
 
+def test_an_old_image_of_a_camera_that_is_off_is_not_saved(
+    monkeypatch: Patch, capsys: Capture, tmp_path: Path
+) -> None:
+    off = "var camera.on = false| var camera.next = camera.val| camera.val = Binary.new(\"rgb 2 1\", \"ghijkl\")|"
+    serve(monkeypatch, CAMERA + off + " disown({ sleep(1s) | camera.val = camera.next });")
+    assert image.main(["-o", str(tmp_path / "a.ppm")]) == 0
+    assert (tmp_path / "a.ppm").read_bytes() == b"P6\n2 1\n255\nabcdef"
+
+
 def test_images_without_end(monkeypatch: Patch) -> None:
     server = serve(monkeypatch, CAMERA + "disown({ every (1s) { camera.quality += 1 } });")
     with LobbyClient(HERE, NOBODY) as link:

@@ -51,6 +51,14 @@ def test_platforms_lists_the_bioloid(capsys: Capture) -> None:
     assert re.search(r"^bioloid .*Robotis Bioloid.*\d+ of \d+ rules, --fake\)$", capsys.readouterr().out, re.MULTILINE)
 
 
+def test_platforms_prints_the_program_for_a_robot(capsys: Capture) -> None:
+    assert main(("platforms", "--on-robot", "nao")) == 0
+    assert capsys.readouterr().out.startswith("#!/usr/bin/env python\n")
+    for name, words in (("nxt", "platform nxt has no program for the robot itself"), ("nix", "no platform 'nix'")):
+        assert main(("platforms", "--on-robot", name)) == 78
+        assert words in capsys.readouterr().err
+
+
 def test_maturity_does_not_count_what_does_not_apply(tmp_path: Path) -> None:
     assert maturity(tmp_path) == "no checklist"
     rules = "".join(f'[rules.r{index}]\nstate = "{state}"\n' for index, state in enumerate(("done", "todo", "exempt")))

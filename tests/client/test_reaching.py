@@ -28,6 +28,8 @@ from urbihw.kernel.server.handshake import Refusal
 from urbihw.kernel.server.tcp import MAX_UNAUTHENTICATED, WANTS_TLS
 from urbihw.kernel.uobject.motion import _client
 
+pytestmark = pytest.mark.e2e
+
 TIMEOUT_S = 20.0
 
 

@@ -193,6 +193,17 @@ def test_list_and_remove(home: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert Tokens(home).entries() == []
 
 
+def test_list_and_remove_make_no_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path / "none"))
+    assert main(["access", "list"]) == 0
+    assert capsys.readouterr() == ("", "")
+    assert main(["access", "remove", "bob"]) == 78
+    assert capsys.readouterr().err == "urbihw: there is no token of bob; there are: none\n"
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_the_fingerprint_is_shown_before_the_first_start(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["access", "fingerprint"]) == 0
     assert capsys.readouterr().out.strip() == tls.fingerprint(tls.files("", "", home))

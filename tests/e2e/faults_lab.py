@@ -34,7 +34,7 @@ SPAN = 0.2
 """Seconds over which the speed of a movement is looked at that goes on."""
 STILL = 3.0
 """Seconds for which a body must stand."""
-LIMIT = 6.0
+LIMIT = 10.0
 """Seconds after an event, and after the time that it takes, after which nothing will stand any more."""
 
 class Sample(NamedTuple):
@@ -123,8 +123,9 @@ class Daemon:
         )  # fmt: skip
         self.workers: list[int] = []
         try:
-            wait_for(lambda: port_file.exists() and port_file.read_text().endswith("\n"), f"a port: {self.log()}")
-        except BaseException:
+            wait_for(lambda: port_file.exists() and port_file.read_text().endswith("\n"), "a port")
+        except BaseException as error:
+            error.add_note(f"the log of the daemon: {self.log()}")
             self.close()
             raise
         self.port = int(port_file.read_text())

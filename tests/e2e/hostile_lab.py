@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -18,6 +18,14 @@ TIMEOUT_S = 60.0
 """Seconds after which anything has failed; a busy machine may need some."""
 
 CENSUS = "[Lobby.instances.size, System.jobs.size];"
+
+
+def until(done: Callable[[], bool]) -> None:
+    """Wait for something."""
+    end = time.monotonic() + TIMEOUT_S
+    while not done():
+        assert time.monotonic() < end, "it did not happen in time"
+        time.sleep(0.01)
 
 
 class Client:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
+import urbihw.platforms.nao
 from urbihw_fakes.bioloid import Bioloid
 from urbihw_fakes.can.device import CanDevice
 from urbihw_fakes.can.slcan import Slcan
@@ -12,6 +15,8 @@ from urbihw_fakes.can.slcan_pty import SlcanPty
 from urbihw_fakes.cia402.node import Drive
 from urbihw_fakes.dynamixel.ax12 import DEGREES
 from urbihw_fakes.endpoint import PtyEndpoint
+from urbihw_fakes.nao.device import Nao
+from urbihw_fakes.nao.endpoint import NaoEndpoint
 from urbihw_fakes.nxt.stream import NxtDevice
 from urbihw_fakes.nxt.tribot import TriBot
 from urbihw_fakes.nxt.usb_endpoint import UsbEndpoint
@@ -25,6 +30,8 @@ from urbihw_fakes.spykee.device import Spykee
 from urbihw_fakes.spykee.endpoint import SpykeeEndpoint
 
 Look = Callable[[], float]
+
+NAO_WATCHDOG = Path(urbihw.platforms.nao.__path__[0]) / "watchdog.py"
 
 
 @dataclass(frozen=True)
@@ -48,7 +55,6 @@ class Rig:
     rest: float = 0.5
     unit: str = "deg"
     live: bool = False
-
 
 
 def _bioloid(number: int) -> tuple[Endpoint, Look]:
@@ -100,6 +106,37 @@ def _spykee() -> tuple[Endpoint, Look]:
     return end, lambda: end.call(speed)
 
 
+def _nao_walk(watchdog: bool) -> tuple[Endpoint, Look]:
+    robot = Nao()
+    robot.body.put_on_feet()
+    if watchdog:
+        robot.add_watchdog(NAO_WATCHDOG)
+    end = NaoEndpoint(robot)
+
+    def look() -> float:
+        robot.advance(end.clock())
+        return math.hypot(*robot.body.walk[:2])
+
+    return end, look
+
+
+def _nao_joint() -> tuple[Endpoint, Look]:
+    robot = Nao()
+    end = NaoEndpoint(robot)
+    joint = robot.body.joints["HeadYaw"]
+    seen = (0.0, 0.0)
+
+    def look() -> float:
+        # Between two looks: a motor goes to each goal at its full speed, and waits there for the next one.
+        nonlocal seen
+        now = end.clock()
+        robot.advance(now)
+        (then, angle), seen = seen, (now, joint.angle)
+        return math.degrees(abs(joint.angle - angle)) / (now - then)
+
+    return end, look
+
+
 RIGS = (
     Rig(
         "Bioloid, a wheel", "bioloid", lambda: _bioloid(7), "motor7.speed = 2;", 60,
@@ -118,4 +155,13 @@ RIGS = (
         prepare="drive5.load = 1;", until="drive5.load == 1",
     ),
     Rig("Spykee", "spykee", _spykee, "trackL.val = 60 | trackR.val = 60;", 0.2, rest=0.005, unit="m"),
+    Rig("Nao, a walk", "nao", lambda: _nao_walk(False), "naoWalk.xSpeed = 0.1;", 0.08, rest=0.005, unit="m"),
+    Rig(
+        "Nao, a walk, with the watchdog on the robot", "nao", lambda: _nao_walk(True), "naoWalk.xSpeed = 0.1;", 0.08,
+        rest=0.005, unit="m",
+    ),
+    Rig(
+        "Nao, a joint that swings", "nao", _nao_joint, "headYaw.val = 0 sin:1s ampli:20deg,", 60,
+        prepare="headYaw.load = 1;", until="headYaw.load == 1", live=True,
+    ),
 )  # fmt: skip

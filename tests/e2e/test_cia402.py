@@ -58,7 +58,7 @@ def test_a_drive_turns_and_brakes_by_itself_when_the_worker_is_killed(daemon: Da
     until(lambda: drive.machine.speed > 3900)
     killed = worker_of(daemon)
     os.kill(killed, signal.SIGKILL)
-    until(lambda: drive.machine.speed == 0.0, 5)
+    until(lambda: drive.machine.speed == 0.0)
     assert drive.machine.state != "operation enabled"
     # Another worker is there, and the drive stays off until a client wants it on.
     until(lambda: "was ended by SIGKILL; another one is started" in daemon.log())

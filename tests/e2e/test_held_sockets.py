@@ -92,12 +92,9 @@ def read_all(talk: Talk, end: socket.socket) -> bytes:
     over: list[bool] = []
 
     def read() -> bool:
-        try:
-            data = end.recv(65536)
-        except BlockingIOError:
-            return False
-        heard.extend(data)
-        if not data:
+        with contextlib.suppress(BlockingIOError):
+            while data := end.recv(65536):
+                heard.extend(data)
             over.append(True)
         return bool(over)
 

@@ -168,8 +168,10 @@ def test_the_session_of_the_manual_with_the_built_in_fake(serve: Callable[..., D
     assert one.heard.count("\n") == 10
     until(lambda: two.listen(0.3) == "")
     began = time.monotonic()
+    # Judged in the server: a client on a busy machine may look too late.
+    two.say('waituntil(motor6.val > 0.4) | echo(motor6.val < 1.5);')
     one.say("motor6.val = 90deg time:2s; echo(\"there\");")
-    until(lambda: 0.4 < float(two.ask("motor6.val;")) < 1.1)
+    two.wait("*** true")
     one.wait("there")
     assert time.monotonic() - began > 1.9
     until(lambda: float(one.ask("motor6.val;")) == pytest.approx(1.571, abs=0.02))
@@ -263,7 +265,7 @@ def test_a_program_that_exits_ends_the_daemon_in_order(serve: Callable[..., Daem
     client.say("System._exit(5); System._exit(6);")
     assert daemon.process.wait(TIMEOUT_S) == 5
     other.wait("shutting down, the robot is stopped")
-    assert goal(robot) != moving
+    until(lambda: goal(robot) != moving)
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
@@ -274,13 +276,12 @@ def test_a_stop_is_clean_and_quick(serve: Callable[..., Daemon], robot: PtyEndpo
     client.say("motor6.speed = 0.5 | motor6.val = 100deg;")
     until(lambda: goal(robot) != before)
     moving = goal(robot)
-    began = time.monotonic()
     daemon.process.send_signal(number)
     assert daemon.process.wait(TIMEOUT_S) == 0
-    assert time.monotonic() - began < 8
+    # The daemon itself is the clock: it gives up the orderly end after some seconds, and says so.
     assert "ended at once" not in daemon.log()
     client.wait("shutting down")
-    assert goal(robot) != moving
+    until(lambda: goal(robot) != moving)
     kit = robot.device
     assert isinstance(kit, Bioloid)
     assert robot.call(lambda: kit.servo(6).registers.get("torque_enable")) == 1
@@ -309,7 +310,7 @@ def test_a_killed_daemon_leaves_a_stopped_robot(serve: Callable[..., Daemon], ro
     until(lambda: goal(robot) != before)
     moving = goal(robot)
     daemon.process.kill()
-    until(lambda: goal(robot) != moving, 5)
+    until(lambda: goal(robot) != moving)
 
 
 def test_systemd_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

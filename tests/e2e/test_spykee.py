@@ -104,6 +104,15 @@ def test_a_second_user_is_refused_while_the_first_has_the_robot(end: SpykeeEndpo
         assert robot.user == "admin"
 
 
+def test_a_direct_stop_stops_it_and_does_not_say_that_nothing_moved(end: SpykeeEndpoint) -> None:
+    end.call(lambda: end.device.body.drive(60, 60))
+    until(lambda: speed(end) > 0.2)
+    command = (sys.executable, "-m", "urbihw.cli.main", "stop", "--direct", "--platform", "spykee", "--url", end.url)
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "spykee: told to stop\n", "")
+    until(lambda: speed(end) == 0.0)
+
+
 def test_bulk_data_does_not_pile_up_in_front_of_a_stop(end: SpykeeEndpoint) -> None:
     """A robot that reads nothing: few bytes are taken for it, and the link says so."""
     with socket.create_server(("127.0.0.1", 0)) as deaf:

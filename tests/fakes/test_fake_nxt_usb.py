@@ -152,6 +152,14 @@ def test_nxt_python_reads_the_brick(brick: Any) -> None:
         assert file.read() == "hello"
 
 
+def test_nxt_python_names_the_brick(brick: Any) -> None:
+    # Its telegram has 17 bytes, one less than the documented one.
+    brick.set_brick_name("Alpha")
+    assert brick.get_device_info()[0] == "Alpha"
+    brick.set_brick_name("FourteenChars!")
+    assert brick.get_device_info()[0] == "FourteenChars!"
+
+
 def test_nxt_python_reads_the_sensors(brick: Any, robot: TriBot) -> None:
     generic, sensor = importlib.import_module("nxt.sensor.generic"), importlib.import_module("nxt.sensor")
     port = sensor.Port

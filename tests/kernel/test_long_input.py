@@ -10,6 +10,7 @@ import pytest
 
 from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby
+from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.sched.collector import COLLECTOR
 from urbihw.kernel.syntax import reader
 
@@ -211,8 +212,9 @@ def test_the_limit_of_recursion_is_that_of_programs_while_something_is_compiled(
     assert runs(kernel, other, b"deep(1);")[0].endswith("stack exhausted")
 
 
-def test_a_short_statement_is_run_at_once(kernel: Kernel) -> None:
-    """Nothing comes between: no other job, no turn of the sockets."""
+def test_a_short_statement_is_run_at_once() -> None:
+    """Nothing comes between: no other job, no turn of the sockets.  In simulated time no statement is late."""
+    kernel = Kernel(clock=SimClock())
     lobby = kernel.open_lobby()
     kernel.run()
     lobby.feed(b'var l = [1, 2, 3]|; eval("l << 4"); l;')

@@ -68,6 +68,20 @@ def test_a_program_ends_it_with_its_exit_status() -> None:
     play(scene)
 
 
+def test_a_text_that_ends_after_the_process_was_told_to_is_no_failure(caplog: pytest.LogCaptureFixture) -> None:
+    async def scene(process: KernelProcess) -> None:
+        process.boot(fast=True)
+        assert await process.run_text("var Global.go = Event.new", "a program") == ""
+        start = asyncio.ensure_future(process.run_until_stopped(process.run_text("waituntil(go?)", "a library")))
+        await asyncio.sleep(0)
+        process.stop()
+        assert await start is None
+        assert await process.run_text("go!", "a program") == ""
+
+    play(scene)
+    assert [record.getMessage() for record in caplog.records] == []
+
+
 def test_work_is_cancelled_when_the_process_is_to_end() -> None:
     left: list[str] = []
 

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from urbihw.kernel import Kernel
+from urbihw.kernel.facade import HostProcess
 from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.runtime.code import make_primitive
 from urbihw.kernel.runtime.object import Obj
@@ -31,10 +32,9 @@ class Stage:
     """One kernel with a saboteur, an innocent that was there before, and whatever connections come later."""
 
     def __init__(self) -> None:
-        self.kernel = Kernel(fast=True)
+        self.kernel = Kernel(fast=True, process=HostProcess(shutdown=self._shut_down))
         self.world = self.kernel.world
         self.ended = 0
-        self.kernel.programs.shutdown = self._shut_down
         self.saboteur = self.kernel.open_lobby("127.0.0.1")
         self.innocent = self.kernel.open_lobby("127.0.0.1")
         self.told, self.wanted = self.newcomer()

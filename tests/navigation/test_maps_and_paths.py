@@ -9,7 +9,7 @@ import pytest
 
 from urbihw.navigation import maps
 from urbihw.navigation.drive import Limits, State
-from urbihw.navigation.follow import BLOCKED_TIMEOUT_S, PathFollower
+from urbihw.navigation.follow import BLOCKED_TIMEOUT_S, PathFollower, Tolerance
 from urbihw.navigation.frames import compose, frame_of
 from urbihw.navigation.grid import MAX_CELLS, Grid
 from urbihw.navigation.localize import CELL, match_scan
@@ -177,7 +177,7 @@ def test_a_path_leads_through_the_door_with_room_to_spare() -> None:
 
 @pytest.mark.parametrize(
     "start, goal, clearance, why",
-    [((0, 0), (50, 0), 0.3, "goal is outside"), ((-50, 0), (0, 0), 0.3, "robot is outside"),
+    [((0, 0), (50, 0), 0.3, r"goal \(50, 0\) is outside the map"), ((-50, 0), (0, 0), 0.3, "robot is outside"),
      ((0, 0), (5, 0), 0.9, "no way leads there")],
 )  # fmt: skip
 def test_where_no_path_leads(start: tuple[float, float], goal: tuple[float, float], clearance: float, why: str) -> None:
@@ -188,7 +188,7 @@ def test_where_no_path_leads(start: tuple[float, float], goal: tuple[float, floa
 def test_a_goal_within_a_wall_is_no_goal() -> None:
     grid = room()
     grid.block_box(1.2, -2.8, 2.8, -1.2)
-    with pytest.raises(NoPath, match="goal is in a wall"):
+    with pytest.raises(NoPath, match=r"goal \(2, -2\) is in a wall"):
         plan(grid, (0, 0), (2, -2), 0.3)
 
 
@@ -211,7 +211,7 @@ class Car:
     def __init__(self, path: list[tuple[float, float]], heading: float) -> None:
         self.pose = (*path[0], 0.0)
         self.room = math.inf
-        self.follow = PathFollower(path, heading, Limits(), lambda: self.pose, lambda: self.room)
+        self.follow = PathFollower(path, heading, Limits(), lambda: self.pose, lambda _: self.room, Tolerance())
         self.time = 0.0
         self.v = self.w = 0.0
 

@@ -19,7 +19,7 @@ from urbihw.buses.driver import driver_of
 from urbihw.buses.engine import Engine
 from urbihw.buses.errors import LinkGone
 from urbihw.buses.link import Context
-from urbihw.buses.mailbox import Mailbox
+from urbihw.buses.mailbox import Joiner, Mailbox
 from urbihw.buses.pipe import PipeEnd
 from urbihw.kernel import Kernel
 from urbihw.kernel.sched.clock import SimClock
@@ -44,6 +44,7 @@ class HandWorker:
         self._post = post
         self.sent: list[m.ToWorker] = []
         self._unread = 0
+        self._joiner = Joiner()
 
     def send(self, message: m.ToWorker) -> None:
         """Hand a message to the engine, and remember it; as in a ``Supervisor``, targets never wait for room."""
@@ -59,7 +60,9 @@ class HandWorker:
         self._engine.step()
         with contextlib.suppress(EOFError):
             while self.pipe.poll():
-                self._post(self.pipe.recv())
+                message = self._joiner.add(self.pipe.recv())
+                if message is not None:
+                    self._post(message)
 
     def stop(self) -> None:
         """The platform lets go."""

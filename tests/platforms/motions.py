@@ -201,6 +201,15 @@ class Scene:
         while self.now() < end - 1e-9:
             self.step()
 
+    def gets_faster(self, speed: float, seconds: float) -> bool:
+        """Let time pass until the body is faster than this; false if it was not within some time."""
+        end = self.now() + seconds
+        while self.now() < end - 1e-9:
+            self.step()
+            if self.samples[-1].speed > speed:
+                return True
+        return False
+
     def peak(self, since: float, until: float = 1e9) -> float:
         """The greatest speed in some time."""
         return max((sample.speed for sample in self.samples if since <= sample.time <= until), default=0.0)

@@ -3,21 +3,56 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from lab import SpeakingLab
 from motions import Kind, Motion, Numbers
 
+from urbihw.buses.link import Context
+from urbihw.buses.pipe import PipeEnd
 from urbihw.platforms.nao.robot import Nao as NaoRobot
 from urbihw_fakes.console import Console
-from urbihw_fakes.nao.body import Body, posture
+from urbihw_fakes.device import Answer
+from urbihw_fakes.nao.body import Body
+from urbihw_fakes.nao.connection import Connection
 from urbihw_fakes.nao.console import commands
 from urbihw_fakes.nao.device import Nao
 
 
+class Door(PipeEnd):
+    """The robot's port: one link gets the lab's own end, each further one at the same time an end of its own."""
+
+    def __init__(self, lab: Lab) -> None:
+        super().__init__()
+        self._lab = lab
+        self._busy = False
+
+    @property
+    def plugged(self) -> bool:
+        """See ``PipeEnd``."""
+        return self._lab.end.plugged
+
+    def accept(self) -> PipeEnd:
+        """See ``PipeEnd``."""
+        if self._busy:
+            return self._lab.add_connection()
+        self._busy = True
+        self._lab.end.on_close = self._leave
+        return self._lab.end.accept()
+
+    def _leave(self) -> None:
+        self._busy = False
+
+
 class Lab(SpeakingLab):
-    """A robot at the end of a connection."""
+    """A robot at the end of a connection, or of several.
+
+    Attributes:
+        others: the ends of the second and later connections.
+        delay: seconds that the robot's bytes take on those.
+    """
 
     robot: NaoRobot
     device: Nao
@@ -30,6 +65,9 @@ class Lab(SpeakingLab):
         self.device = device if device is not None else Nao()
         self.seen: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=4)
         """When the body was looked at last, and its joints then."""
+        self.others: dict[PipeEnd, Connection] = {}
+        self.delay = 0.0
+        self.door = Door(self)
         super().__init__(**options)
         self.end.on_open = self._connected
 
@@ -37,8 +75,37 @@ class Lab(SpeakingLab):
         self.end.hang_up()  # what was said on another connection is gone with it
         self.device.reconnect()
 
+    def context(self) -> Context:
+        """See ``RobotLab``."""
+        return Context(self.bus_clock, {"robot": self.door})
+
+    def add_connection(self) -> PipeEnd:
+        """Another client, or another connection of the same one."""
+        connection = self.device.connect()
+
+        def receive(data: bytes, at: float) -> None:
+            self.device.receive_from(connection, data, at)
+            self._answer(())
+
+        def leave() -> None:
+            self.device.disconnect(connection)
+            self.others.pop(end, None)
+
+        end = PipeEnd(receive)
+        end.on_close = leave
+        self.others[end] = connection
+        return end
+
+    def _answer(self, answers: Iterable[Answer]) -> None:
+        super()._answer(answers)
+        for end, connection in self.others.items():
+            for answer in self.device.server.pop_answers(connection):
+                end.send(answer.data, answer.at + self.delay)
+
     def unplug(self) -> None:
         """The network is gone; what the robot was told goes on."""
+        for end in list(self.others):
+            end.unplug()
         self.end.unplug()
         self.device.reconnect()
 
@@ -49,11 +116,7 @@ class Lab(SpeakingLab):
 
 def stand(body: Body) -> None:
     """Somebody has put it on its feet."""
-    for name, angle in posture("Stand").items():
-        joint = body.joints[name]
-        joint.angle = joint.command = angle
-        joint.stiffness = 1.0
-    body.standing, body.fallen = True, False
+    body.put_on_feet()
 
 
 def _body(lab: Lab) -> tuple[Numbers, Numbers]:

@@ -11,7 +11,6 @@ from lab import HandWorker, RobotLab
 from motions import Kind, Motion, Numbers
 
 from urbihw.buses import messages as m
-from urbihw.buses.clock import SimClock
 from urbihw.buses.driver import driver_of
 from urbihw.buses.engine import Engine
 from urbihw.buses.link import Context
@@ -41,21 +40,6 @@ class Line:
     def _receive(self, data: bytes, at: float) -> None:
         for answer in self.device.feed(data, at):
             self.end.send(answer.data, answer.at)
-
-
-class FakeClock(SimClock):
-    """A clock on which the fake goes on living while somebody sleeps."""
-
-    def __init__(self, start: float, *lines: Line) -> None:
-        super().__init__(start)
-        self._lines = lines
-
-    def sleep_until(self, when: float) -> None:
-        """Jump there in steps, each of which the fake lives through."""
-        while self.now() < when:
-            super().sleep_until(min(when, self.now() + Lab.tick))
-            for line in self._lines:
-                line.tick(self.now())
 
 
 class PatientWorker(HandWorker):

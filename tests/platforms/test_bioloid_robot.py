@@ -225,3 +225,31 @@ def test_a_servo_that_loses_answers_while_it_comes_back_comes_back_whole(monkeyp
     assert lab.look("motor6.stale") == "false"
     lab.say("motor6.val = 0.5|;", 2.0)
     assert lab.number("motor6.val") == pytest.approx(0.5, abs=0.02)
+
+
+def test_all_motors_are_a_group() -> None:
+    lab = Lab.ready(Kit(servos=(5, 6, 7), baud=BAUD))
+    lab.say("motors.val = 0.5;", 1.0)
+    assert lab.say("(motors.val * 10).round;") == "Group [5, 5, 5]"
+    lab.say("motors.val = motors.val + Group.new(-0.5, 0, 0.5) time:1s;", 1.5)
+    assert lab.say("(motors.val * 10).round;") == "Group [0, 5, 10]"
+    assert lab.say("motors.val > 0.3;") == "Group [false, true, true]"
+    lab.say("motors.load = 0;", 0.2)
+    assert lab.say("motors.load; bioloid.motors === motors; motors.size;") == "Group [0, 0, 0]\ntrue\n3"
+    assert lab.say("robot.body.joint.load;") == "Group [0, 0, 0]"
+    assert lab.say("motors.val->unit;") == 'Group ["rad", "rad", "rad"]'
+    assert lab.say("sensors.clapCount;") == "Group [0]"
+
+
+def test_a_motor_found_later_joins_the_group_in_order() -> None:
+    lab = Lab.ready(Kit(servos=(5, 7), baud=BAUD))
+    lab.say("at (bioloid.found?(var m)) Global.joined = motors[m.id] === m; var Global.joined = nil;")
+    lab.kit.add(Ax12(6))
+    lab.kit.set_baud(BAUD)
+    lab.say("bioloid.scan;", 2.0)
+    assert lab.say("motors.id; joined;") == "Group [5, 6, 7]\ntrue"
+
+
+def test_movements_have_the_period_of_the_bus() -> None:
+    lab = Lab.ready()
+    assert lab.number("System.period") == pytest.approx(lab.tick)

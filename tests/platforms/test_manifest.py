@@ -60,6 +60,7 @@ def test_an_unknown_name_tells_the_known(tmp_path: Path) -> None:
         (GOOD.replace('"A toy"', "3"), "title must be a text in quotes, not 3"),
         (GOOD + 'library = "toy.u"\n', "library must be a list of texts"),
         (GOOD + 'library = ["toy.u"]\n', "library names 'toy.u', which is not beside the manifest"),
+        (GOOD + 'on_robot = "guard.py"\n', "on_robot names 'guard.py', which is not beside the manifest"),
         (GOOD + "usb = [{ vendor = 1 }]\n", "usb must be a list of"),
         (GOOD + 'options = 3\n', "options must be a text in quotes, not 3"),
         (GOOD + 'limits = ["speed"]\n', "limits must be a table such as"),

@@ -3,78 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import pytest
 from nao_lab import stand
+from nao_rig import TICK, Rig
 
-from urbihw.buses.clock import SimClock
 from urbihw.buses.errors import LinkGone, Unavailable
-from urbihw.buses.link import Context, Url
 from urbihw.buses.messages import Configure, DeviceState, Found, Happened, Refused, Reply, Request, Samples, Targets
-from urbihw.buses.pipe import PipeEnd, PipeLink
-from urbihw.buses.qi.frames import CALL, POST, Framer
-from urbihw.platforms.nao.driver import NaoDriver
 from urbihw.platforms.nao.exchange import CYCLE_TIMEOUT_S
 from urbihw.platforms.nao.sense_part import SLOW_CYCLES
-from urbihw_fakes.nao.body import Body
 from urbihw_fakes.nao.device import Nao
-
-TICK = 0.02
-
-
-class Rig:
-    """A driver, a robot, and how often each method was called."""
-
-    def __init__(self, robot: Nao | None = None, **options: Any) -> None:
-        self.robot = Nao() if robot is None else robot
-        self.clock = SimClock(100.0)
-        self.asked = 0
-        self.end = PipeEnd(self._receive)
-        self.end.on_open = self.robot.reconnect
-        self.link = PipeLink(Url.parse("pipe://robot?baud=100000000"), Context(self.clock, {"robot": self.end}))
-        self.driver = NaoDriver()
-        self.driver.configure(Configure(options=options))
-        self.news: list[Any] = []
-
-    @property
-    def body(self) -> Body:
-        """Of the robot."""
-        return self.robot.body
-
-    def _receive(self, data: bytes, at: float) -> None:
-        self.asked += sum(message.type in (CALL, POST) for message in Framer().feed(data))
-        for answer in self.robot.feed(data, at):
-            self.end.send(answer.data, answer.at)
-
-    def attach(self) -> Rig:
-        """Log in."""
-        self.link.open()
-        self.news += self.driver.attach(self.link)
-        self.driver.stop_what_moves()
-        self.run(0.2)
-        return self
-
-    def run(self, seconds: float) -> list[Any]:
-        """Ticks for so long; what they have told."""
-        fresh: list[Any] = []
-        end = self.clock.now() + seconds
-        while self.clock.now() < end - 1e-9:
-            for answer in self.robot.tick(self.clock.now()):
-                self.end.send(answer.data, answer.at)
-            fresh += self.driver.tick(self.clock.now(), lambda: None)
-            self.clock.sleep_until(self.clock.now() + TICK)
-        self.news += fresh
-        return fresh
-
-    def order(self, item: str = "angle", /, **values: float) -> list[Any]:
-        """Targets of joints."""
-        return self.driver.targets(Targets({(name, item): value for name, value in values.items()}))
-
-    def request(self, verb: str, device: str, item: str = "", *arguments: Any, number: int = 1) -> list[Any]:
-        """A request, and what it told within a second."""
-        told = self.driver.request(Request(number, verb, device, item, arguments))
-        return [each for each in [*told, *self.run(1.0)] if isinstance(each, Reply)]
 
 
 def test_what_is_found() -> None:
@@ -107,8 +45,8 @@ def test_a_cycle_is_one_reading_and_one_set_angles_for_all_joints() -> None:
         rig.order(**dict.fromkeys(names, 0.001 * index))
         rig.run(TICK)
     assert rig.robot.motion.calls["setAngles"] - before == cycles
-    # And where it is, in each fifth cycle.
-    assert rig.asked == 2 * cycles + cycles // SLOW_CYCLES
+    # And where it is, in each fifth cycle, and where its two hands are, once a second.
+    assert rig.asked == 2 * cycles + cycles // SLOW_CYCLES + 2
 
 
 def test_a_joint_that_gets_stiff_stays_where_it_is() -> None:
@@ -229,6 +167,20 @@ def test_events_of_memory_come_again_after_the_link_was_lost() -> None:
     assert happened == [Happened("event", "FrontTactilTouched", 1.0)]
 
 
+def test_a_service_that_is_gone_when_the_link_is_back_fails_its_own_calls_only() -> None:
+    rig = Rig().attach()
+    rig.request("describe", "ALBattery")
+    rig.driver.detach()
+    rig.link.close()
+    (number,) = (number for number, each in rig.robot.services.items() if each.name == "ALBattery")
+    battery = rig.robot.services.pop(number)
+    rig.attach()
+    (reply,) = rig.request("call", "ALBattery", "getBatteryCharge", number=2)
+    assert (reply.ok, reply.error) == (False, "Cannot find service 'ALBattery' in index")
+    rig.robot.services[number] = battery
+    assert rig.request("call", "ALBattery", "getBatteryCharge", number=3)[0].ok
+
+
 def test_a_silent_naoqi_is_given_up_after_a_second() -> None:
     rig = Rig().attach()
     rig.robot.faults.start("silence")
@@ -276,7 +228,7 @@ def test_what_is_no_nao() -> None:
 def test_a_robot_without_a_method_is_stopped_as_far_as_it_goes() -> None:
     rig = Rig()
     stand(rig.body)
-    motion = rig.robot.motion.service
+    motion = rig.robot.motion
     gone = [uid for uid, method in motion.methods.items() if method.name in ("killAll", "move")]
     for uid in gone:
         del motion.methods[uid]
@@ -293,7 +245,7 @@ def test_a_robot_without_a_method_is_stopped_as_far_as_it_goes() -> None:
 def test_answers_of_another_form_are_no_nao() -> None:
     for name, answer in (("getLimits", [["x"]]), ("getLimits", 5), ("getBodyNames", [])):
         rig = Rig()
-        methods = rig.robot.motion.service.methods
+        methods = rig.robot.motion.methods
         (uid,) = [uid for uid, method in methods.items() if method.name == name]
         methods[uid] = replace(methods[uid], run=lambda _, answer=answer: answer)
         rig.link.open()
@@ -315,3 +267,30 @@ def test_targets_that_are_none() -> None:
     rig = Rig().attach()
     assert [each.reason for each in rig.order(Nose=1.0)] == ["no such target"]
     assert rig.driver.targets(Targets({("HeadYaw", "angle"): "x"})) == [Refused("HeadYaw", "angle", "'x' is no number")]
+
+
+def test_a_stop_kills_tasks_only_when_the_robot_stands() -> None:
+    rig = Rig()
+    stand(rig.body)
+    rig.attach()
+    assert rig.request("call", "ALMotion", "moveTo", 1.0, 0.0, 0.0) == []
+    assert rig.body.walking
+    rig.driver.safe_stop()
+    # What is asked for meanwhile is done when the stop is over.
+    told = rig.driver.request(Request(2, "call", "ALMotion", "setAngles", ("HeadYaw", 0.5, 1.0)))
+    told += rig.run(4.0)
+    assert not rig.body.walking and rig.robot.motion.calls["killAll"] == 1 and rig.robot.motion.abrupt_ends == 0
+    assert [(each.reply_id, each.ok) for each in told if isinstance(each, Reply) and each.reply_id == 2] == [(2, True)]
+    assert rig.body.joints["HeadYaw"].angle == pytest.approx(0.5, abs=0.01)
+
+
+def test_a_motion_that_waits_for_a_stop_is_refused_by_another_stop() -> None:
+    rig = Rig()
+    stand(rig.body)
+    rig.attach()
+    assert rig.request("call", "ALMotion", "moveTo", 1.0, 0.0, 0.0) == []
+    rig.driver.safe_stop()
+    assert rig.driver.request(Request(2, "call", "ALMotion", "moveTo", (1.0, 0.0, 0.0))) == []
+    rig.driver.safe_stop()
+    told = [each for each in rig.run(4.0) if isinstance(each, Reply) and each.reply_id == 2]
+    assert [(each.ok, each.error) for each in told] == [(False, "stopped")] and not rig.body.walking

@@ -14,7 +14,7 @@ def angle(lab: Lab, joint: str) -> float:
 def test_starting_up() -> None:
     lab = Lab.ready()
     assert lab.say('tts.say("Hello, I am Nao."),', 0.5) == ""
-    assert lab.device.voice.said == ["Hello, I am Nao."]
+    assert lab.device.speech.said == ["Hello, I am Nao."]
     assert lab.say("armR.load = 1;", 0.2) == "Group [1, 1, 1, 1, 1]"
     lab.say("shoulderRollR.val = -0.3 time: 0.5s | shoulderPitchR.val = -1 speed: 0.9;", 3.5)
     assert angle(lab, "RShoulderRoll") == pytest.approx(-0.3, abs=0.01)
@@ -86,7 +86,8 @@ def test_the_two_joints_with_one_motor() -> None:
 def test_leds(text: str, colour: int) -> None:
     lab = Lab.ready()
     lab.say(text, 0.2)
-    assert lab.device.leds == {"FaceLeds": colour}
+    assert lab.device.leds.colour("FaceLedLeft0") == lab.device.leds.colour("FaceLedRight7")
+    assert lab.device.leds.colour("FaceLeds") == pytest.approx(colour, abs=0x020202)
     assert lab.number("FaceLeds.rgb") == colour
 
 
@@ -117,6 +118,7 @@ def test_the_shared_memory() -> None:
     lab.say('stm.bindRenameVariable("mine", "own"); class Global.a {}|; stm.bindRenameVariable("mine", "a.b");', 0.2)
     assert lab.say("[stm.own, a.b];", 0.5) == "[5, 5]"
     lab.device.memory.stored["mine"] = 6
+    lab.run(0.1)
     assert lab.say("a.b;", 0.5) == "6"
     assert "getData: ALMemory: data nothing not found" in lab.say('stm.get("nothing");', 0.5)
 

@@ -148,8 +148,15 @@ def test_using_functions() -> None:
     lab = Lab.ready(TriBot(9.0))
     body = "{\n  wheels.speed = speed;\n  sleep(timer);\n  wheels.speed = 0;\n}"
     lab.say(f"function Global.forward(speed,timer)\n{body},")
-    lab.say("Global.forward(100,3000);", 0.1)
+    # Durations are seconds in this language: 3000, ms in an older one, are 50 minutes.
+    lab.say("Global.forward(100,3000),", 5.0)
     assert speeds(lab) == (100, 100)
+    lab.say("robot.stop;", 0.2)
+    assert speeds(lab) == (0, 0)
+    lab.say("Global.forward(100,3s);", 2.9)
+    assert speeds(lab) == (100, 100)
+    lab.run(0.3)
+    assert speeds(lab) == (0, 0)
 
 
 def test_loading_files(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -220,6 +227,37 @@ def test_a_beep_of_no_duration_is_for_ever() -> None:
     assert not lab.brick.sound.sounding(lab.bus_clock.now())
 
 
+@pytest.mark.parametrize("seconds", [66, 100, 130])
+def test_a_beep_longer_than_a_command_of_the_brick(seconds: int) -> None:
+    lab = Lab.ready(layout="")
+    lab.say(f"beeper = Beeper.new(); beeper.play(500, {seconds}s);", 0.1)
+    begun = lab.bus_clock.now()
+    lab.until(lambda: not lab.brick.sound.sounding(lab.bus_clock.now()), patience=200)
+    assert lab.bus_clock.now() - begun == pytest.approx(seconds - 0.1, abs=0.05)
+
+
+def test_another_sound_ends_a_long_beep() -> None:
+    lab = Lab.ready()
+    lab.say("beeper.play(500, 100s); beeper.play(300, 1s);", 0.1)
+    assert lab.brick.sound.frequency == 300
+    lab.run(70)
+    assert not lab.brick.sound.sounding(lab.bus_clock.now())
+
+
+def test_classes_are_printed_by_the_names_of_the_manual() -> None:
+    lab = Lab.ready()
+    devices = {
+        "wheelL": "Servo", "wheelR": "Servo", "claw": "Servo", "sonar": "UltraSonicSensor", "decibel": "SoundSensor",
+        "light": "LightSensor", "bumper": "Switch", "beeper": "Beeper", "battery": "Battery", "Command": "Command",
+    }  # fmt: skip
+    for name, kind in devices.items():
+        assert lab.look(f"{name}.type") == f'"{kind}"'
+        assert lab.say(f"{name};").startswith(f"{kind}_0x")
+    # The name in the manual's table of instances.
+    assert lab.look("UltraSoundSensor") == "UltraSonicSensor"
+    assert lab.look("sonar.isA(UltraSoundSensor)") == "true"
+
+
 def test_command() -> None:
     lab = Lab.ready()
     assert lab.say("Command.send([3, 10, 10, 0 , 0]);", 0.1) == ""
@@ -250,6 +288,23 @@ def test_how_to_make_its_own_layout(tmp_path: Path) -> None:
     lab.say("legs.speed = 20;", 0.1)
     assert speeds(lab) == (20, 20)
     assert lab.look("sonar.val") == "150"
+
+
+def test_a_layout_may_declare_its_names(tmp_path: Path) -> None:
+    layout = tmp_path / "Mine.u"
+    layout.write_text('var Global.wheelL = Servo.new("C");\nvar Global.beeper = Beeper.new;\n')
+    assert Lab.ready(layout=str(layout)).look("wheelL.port") == '"C"'
+
+
+def test_the_names_of_the_manual_need_no_var_at_the_prompt() -> None:
+    lab = Lab.ready(layout="")
+    for line in (*LAYOUT.splitlines(), "answer = Command.request([7,0], 15);"):
+        assert "!!!" not in lab.say(line, 0.5)
+    assert lab.say("answer.size;") == "15"
+    lab = Lab.ready()
+    # With the TriBot its three ports are taken: the manual, "Servo", slot port.
+    assert "port A is taken by wheelR" in lab.say('wheel = Servo.new("A");')
+    assert lab.say('wheelR.free; wheel = Servo.new("A"); wheel.port;').endswith('"A"')
 
 
 def test_objects_made_at_the_prompt() -> None:

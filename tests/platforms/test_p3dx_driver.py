@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
-from p3dx_lab import Line
+from driver_rig import START, DriverRig
 
-from urbihw.buses.clock import SimClock
+from urbihw.buses.driver import Driver
 from urbihw.buses.errors import LinkGone, Unavailable
-from urbihw.buses.link import Context, Url
-from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, Request, Samples, Targets, Watch
-from urbihw.buses.pipe import PipeLink
+from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, Samples, Watch
 from urbihw.navigation.sickdriver import LaserInfo, SickDriver
 from urbihw.platforms.p3dx.driver import ArcosDriver
 from urbihw.platforms.p3dx.protocol import command
@@ -24,54 +22,31 @@ from urbihw_fakes.p3dx.world import World
 TICK = 0.01
 
 
-class Bench:
-    """A driver and a device of the fake on one pipe and one clock."""
+class Bench(DriverRig):
+    """The driver of the base and its fake."""
 
-    def __init__(self, driver: Any, line: Line, **settings: Any) -> None:
-        self.driver = driver
-        self.line = line
-        self.clock = _LivingClock(line)
-        self.link = PipeLink(Url.parse("pipe://robot?baud=115200"), Context(self.clock, {"robot": line.end}))
-        driver.configure(Configure(**settings))
-        self.heard: list[FromWorker] = []
+    driver_class: ClassVar[type[Driver]] = ArcosDriver
+    url = "pipe://robot?baud=115200"
+    tick = TICK
 
-    def attach(self) -> list[FromWorker]:
-        self.link.open()
-        news: list[FromWorker] = self.driver.attach(self.link)
-        return news
+    def order(self, item: str, value: Any) -> list[Any]:
+        """Write a target of the base."""
+        return self.write({("robot", item): value})
 
-    def run(self, seconds: float) -> list[FromWorker]:
-        """Tick; what was posted meanwhile."""
-        start = len(self.heard)
-        end = self.clock.now() + seconds
-        while self.clock.now() < end - 1e-9:
-            self.heard += self.driver.tick(self.clock.now(), lambda: None)
-            self.clock.sleep_until(self.clock.now() + TICK)
-        return self.heard[start:]
-
-    def aim(self, item: str, value: Any) -> list[FromWorker]:
-        refused: list[FromWorker] = self.driver.targets(Targets({("robot", item): value}))
-        return refused
-
-    def ask(self, verb: str, item: str = "", value: Any = 0, device: str = "robot") -> list[FromWorker]:
-        answers: list[FromWorker] = self.driver.request(Request(7, verb, device, item, value))
-        return answers
+    def ask(self, verb: str, item: str = "", value: Any = 0, device: str = "robot") -> list[Any]:
+        """Send a request."""
+        return self.send_request(verb, device, item, value, 7)
 
 
-class _LivingClock(SimClock):
-    def __init__(self, line: Line) -> None:
-        super().__init__(50.0)
-        self._line = line
+class LaserBench(Bench):
+    """The driver of the laser and its fake."""
 
-    def sleep_until(self, when: float) -> None:
-        while self.now() < when:
-            super().sleep_until(min(when, self.now() + TICK))
-            self._line.tick(self.now())
+    driver_class = SickDriver
 
 
 def robot(kit: Kit | None = None, **settings: Any) -> tuple[Bench, Kit]:
     kit = kit if kit is not None else Kit(World(), slip=0)
-    return Bench(ArcosDriver(), Line(kit.robot), **settings), kit
+    return Bench(kit.robot, **settings), kit
 
 
 def ready(kit: Kit | None = None, **settings: Any) -> tuple[Bench, Kit]:
@@ -101,7 +76,7 @@ def orders(kit: Kit, number: int) -> list[int]:
 
 def test_connecting_finds_names_and_configuration() -> None:
     bench, _ = robot()
-    (found,) = bench.attach()
+    (found,) = bench.attach().news
     assert isinstance(found, Found)
     (info,) = found.devices
     assert (info.name, info.kind, info.subclass) == ("fake", "Pioneer", "p3dx-sh")
@@ -122,19 +97,19 @@ def test_nobody_answers() -> None:
     kit.robot.power_off(0)
     with pytest.raises(Unavailable, match="is it switched on"):
         bench.attach()
-    assert bench.clock.now() < 53
+    assert bench.clock.now() < START + 3
 
 
 def test_a_connection_left_open_is_closed_and_its_motion_does_not_come_back() -> None:
     bench, kit = ready()
-    bench.aim("vel", 200)
+    bench.order("vel", 200)
     bench.run(2.0)
     bench.clock.sleep_until(bench.clock.now() + 3)
     assert kit.body.halted and not kit.body.moving
     where = kit.body.pose[0]
     bench.driver.detach()
     bench.link.close()
-    again = Bench(ArcosDriver(), Line(kit.robot))
+    again = Bench(kit.robot)
     again.clock.sleep_until(bench.clock.now())
     again.attach()
     again.run(2.0)
@@ -146,21 +121,21 @@ def test_a_connection_left_open_is_closed_and_its_motion_does_not_come_back() ->
 def test_a_handshake_survives_a_fault(fault: str, times: int) -> None:
     bench, kit = robot()
     kit.robot.faults.start(fault, times=times)
-    assert isinstance(bench.attach()[0], Found)
+    assert isinstance(bench.attach().news[0], Found)
 
 
 def test_a_controller_out_of_step_is_counted_in_again() -> None:
     bench, kit = robot()
     kit.robot.feed(command(0), 49.9)
     kit.robot.feed(command(1), 49.9)
-    assert isinstance(bench.attach()[0], Found)
+    assert isinstance(bench.attach().news[0], Found)
 
 
 def test_old_firmware_tells_no_configuration() -> None:
     kit = Kit(World())
     kit.robot._execute_command = lambda heard, now: []  # type: ignore[method-assign]
     bench, _ = robot(kit)
-    (found,) = bench.attach()
+    (found,) = bench.attach().news
     assert isinstance(found, Found)
     assert found.devices[0].config["subclass"] == "" and found.devices[0].config["trans_vel_max"] == 0
 
@@ -178,8 +153,8 @@ def test_options_without_sense(options: dict[str, Any]) -> None:
 
 def test_speeds_reach_the_robot_and_positions_come_back() -> None:
     bench, kit = ready()
-    bench.aim("vel", 200)
-    bench.aim("rvel", -10)
+    bench.order("vel", 200)
+    bench.order("rvel", -10)
     news = bench.run(3.0)
     assert kit.body.forward.speed == pytest.approx(0.2)
     seen = values(news, "robot")
@@ -190,19 +165,19 @@ def test_speeds_reach_the_robot_and_positions_come_back() -> None:
 
 def test_a_set_point_is_repeated_and_so_is_a_stop() -> None:
     bench, kit = ready()
-    bench.aim("vel", 100)
+    bench.order("vel", 100)
     bench.run(1.05)
     assert len([value for value in orders(kit, 11) if value == 100]) in (5, 6)
-    bench.aim("vel", 0)
+    bench.order("vel", 0)
     bench.run(2.0)
     assert orders(kit, 11)[-4:] == [100, 0, 0, 0]
 
 
 def test_a_lost_stop_stops_all_the_same() -> None:
     bench, kit = ready()
-    bench.aim("vel", 300)
+    bench.order("vel", 300)
     bench.run(2.0)
-    bench.aim("vel", 0)
+    bench.order("vel", 0)
     hear, kit.robot.receive = kit.robot.receive, lambda data, now: []  # type: ignore[method-assign]
     bench.run(0.1)
     kit.robot.receive = hear  # type: ignore[method-assign]
@@ -223,7 +198,7 @@ def test_a_resting_robot_hears_a_pulse_twice_a_second() -> None:
                                               ("rvel", 99999, "no speed")])  # fmt: skip
 def test_targets_without_sense_are_refused(item: str, value: Any, why: str) -> None:
     bench, _ = ready()
-    (refused,) = bench.aim(item, value)
+    (refused,) = bench.order(item, value)
     assert isinstance(refused, Refused) and why in refused.reason
 
 
@@ -231,14 +206,14 @@ def test_without_motors_there_is_no_speed() -> None:
     bench, _ = robot()
     bench.attach()
     bench.run(0.3)
-    (refused,) = bench.aim("vel", 100)
+    (refused,) = bench.order("vel", 100)
     assert isinstance(refused, Refused) and "motors are off" in refused.reason
-    assert bench.aim("vel", 0) == []
+    assert bench.order("vel", 0) == []
 
 
 def test_motors_that_come_back_bring_no_speed_with_them() -> None:
     bench, kit = ready()
-    bench.aim("vel", 200)
+    bench.order("vel", 200)
     bench.run(1.0)
     kit.robot.press_stop_button(True)
     bench.run(0.5)
@@ -280,7 +255,7 @@ def test_a_switch_that_was_overtaken_is_answered() -> None:
 @pytest.mark.parametrize("torque_off", [False, True])
 def test_a_safe_stop_is_a_stop(torque_off: bool) -> None:
     bench, kit = ready(torque_off_on_stop=torque_off)
-    bench.aim("vel", 300)
+    bench.order("vel", 300)
     bench.run(2.0)
     bench.driver.safe_stop()
     bench.run(2.0)
@@ -363,9 +338,9 @@ def test_damage_is_counted_and_costs_one_packet() -> None:
 
 def test_positions_are_counted_on_over_a_new_connection() -> None:
     bench, kit = ready()
-    bench.aim("vel", 300)
+    bench.order("vel", 300)
     bench.run(3.0)
-    bench.aim("vel", 0)
+    bench.order("vel", 0)
     before = values(bench.run(2.0), "robot")["x"]
     bench.driver.detach()
     kit.robot.power_off(bench.clock.now())
@@ -388,7 +363,7 @@ def test_silence_is_a_lost_link() -> None:
 @pytest.mark.parametrize("fault", ["checksum", "cut", "silence"])
 def test_bytes_without_packets_are_no_sign_of_life(fault: str) -> None:
     bench, kit = ready()
-    bench.aim("vel", 200)
+    bench.order("vel", 200)
     bench.run(1.0)
     assert kit.body.forward.speed == pytest.approx(0.2)
     kit.robot.faults.start(fault)
@@ -409,14 +384,14 @@ def test_bytes_without_packets_are_no_sign_of_life(fault: str) -> None:
 
 def test_a_speed_that_is_asked_of_a_blind_robot_is_not_sent() -> None:
     bench, kit = ready()
-    bench.aim("vel", 200)
+    bench.order("vel", 200)
     bench.run(1.0)
     kit.robot.faults.start("checksum")
     bench.run(1.5)
     where = kit.body.pose
     driven = len(orders(kit, 11))
     for _ in range(20):
-        bench.aim("vel", 200)
+        bench.order("vel", 200)
         bench.run(TICK)
     assert {*orders(kit, 11)[driven:]} <= {0}
     assert kit.body.pose == where
@@ -424,7 +399,7 @@ def test_a_speed_that_is_asked_of_a_blind_robot_is_not_sent() -> None:
 
 def test_a_good_packet_in_time_keeps_it_driving() -> None:
     bench, kit = ready()
-    bench.aim("vel", 200)
+    bench.order("vel", 200)
     bench.run(1.0)
     for _ in range(8):
         # Four damaged ones, then a good one.
@@ -436,7 +411,7 @@ def test_a_good_packet_in_time_keeps_it_driving() -> None:
 
 def test_a_reset_is_a_lost_link() -> None:
     bench, kit = ready()
-    bench.line.end.send(b"".join(answer.data for answer in kit.robot.reset(bench.clock.now())), bench.clock.now())
+    bench.end.send(b"".join(answer.data for answer in kit.robot.reset(bench.clock.now())), bench.clock.now())
     with pytest.raises(LinkGone, match="was reset"):
         bench.run(0.1)
 
@@ -449,13 +424,13 @@ def test_questions_pending_at_the_loss_are_answered() -> None:
     assert isinstance(answer, Reply) and "link is down" in answer.error
     kit.robot.power_off(bench.clock.now())
     kit.robot.power_on(bench.clock.now())
-    assert Reply(7, False, error="the link went down") in bench.attach()
+    assert Reply(7, False, error="the link went down") in bench.attach().news
     assert bench.driver.tick(bench.clock.now(), lambda: None) == []
 
 
 def test_garbage_never_hurts() -> None:
     bench, _ = ready()
-    bench.line.end.send(b"\xfa\xfb\x05\x32\x00\x00\x32\x00" + bytes(range(256)) * 4, bench.clock.now())
+    bench.end.send(b"\xfa\xfb\x05\x32\x00\x00\x32\x00" + bytes(range(256)) * 4, bench.clock.now())
     bench.run(0.3)
     assert values(bench.run(0.3), "robot")
     assert sum(bench.driver.errors().values()) > 0
@@ -466,12 +441,12 @@ def test_garbage_never_hurts() -> None:
 
 def laser(kit: Kit | None = None) -> tuple[Bench, Kit]:
     kit = kit if kit is not None else Kit()
-    return Bench(SickDriver(), Line(kit.laser)), kit
+    return LaserBench(kit.laser), kit
 
 
 def test_the_laser_scans_after_attaching() -> None:
     bench, _ = laser()
-    assert bench.attach() == [Found((LaserInfo(180, 100),))]
+    assert bench.attach().news == [Found((LaserInfo(180, 100),))]
     seen = values(bench.run(1.0), "laser")
     assert len(seen["ranges"]) == 181
     assert seen["ranges"][0] == pytest.approx(3.0) and seen["ranges"][90] == pytest.approx(2.979)
@@ -516,12 +491,12 @@ def test_a_silent_laser_is_lost_and_damage_is_counted() -> None:
 
 def test_a_laser_takes_no_wishes() -> None:
     bench, _ = laser()
-    assert isinstance(bench.aim("vel", 1)[0], Refused)
+    assert isinstance(bench.order("vel", 1)[0], Refused)
     assert isinstance(bench.ask("read")[0], Reply)
     assert bench.driver.watch(Watch("laser", ()), 0) == []
 
 
 def test_other_subclasses_come_through() -> None:
     bench, _ = robot(Kit(World(), settings=Settings(subclass="p3at-sh", name="Sim")))
-    (found,) = bench.attach()
+    (found,) = bench.attach().news
     assert isinstance(found, Found) and found.devices[0].subclass == "p3at-sh"

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import logging
-from typing import Any
+from typing import Any, Self
 
 import pytest
+from driver_rig import DriverRig
 from spykee_lab import Lab
 
-from urbihw.buses.clock import SimClock
 from urbihw.buses.errors import BadValue, LinkGone, Unavailable
-from urbihw.buses.link import Context, Url
-from urbihw.buses.messages import Configure, Found, Happened, Reply, Request, Samples, Targets, Watch
-from urbihw.buses.pipe import PipeEnd, PipeLink
+from urbihw.buses.messages import Found, Happened, Reply, Request, Samples, Targets, Watch
+from urbihw.buses.pipe import PipeLink
 from urbihw.platforms.spykee import bulk, session
 from urbihw.platforms.spykee import driver as d
 from urbihw.platforms.spykee import protocol as p
@@ -20,7 +19,7 @@ from urbihw.platforms.spykee.tracks import RESEND_PERIOD_S, ZEROS
 from urbihw.settings import BadSetting
 from urbihw_fakes.spykee.device import Spykee
 
-TICK = 0.02
+TICK = DriverRig.tick
 
 
 class SlowLink(PipeLink):
@@ -32,52 +31,34 @@ class SlowLink(PipeLink):
         return self.free
 
 
-class Rig:
+class Rig(DriverRig):
     """A driver, a robot, and what went over the wire."""
+
+    driver_class = d.SpykeeDriver
+    link_class = SlowLink
+    driver: d.SpykeeDriver
+    link: SlowLink
 
     def __init__(self, robot: Spykee | None = None, **options: Any) -> None:
         self.robot = Spykee() if robot is None else robot
-        self.clock = SimClock(100.0)
         self.written: list[tuple[float, bytes]] = []
-        self.end = PipeEnd(self._receive)
+        super().__init__(self.robot, options=options)
         self.end.on_open = self.robot.connect
         self.robot.on_close = self.end.hang_up
-        self.link = SlowLink(Url.parse("pipe://robot?baud=10000000"), Context(self.clock, {"robot": self.end}))
-        self.driver = d.SpykeeDriver()
-        self.driver.configure(Configure(options=options))
-        self.news: list[Any] = []
 
-    def _receive(self, data: bytes, at: float) -> None:
+    def receive(self, data: bytes, at: float) -> None:
         self.written.append((at, data))
-        for answer in self.robot.feed(data, at):
-            self.end.send(answer.data, answer.at)
+        super().receive(data, at)
 
-    def attach(self) -> Rig:
+    def attach(self) -> Self:
         """Log in."""
-        self.link.open()
-        self.news += self.driver.attach(self.link)
+        super().attach()
         self.written.clear()
         return self
 
-    def run(self, seconds: float) -> list[Any]:
-        """Ticks for so long; what they have told."""
-        fresh: list[Any] = []
-        end = self.clock.now() + seconds
-        while self.clock.now() < end - 1e-9:
-            for answer in self.robot.tick(self.clock.now()):
-                self.end.send(answer.data, answer.at)
-            fresh += self.driver.tick(self.clock.now(), lambda: None)
-            self.clock.sleep_until(self.clock.now() + TICK)
-        self.news += fresh
-        return fresh
-
-    def order(self, **speeds: int) -> None:
-        """Targets of tracks."""
-        assert self.driver.targets(Targets({(track, "speed"): speed for track, speed in speeds.items()})) == []
-
-    def request(self, verb: str, device: str, item: str = "", value: Any = 0, number: int = 1) -> list[Any]:
-        """A request."""
-        return self.driver.request(Request(number, verb, device, item, value))
+    def drive(self, **speeds: int) -> None:
+        """Write speeds of tracks."""
+        assert self.write({(track, "speed"): speed for track, speed in speeds.items()}) == []
 
     def moves(self) -> list[bytes]:
         """The moves that were written since the last call."""
@@ -97,7 +78,7 @@ def test_it_logs_in_waits_for_the_battery_and_only_then_may_be_moved() -> None:
     assert isinstance(news[1], Samples) and news[1].values == {d.POWER: {"level": 87}}
     assert [data[2] for _, data in rig.written] == [p.LOGIN]
     # The robot hangs up when it is moved too early; it has not.
-    rig.order(trackL=50)
+    rig.drive(trackL=50)
     rig.run(1.0)
     assert rig.robot.body.speeds[0] > 0.2
 
@@ -148,24 +129,24 @@ def test_a_refused_login_is_one_line_in_the_log_without_the_password(caplog: pyt
 
 def test_a_wanted_speed_is_sent_at_once_and_again_and_again() -> None:
     rig = Rig().attach()
-    rig.order(trackL=60, trackR=-60)
+    rig.drive(trackL=60, trackR=-60)
     rig.run(TICK)
     assert rig.moves() == [p.move(60, -60)]
     rig.run(1.0 - TICK)
     assert len(rig.moves()) == pytest.approx(1.0 / RESEND_PERIOD_S, abs=1)
-    rig.order(trackL=0, trackR=0)
+    rig.drive(trackL=0, trackR=0)
     rig.run(2.0)
     assert rig.moves() == [p.move(0, 0)] * ZEROS
 
 
 def test_a_stop_is_written_at_once() -> None:
     rig = Rig().attach()
-    rig.order(trackL=60, trackR=60)
+    rig.drive(trackL=60, trackR=60)
     rig.run(0.5)
     rig.moves()
     rig.driver.safe_stop()
     assert rig.moves() == [p.move(0, 0)]
-    rig.order(trackL=60, trackR=60)
+    rig.drive(trackL=60, trackR=60)
     rig.run(0.1)
     rig.moves()
     rig.driver.safe_stop(("trackL",))
@@ -189,7 +170,7 @@ def test_on_its_dock_it_is_left_alone_and_ends_a_search_by_a_stop_elsewhere() ->
     rig = Rig().attach()
     assert rig.driver.request_moves(Request(1, "write", d.ENGINE, "move", p.DOCK))
     assert not rig.driver.request_moves(Request(1, "write", d.ENGINE, "move", p.CANCEL))
-    assert rig.request("write", d.ENGINE, "move", p.DOCK) == [Reply(1, True)]
+    assert rig.send_request("write", d.ENGINE, "move", p.DOCK) == [Reply(1, True)]
     rig.run(1.0)
     assert rig.robot.body.doing == "docking"
     rig.driver.safe_stop((d.ENGINE,))
@@ -198,7 +179,7 @@ def test_on_its_dock_it_is_left_alone_and_ends_a_search_by_a_stop_elsewhere() ->
 
 def test_the_dock_ends_what_was_wanted_of_the_tracks() -> None:
     rig = Rig().attach()
-    rig.order(trackL=60)
+    rig.drive(trackL=60)
     rig.run(0.1)
     rig.robot.body.put_on_dock()
     news = rig.run(0.5)
@@ -209,17 +190,17 @@ def test_the_dock_ends_what_was_wanted_of_the_tracks() -> None:
 
 def test_no_repeated_standstill_ends_a_search() -> None:
     rig = Rig().attach()
-    rig.order(trackL=60)
+    rig.drive(trackL=60)
     rig.run(0.1)
     rig.driver.safe_stop()
-    rig.request("write", d.ENGINE, "move", p.DOCK)
+    rig.send_request("write", d.ENGINE, "move", p.DOCK)
     rig.run(1.0)
     assert rig.robot.body.doing == "docking"
 
 
 def test_speeds_without_a_robot_are_forgotten() -> None:
     rig = Rig()
-    rig.order(trackL=60)
+    rig.drive(trackL=60)
     rig.attach()
     rig.run(0.5)
     assert rig.moves() == []
@@ -297,11 +278,11 @@ def test_watches_outlive_the_connection() -> None:
 
 def test_questions_are_answered_or_it_is_said_that_they_are_not() -> None:
     rig = Rig().attach()
-    assert rig.request("read", "config", number=5) == rig.request("read", "config", number=6) == []
+    assert rig.send_request("read", "config", number=5) == rig.send_request("read", "config", number=6) == []
     news = rig.run(0.5)
     assert [reply.reply_id for reply in news if isinstance(reply, Reply)] == [5, 6]
     rig.robot.faults.start("silence")
-    rig.request("read", "log", number=7)
+    rig.send_request("read", "log", number=7)
     assert rig.run(d.ANSWER_TIMEOUT_S - 0.5) == []
     assert rig.run(1.0) == [Reply(7, False, error="the robot did not answer")]
 
@@ -312,7 +293,7 @@ def test_questions_are_answered_or_it_is_said_that_they_are_not() -> None:
 )  # fmt: skip
 def test_other_requests_are_refused(request_: tuple[str, str, str, int]) -> None:
     rig = Rig().attach()
-    (reply,) = rig.request(*request_)
+    (reply,) = rig.send_request(*request_)
     assert not reply.ok and "knows no request" in reply.error
     assert rig.written == []
 
@@ -320,9 +301,9 @@ def test_other_requests_are_refused(request_: tuple[str, str, str, int]) -> None
 def test_what_waits_is_answered_when_the_link_goes() -> None:
     rig = Rig().attach()
     rig.link.free = False
-    rig.request("read", "log", number=1)
-    rig.request("write", "file", "chunk", (3, b"x"), number=2)
-    rig.request("write", "speaker", "piece", bytes(4000), number=3)
+    rig.send_request("read", "log", number=1)
+    rig.send_request("write", "file", "chunk", (3, b"x"), number=2)
+    rig.send_request("write", "speaker", "piece", bytes(4000), number=3)
     rig.driver.detach()
     news: list[Any] = rig.driver.tick(rig.clock.now(), lambda: None)
     assert {reply.reply_id: reply.error for reply in news} == dict.fromkeys((1, 2, 3), "the link went down")
@@ -333,13 +314,13 @@ def test_what_waits_is_answered_when_the_link_goes() -> None:
 
 def upload(rig: Rig, count: int) -> None:
     for index in range(count):
-        rig.request("write", "file", "chunk", (0, bytes(bulk.CHUNK_BYTES)), number=index)
+        rig.send_request("write", "file", "chunk", (0, bytes(bulk.CHUNK_BYTES)), number=index)
 
 
 def test_bulk_data_waits_while_the_link_takes_nothing_and_a_stop_does_not() -> None:
     rig = Rig().attach()
     upload(rig, 20)
-    rig.order(trackL=60)
+    rig.drive(trackL=60)
     rig.run(0.1)
     rig.link.free = False
     rig.written.clear()
@@ -362,8 +343,8 @@ def test_a_tick_sends_little_and_none_when_a_stop_has_come() -> None:
 def test_sound_is_sent_at_the_pace_at_which_it_is_played() -> None:
     rig = Rig().attach()
     for index in range(16):
-        assert rig.request("write", "speaker", "piece", bytes(4000), number=index) == []
-    (reply,) = rig.request("write", "speaker", "piece", bytes(4000), number=99)
+        assert rig.send_request("write", "speaker", "piece", bytes(4000), number=index) == []
+    (reply,) = rig.send_request("write", "speaker", "piece", bytes(4000), number=99)
     assert not reply.ok
     rig.run(0.5)
     sent = len(rig.robot.speaker.record()) / p.SOUND_RATE
@@ -377,12 +358,12 @@ def test_sound_is_sent_at_the_pace_at_which_it_is_played() -> None:
 
 @pytest.mark.parametrize("pcm", [bytes(4002), bytes(3)])
 def test_a_piece_of_sound_is_small_and_whole(pcm: bytes) -> None:
-    (reply,) = Rig().attach().request("write", "speaker", "piece", pcm)
+    (reply,) = Rig().attach().send_request("write", "speaker", "piece", pcm)
     assert "at most 4000 bytes" in reply.error
 
 
 def test_a_key_that_cannot_be_sent_is_refused() -> None:
-    (reply,) = Rig().attach().request("write", "config", "a=b", "c")
+    (reply,) = Rig().attach().send_request("write", "config", "a=b", "c")
     assert not reply.ok
     with pytest.raises(BadValue):
         p.pair("a", "b&c")

@@ -89,6 +89,22 @@ def test_a_search_for_the_dock_is_motion() -> None:
     assert lab.look("Spykee.onDock") == "false"
 
 
+def test_a_client_that_drives_a_robot_on_its_dock_is_told_once() -> None:
+    lab = Lab.ready()
+    lab.device.body.put_on_dock()
+    lab.run(0.5)
+    assert lab.say("trackR.val = 0;", 0.1) == "0"
+    told = "!!! 1.16-25: warning: the robot is on its dock: it does not drive before Spykee.chargeStop"
+    assert lab.say("trackL.val = 60;", 0.1).splitlines() == [told, "60"]
+    assert lab.say("trackL.val = 50;", 0.1) == "50"
+    assert lab.look("[trackL.limitedBy, trackL.applied]") == '["off", nan]'
+    assert lab.device.body.speeds == [0.0, 0.0]
+    lab.say("trackL.val = 0; Spykee.chargeStop;", 2.0)
+    assert lab.say("trackL.val = 60;", 1.0) == "60"
+    assert lab.look("[trackL.limitedBy, trackL.applied]") == '["", 60]'
+    assert lab.device.body.speeds[0] > 0.2
+
+
 def test_configuration_networks_and_log() -> None:
     lab = Lab.ready()
     assert lab.say('Spykee.setConfigValue("loader_host", "here"); Spykee.getConfigValue("loader_host");', 1) == '"here"'

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import array
-import http.server
 import io
 import math
-import threading
 import wave
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +13,10 @@ import pytest
 from spykee_lab import Lab
 
 from urbihw.kernel.uobject import UImage, USound
-from urbihw.platforms.spykee.audio import chunks_of, fetch
-from urbihw.platforms.spykee.bulk import CHUNK_BYTES
+from urbihw.platforms.sound import PIECE_SAMPLES, Recording
 from urbihw.platforms.spykee.clapper import BLOCK_S, Counter
-from urbihw.platforms.spykee.sounds import PIECE_SAMPLES, Recording
-from urbihw.platforms.spykee.streams import LINGER_S, size_of
+from urbihw.platforms.spykee.streams import size_of
+from urbihw.platforms.streamed import LINGER_S
 
 RATE = 16_000
 
@@ -296,12 +292,12 @@ def test_a_sound_that_cannot_be_played_is_an_error_of_the_assignment() -> None:
         (USound(bytes(6), "raw 1 16000 24 1"), "8 or 16 bits"),
     ):
         with pytest.raises(ValueError, match=words):
-            Recording(sound)
+            Recording(sound, RATE)
 
 
 @pytest.mark.parametrize("count", [0, 1, PIECE_SAMPLES, PIECE_SAMPLES + 1])
 def test_a_recording_has_the_samples_that_it_has(count: int) -> None:
-    recording = Recording(USound.of(array.array("h", range(count)).tobytes(), 1, RATE))
+    recording = Recording(USound.of(array.array("h", range(count)).tobytes(), 1, RATE), RATE)
     assert numbers(b"".join(recording.pieces())) == array.array("h", range(count))
     assert recording.seconds == count / RATE
 
@@ -311,95 +307,6 @@ def test_sounds_of_the_robot() -> None:
     lab.say("speaker.playSound(0); speaker.playSound(15);", 0.2)
     assert lab.device.sounds == [0, 15]
     assert "there is no sound 16" in lab.say("speaker.playSound(16);", 0.1)
-
-
-# ---------------------------------------------------------------- music
-
-
-def wait(lab: Lab, done: Callable[[], object]) -> None:
-    """Files are read in threads, which know nothing of simulated time."""
-    for thread in threading.enumerate():
-        if thread.name == "urbihw-uobject":
-            thread.join(10)
-    lab.until(lambda: bool(done()))
-
-
-@pytest.mark.parametrize("size", [1, CHUNK_BYTES, 3 * CHUNK_BYTES, 3 * CHUNK_BYTES + 5])
-def test_music_is_sent_whole_and_played(tmp_path: Path, size: int) -> None:
-    lab = Lab.ready()
-    (tmp_path / "a.mp3").write_bytes(bytes(k % 251 for k in range(size)))
-    lab.say("at (mp3.ended?) echo(\"over\");", 0.1)
-    lab.say(f'mp3.play("{tmp_path}/a.mp3");', 0)
-    wait(lab, lambda: lab.device.files)
-    assert lab.device.files == {64: bytes(k % 251 for k in range(size))}
-    lab.run(0.1)
-    assert "over" in lab.heard() + lab.say("", 2.0)
-    assert lab.look("[mp3.playing, mp3.sent]") == "[false, 1]"
-
-
-def test_music_can_be_stopped(tmp_path: Path) -> None:
-    lab = Lab.ready()
-    (tmp_path / "a.mp3").write_bytes(bytes(200_000))
-    lab.say(f'mp3.play("{tmp_path}/a.mp3");', 0)
-    wait(lab, lambda: lab.look("mp3.playing") == "true")
-    lab.say("mp3.stop;", 0.1)
-    assert lab.device.music_ends is None
-    assert lab.look("mp3.playing") == "false"
-
-
-def test_driving_goes_on_while_music_is_sent(tmp_path: Path) -> None:
-    lab = Lab.ready()
-    (tmp_path / "a.mp3").write_bytes(bytes(1_000_000))
-    lab.say("trackL.val = 60;", 0.5)
-    lab.say(f'mp3.play("{tmp_path}/a.mp3");', 0)
-    wait(lab, lambda: lab.number("mp3.sent") > 0.1 and lab.number("mp3.sent") < 1)
-    lab.say("robot.stop;", 0.04)
-    assert lab.device.body.wanted == [0.0, 0.0]
-    wait(lab, lambda: lab.look("mp3.playing") == "true")
-
-
-def test_a_file_that_cannot_be_read_is_an_error_of_the_call(tmp_path: Path) -> None:
-    (tmp_path / "empty").touch()
-    for stream, words in (
-        (f"{tmp_path}/none.mp3", "there is no file"), (f"{tmp_path}/empty", "is empty"),
-        (str(tmp_path), "there is no file"),
-        ("http://127.0.0.1:9/x.mp3", "cannot read http://127.0.0.1:9/x.mp3: "), ("http://[", "cannot read"),
-    ):  # fmt: skip
-        with pytest.raises(ValueError, match=words):
-            fetch(stream)
-
-
-@pytest.fixture
-def radio() -> Iterator[str]:
-    """An http server on this machine."""
-
-    class Handler(http.server.BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            self.send_response(200)
-            self.end_headers()
-            self.wfile.write(b"ID3" + bytes(9000))
-
-        def log_message(self, *arguments: Any) -> None: ...
-
-    with http.server.HTTPServer(("127.0.0.1", 0), Handler) as server:
-        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
-        thread.start()
-        yield f"http://127.0.0.1:{server.server_address[1]}/song.mp3"
-        server.shutdown()
-        thread.join()
-
-
-def test_music_of_an_http_address(radio: str) -> None:
-    lab = Lab.ready()
-    lab.say(f'mp3.play("{radio}");', 0)
-    wait(lab, lambda: lab.device.files)
-    assert lab.device.files[64] == b"ID3" + bytes(9000)
-
-
-def test_the_last_chunk_is_known_by_the_size() -> None:
-    assert [flags for flags, _ in chunks_of(bytes(CHUNK_BYTES))] == [3]
-    assert [flags for flags, _ in chunks_of(bytes(2 * CHUNK_BYTES))] == [1, 2]
-    assert [flags for flags, _ in chunks_of(bytes(2 * CHUNK_BYTES + 1))] == [1, 0, 2]
 
 
 # ---------------------------------------------------------------- Clapper
@@ -437,7 +344,7 @@ def sounds(*parts: tuple[float, float]) -> list[int]:
     """The counts that come of parts (seconds, loudness)."""
     counter = Counter(0.2, 0.2, 0.8, 4.0)
     blocks = [loudness for seconds, loudness in parts for _ in range(round(seconds / BLOCK_S))]
-    return [count for loudness in blocks if (count := counter.hear(loudness))]
+    return [count for loudness in blocks if (count := counter.add_block(loudness))]
 
 
 CLAP = (0.03, 0.9)

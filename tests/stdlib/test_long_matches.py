@@ -15,6 +15,8 @@ from urbihw.kernel.stdlib import worker_thread
 from urbihw.kernel.stdlib.matcher import Matcher
 from urbihw.kernel.stdlib.regexp import MATCH_TIMEOUT_S, MAX_EXPRESSION_LENGTH, MAX_QUICK_LENGTH
 
+pytestmark = pytest.mark.e2e
+
 TIMEOUT_S = 20.0
 ENDLESS = '"(a+)+$"'
 TEXT = '"a" * 60 + "b"'

@@ -31,6 +31,8 @@ from urbihw.kernel.uremote.rtplink import MAX_WAITING_SIZE, RtpLink
 from urbihw.kernel.uremote.subscriptions import RemoteSettings
 from urbihw.kernel.uremote.udp import UdpPort
 
+pytestmark = pytest.mark.e2e
+
 SECRET, SOURCE = b"12345678", 0xABCDEF01
 PICTURE = Update("cam.val", UImage(bytes(range(256)) * 40, "rgb 64 53"), 1234567)
 

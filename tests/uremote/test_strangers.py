@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from urbihw.kernel import Kernel
+from urbihw.kernel.facade import HostProcess
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.uobject import UObject, event, function, owned, reading, variable
 from urbihw.kernel.uobject.registry import registry_of
@@ -51,7 +52,8 @@ class Company:
     """A server with a motor, a remote that owns K, a thief, and an innocent user."""
 
     def __init__(self) -> None:
-        self.kernel = Kernel(SimClock())
+        self.shutdowns = 0
+        self.kernel = Kernel(SimClock(), process=HostProcess(shutdown=self._count_shutdown))
         self.motor = self.kernel.host.create(Motor, "motor6")
         self.remote = self.kernel.open_lobby("10.0.0.1")
         self.thief = self.kernel.open_lobby("10.0.0.2")
@@ -93,10 +95,12 @@ class Company:
         assert self.motor.seen == [0.5]
         assert self.say(self.user, "motor6.pos = 1;")[0].endswith("pos: this slot can only be read")
         assert self.say(self.user, 'uobjects.hasSlot("Motor"); motor6.protos == [Motor];') == ["true", "true"]
-        down: list[int] = []
-        self.kernel.programs.shutdown = lambda: down.append(1)
+        before = self.shutdowns
         self.say(self.user, "System.shutdown;")
-        assert down == [1]
+        assert self.shutdowns == before + 1
+
+    def _count_shutdown(self) -> None:
+        self.shutdowns += 1
 
 
 @pytest.fixture

@@ -12,7 +12,8 @@ A bus is a url; a fake robot is just one more url::
     usb://0694:0002              a USB device with a pair of bulk endpoints, by vendor and product
     can://socketcan/can0         a CAN bus, by the interfaces of python-can: see `can`
     spykee://192.168.1.20        a Spykee; without an address, the one that is found
-    qi://192.168.1.30            NAOqi on a Nao, port 9559
+    qi://192.168.1.30            NAOqi on a Nao, port 9559; qis:// the same over TLS, port 9503
+    libqi://192.168.1.30         the same by the library of Aldebaran; libqis:// over TLS
     spy:///dev/ttyUSB0           the same as without spy://, printing every byte
     pipe://name                  an in-memory pair, for tests
 """
@@ -35,6 +36,9 @@ BUSES: Final = {
     "can": "urbihw.buses.can.port:CanPort",
     "spykee": "urbihw.platforms.spykee.link:SpykeeLink",
     "qi": "urbihw.buses.qi.link:QiLink",
+    "qis": "urbihw.buses.qi.link:QisLink",
+    "libqi": "urbihw.buses.qi.libqi:LibqiPort",
+    "libqis": "urbihw.buses.qi.libqi:LibqisPort",
 }
 ENTRY_POINTS: Final = "urbihw.buses"  # group under which other packages add rows: name = scheme, value = module:Class
 

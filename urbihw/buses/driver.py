@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping
-from typing import Any, Final
+from collections.abc import Callable, Iterable
+from typing import Any, Final, NamedTuple
 
 from urbihw.buses.errors import BadValue
 from urbihw.buses.link import Port
@@ -12,6 +12,21 @@ from urbihw.buses.messages import Configure, FromWorker, Request, Targets, Watch
 
 # Protocol family -> driver class. The driver of a single robot lives in its platform and is named "module:Class".
 FAMILIES: Final = {"dynamixel": "urbihw.buses.dynamixel.driver:DynamixelDriver"}
+
+
+class ImpliedTarget(NamedTuple):
+    """A target that is the consequence of a request.
+
+    Attributes:
+        device, item: what is written.
+        value: the raw value; nan if nobody knows: then any limit of it is exceeded.
+        rate: how fast it changes, counts per second; 0 if that is not of interest.
+    """
+
+    device: Any
+    item: str
+    value: Any
+    rate: float = 0.0
 
 
 def no_stop() -> bool:
@@ -34,10 +49,12 @@ class Driver:
         slow_verbs: requests during which the cycle pauses on purpose.
         halted: set by the driver during a tick when its motion has ended for a reason of the device (the base was
             switched off by hand); the engine treats it as a stop with this reason.
+        knows_motion: whether the devices tell if they move, so that `stop_what_moves` knows.
         url_parameters: parameters of the url that are meant for the robot; the port is opened without them.
     """
 
     slow_verbs: frozenset[str] = frozenset()
+    knows_motion: bool = False
     url_parameters: frozenset[str] = frozenset()
     halted: str = ""
 
@@ -95,9 +112,9 @@ class Driver:
         """Whether this request may set something in motion."""
         raise NotImplementedError
 
-    def implied_targets(self, request: Request) -> Mapping[tuple[Any, str], Any]:
-        """Return the targets that a request writes by itself, so that limits apply to them too."""
-        return {}
+    def implied_targets(self, request: Request) -> Iterable[ImpliedTarget]:
+        """Return the targets that a request writes by itself: it is refused if one of them is beyond a limit."""
+        return ()
 
     def pose(self, device: Any, item: str) -> float | None:
         """Return the position of a device in the unit of the target `item`; None if unknown or not a position."""

@@ -276,7 +276,8 @@ class Engine:
         given, news = self._gate.filter_targets(message, now)
         self._post_all(news)
         if given:
-            self._run_guarded(lambda: self._post_all(self._driver.targets(Targets(given))))
+            fresh = Targets(given, message.epoch, message.time)
+            self._run_guarded(lambda: self._post_all(self._driver.targets(fresh)))
 
     def _accept_request(self, message: Request) -> None:
         request, news = self._gate.filter_request(message)

@@ -66,10 +66,11 @@ class Gate:
         if reason and self._driver.request_moves(message):
             return None, [Reply(message.reply_id, False, error=reason)]
         clamp = self.set_points.clamp_value
-        for key, value in self._driver.implied_targets(message).items():
-            if clamp(*key, value) != value:
-                limit = self.set_points.pop_limited()[-1:]
-                why = f"it is beyond {limit[0].limit}" if limit else "it is beyond a limit"
+        for implied in self._driver.implied_targets(message):
+            limit = self.set_points.find_exceeded_limit(implied)
+            if limit:
+                known = implied.value == implied.value  # nan is not
+                why = f"it is beyond {limit}" if known else f"it may exceed {limit}, which cannot be told before"
                 return None, [Reply(message.reply_id, False, error=why)]
         if message.verb == "write":
             message = replace(message, value=clamp(message.device, message.item, message.value))

@@ -101,8 +101,11 @@ class Port(ABC):
     A subclass MUST implement `_open`, which raises Unavailable, and `_close`, and count what it moves. What is wrong
     with its url it says when it is made: `parameters` are those it takes behind `?` (BadUrl for any other, or a wrong
     value), and `options` what it was given, in the types of the rules. It MAY set `baud` (bits per second on the wire)
-    when the url does not decide it. `close` twice is fine and it never raises.
+    when the url does not decide it. `close` twice is fine and it never raises. `warning` is a line for the user about
+    the way it was opened, "" for none.
     """
+
+    warning = ""
 
     def __init__(self, url: Url, context: Context) -> None:
         self.options, mistakes = from_texts(self.parameters(url), url.options, "parameter")
@@ -110,6 +113,7 @@ class Port(ABC):
             raise BadUrl(f"bus url {url.text!r}: {mistakes[0]}")
         self.url = url
         self.clock = context.clock
+        self._context = context
         self.baud: int = self.options.get("baud", DEFAULT_BAUD)
         self.bytes_read = 0
         self.bytes_written = 0
@@ -129,6 +133,10 @@ class Port(ABC):
     def byte_time(self) -> float:
         """Seconds one byte takes on the wire."""
         return _BITS_PER_BYTE / self.baud
+
+    def twin(self) -> Self:
+        """Return another port to the same place, closed: for what takes several connections."""
+        return type(self)(self.url, self._context)
 
     def open(self) -> None:
         """Open it; nothing happens if it is open. Raises Unavailable."""

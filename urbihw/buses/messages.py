@@ -98,13 +98,14 @@ class Release:
 class Limit:
     """The limit of a target in raw counts: from `low` to `high`, changing by at most `rate` per second.
 
-    `name` is the setting that it comes from, for messages.
+    `name` is the setting that it comes from, for messages; `rate_name` that of the rate, if it is another one.
     """
 
     low: float = -math.inf
     high: float = math.inf
     rate: float = math.inf
     name: str = ""
+    rate_name: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,16 +20,22 @@ class PipeEnd:
 
     Attributes:
         on_receive: called with (data, time its last byte arrived) for each write of the link.
-        on_open: called when a link opens it, for a peer that has connections.
+        on_open, on_close: called when a link opens or closes it, for a peer that has connections.
     """
 
     def __init__(self, on_receive: Callable[[bytes, float], None] | None = None) -> None:
         self.on_receive = on_receive
         self.on_open: Callable[[], None] = lambda: None
+        self.on_close: Callable[[], None] = lambda: None
         self.connection = 0
         self._plugged = True
         self._order = itertools.count()
         self._inbox: list[tuple[float, int, bytes]] = []
+
+    def accept(self) -> PipeEnd:
+        """Return the end of a link that opens now: a peer that takes several links at a time has one for each."""
+        self.on_open()
+        return self
 
     def send(self, data: bytes, at: float) -> None:
         """Let `data` become readable at the link at time `at` (all of it together)."""
@@ -88,12 +94,13 @@ class PipeLink(Link):
             raise Unavailable(f"no such pipe: {self.url.target}; known: {', '.join(sorted(self._pipes)) or 'none'}")
         if not end.plugged:
             raise Unavailable(f"pipe {self.url.target} is unplugged")
-        self._end = end
-        end.on_open()
-        self._connection = end.connection
+        self._end = end.accept()
+        self._connection = self._end.connection
 
     def _close(self) -> None:
-        self._end = None
+        end, self._end = self._end, None
+        if end is not None:
+            end.on_close()
 
     def _read(self, size: int, deadline: float) -> bytes:
         end = self._plugged_end()

@@ -14,6 +14,7 @@ import math
 from collections.abc import Collection, Mapping
 from typing import Any, Final, Protocol
 
+from urbihw.buses.driver import ImpliedTarget
 from urbihw.buses.messages import Limit, Limited
 
 Key = tuple[Any, str]
@@ -153,6 +154,16 @@ class SetPoints:
             return raw
         course = self._courses.setdefault((device, item), _Course())
         return self._raw_value((device, item), raw, self._apply_limit((device, item), course, limit, raw))
+
+    def find_exceeded_limit(self, target: ImpliedTarget) -> str:
+        """Return the name of the limit that a target would exceed, "" if it may be written."""
+        limit = self._limits.get((target.device, target.item))
+        if limit is None:
+            return ""
+        value = self._converter.signed(target.device, target.item, target.value)
+        if not limit.low <= value <= limit.high and (limit.low, limit.high) != (-math.inf, math.inf):
+            return limit.name
+        return (limit.rate_name or limit.name) if target.rate > limit.rate else ""
 
     def resume_courses(self, device: Any, now: float) -> None:
         """A device is back (None: all are): its movements continue from its position."""

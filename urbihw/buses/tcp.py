@@ -16,9 +16,10 @@ _CONNECT_TIMEOUT_S = 2.0
 
 
 class TcpLink(FdLink):
-    """A TCP client link without Nagle's delay."""
+    """A TCP client link without Nagle's delay; it must be connected within `connect_timeout_s`."""
 
     _socket: socket.socket | None = None
+    connect_timeout_s = _CONNECT_TIMEOUT_S
 
     def __init__(self, url: Url, context: Context) -> None:
         super().__init__(url, context)
@@ -31,9 +32,16 @@ class TcpLink(FdLink):
             raise BadUrl(f"bus url {url.text!r}: write socket://host:port, for instance socket://localhost:6000")
         return host.strip("[]"), int(port)
 
+    @property
+    def local_host(self) -> str:
+        """The address of this computer on the open connection."""
+        assert self._socket is not None
+        host: str = self._socket.getsockname()[0]
+        return host
+
     def _open(self) -> None:
         try:
-            link = socket.create_connection(self._address, timeout=_CONNECT_TIMEOUT_S)
+            link = socket.create_connection(self._address, timeout=self.connect_timeout_s)
         except OSError as error:
             host, port = self._address
             raise Unavailable(

@@ -43,7 +43,7 @@ from urbihw.buses.driver import driver_of
 from urbihw.buses.engine import Engine
 from urbihw.buses.errors import BadValue, LinkGone
 from urbihw.buses.link import Context, Url
-from urbihw.buses.mailbox import Mailbox
+from urbihw.buses.mailbox import Joiner, Mailbox
 from urbihw.buses.messages import Begin, Configure, Ended, FromWorker, ToWorker, WorkerHeartbeat, WorkerState
 
 Post = Callable[[FromWorker], None]
@@ -214,10 +214,13 @@ class Worker:
     def _read_messages(self) -> None:
         """Post the worker's messages until it ends, then join the process and post `Ended`."""
         ended: Ended | None = None
+        joiner = Joiner()
         with contextlib.suppress(EOFError, OSError):
             while ended is None:
                 self._wait_for_message()
-                message = self._pipe.recv()
+                message = joiner.add(self._pipe.recv())
+                if message is None:
+                    continue
                 if isinstance(message, Ended):
                     ended = message
                 elif isinstance(message, WorkerHeartbeat):

@@ -29,7 +29,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the verb of the command; returns the exit code."""
     try:
-        folder = state_folder()
+        folder = state_folder(create=options.verb in ("add", "fingerprint"))
         tokens = Tokens(folder)
         if options.verb == "add":
             _add(tokens, options.name, folder)

@@ -15,7 +15,7 @@ from queue import Empty, SimpleQueue
 from typing import Final
 
 from urbihw import buses, platforms
-from urbihw.buses.driver import Driver, driver_of
+from urbihw.buses.driver import driver_of
 from urbihw.buses.errors import BadUrl, BadValue, Unavailable
 from urbihw.buses.link import Url, split_parameters
 from urbihw.buses.messages import Begin, Configure, Found, FromWorker, LinkState, Stopped
@@ -115,9 +115,7 @@ def stopped(config: Config) -> str:
         raise _port_problem(url, driver.url_parameters, heard.problem)
     if heard.moved:
         return f"stopped: {heard.moved}"
-    if type(driver).stop_what_moves is Driver.stop_what_moves:
-        return "told to stop"
-    return "nothing moved"
+    return "nothing moved" if driver.knows_motion else "told to stop"
 
 
 @dataclass

@@ -103,8 +103,11 @@ def pictures(link: LobbyClient, device: str, period: int) -> Iterator[Picture]:
 
 
 def one_picture(link: LobbyClient, device: str, period: int) -> Picture:
-    """One image."""
+    """One image.  A camera that is off while nobody reads it (slot ``on``) has an old one, so its next one is taken."""
+    is_off = link.ask(f'{device}.hasSlot("on") && !{device}.on', TIMEOUT_S).shown == "true"
     line = link.ask(f"{device}.val", TIMEOUT_S)
+    if is_off:
+        line = next(link.follow(f"at ({device}.val->changed?) answers << {device}.val", TIMEOUT_S))
     return next(pictures(link, device, period)) if is_empty(line) else picture(line)
 
 

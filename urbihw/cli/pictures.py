@@ -1,7 +1,7 @@
 """Images in the formats of servers: converts the keywords and bytes of a Binary for files and windows.
 
-Keywords: ``jpeg W H``, ``ppm W H``, ``rgb W H``, ``ycbcr W H``, ``grey8 W H`` (remote UObject protocol, section 6;
-manual, specs/naming-standard and platforms/nao).  Pillow is only needed to convert.
+Keywords: ``jpeg W H``, ``ppm W H``, ``rgb W H``, ``ycbcr W H``, ``yuv422 W H``, ``grey8 W H``, ``grey4 W H`` (remote
+UObject protocol, section 6; manual, specs/naming-standard and platforms/nao).  Pillow is only needed to convert.
 """
 
 from __future__ import annotations
@@ -18,8 +18,11 @@ from urbihw.exitcodes import EX_CONFIG, EX_RUNTIME
 if TYPE_CHECKING:
     from PIL import Image
 
-RAW: Final = {"rgb": ("RGB", 3), "ycbcr": ("YCbCr", 3), "ycrcb": ("YCbCr", 3), "grey8": ("L", 1)}
-"""Keyword -> Pillow's mode, bytes per pixel."""
+RAW: Final = {
+    "rgb": ("RGB", 24), "ycbcr": ("YCbCr", 24), "ycrcb": ("YCbCr", 24), "yuv422": ("YCbCr", 16), "grey8": ("L", 8),
+    "grey4": ("L", 4),
+}  # fmt: skip
+"""Keyword -> Pillow's mode, bits per pixel."""
 ENCODED: Final = {"jpeg": (".jpg", ".jpeg"), "ppm": (".ppm", ".pnm")}
 """Keyword -> extensions of files that store the bytes unchanged."""
 MAX_PIXELS: Final = 64 * 1024 * 1024
@@ -45,7 +48,7 @@ class Picture:
         width, height = numbers if len(numbers) == 2 else (0, 0)
         if not binary.data:
             raise Refused("the image is empty; is the camera switched on (load = 1)?", EX_RUNTIME)
-        if kind in RAW and len(binary.data) != width * height * RAW[kind][1]:
+        if kind in RAW and len(binary.data) * 8 != width * height * RAW[kind][1]:
             raise Refused(f"an image of {width} x {height} in {kind} cannot have {len(binary.data)} bytes", EX_RUNTIME)
         return cls(kind, width, height, binary.data)
 
@@ -79,7 +82,7 @@ class Picture:
                           "and PPM as .ppm", EX_CONFIG) from error
         try:
             if self.kind in RAW:
-                return Image.frombytes(RAW[self.kind][0], (self.width, self.height), self.data)
+                return Image.frombytes(RAW[self.kind][0], (self.width, self.height), _unpacked(self.kind, self.data))
             image = Image.open(io.BytesIO(self.data), formats=["JPEG", "PPM"])
             if image.width * image.height > MAX_PIXELS:
                 raise Refused(f"an image of {image.width} x {image.height} pixels is too large", EX_RUNTIME)
@@ -87,6 +90,23 @@ class Picture:
         except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
             raise Refused(f"the image is broken: {error}", EX_RUNTIME) from error
         return image
+
+
+def _unpacked(kind: str, data: bytes) -> bytes:
+    """The pixels with one byte for each component."""
+    if kind == "yuv422":
+        pixels = bytearray(len(data) // 4 * 6)
+        pixels[0::3] = data[0::2]
+        for component in (1, 2):
+            # Two pixels beside each other have the same colour.
+            pixels[component::6] = pixels[component + 3 :: 6] = data[2 * component - 1 :: 4]
+        return bytes(pixels)
+    if kind == "grey4":
+        pixels = bytearray(len(data) * 2)
+        pixels[0::2] = (value // 16 * 17 for value in data)
+        pixels[1::2] = (value % 16 * 17 for value in data)
+        return bytes(pixels)
+    return data
 
 
 def _format(path: Path) -> str:

@@ -9,14 +9,18 @@ from pathlib import Path
 
 from urbihw import platforms
 from urbihw.exitcodes import EX_CONFIG
+from urbihw.kernel.uobject import BadConfig
 
 
 def options(parser: argparse.ArgumentParser) -> None:
-    """``urbihw platforms`` takes none."""
+    """The options of ``urbihw platforms``."""
+    parser.add_argument("--on-robot", metavar="NAME", help="print the program of this platform for the robot itself")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print one line for each robot: name, title, progress of its checklist."""
+    """Print one line for each robot: name, title, progress of its checklist; or a program."""
+    if options.on_robot is not None:
+        return print_program(options.on_robot)
     broken = False
     for folder in platforms.folders():
         try:
@@ -28,6 +32,20 @@ def run(options: argparse.Namespace) -> int:
         fake = ", --fake" if manifest.fake else ""
         print(f"{manifest.name:10} {manifest.title} ({maturity(folder)}{fake})")
     return EX_CONFIG if broken else 0
+
+
+def print_program(name: str) -> int:
+    """Print the program of a platform that runs on the robot itself."""
+    try:
+        manifest = platforms.find(name)
+    except BadConfig as error:
+        print(f"urbihw: {error}", file=sys.stderr)
+        return EX_CONFIG
+    if not manifest.on_robot:
+        print(f"urbihw: platform {name} has no program for the robot itself", file=sys.stderr)
+        return EX_CONFIG
+    print((manifest.folder / manifest.on_robot).read_text("utf-8"), end="")
+    return 0
 
 
 def maturity(folder: Path) -> str:

@@ -104,12 +104,11 @@ class Program:
         """Serve.  Returns the exit code, None after ``reboot``."""
         settings, process = self._settings, self._process
         process.install_signals()
-        kernel = process.boot(bounds(settings.hold_limit) if settings.port >= 0 else NONE, fast=settings.fast)
-        programs = kernel.programs
-        programs.reboot = self._reboot
-        programs.name = settings.program
-        programs.arguments = list(settings.arguments)
-        programs.quiet = settings.quiet
+        kernel = process.boot(
+            bounds(settings.hold_limit) if settings.port >= 0 else NONE,
+            fast=settings.fast, name=settings.program, arguments=settings.arguments, reboot=self._reboot,
+        )
+        kernel.programs.quiet = settings.quiet
         terminal = self._terminal = Terminal(process)
         if settings.interactive:
             process.interrupter.lobby = terminal.lobby

@@ -11,6 +11,7 @@ the same address does not keep other clients out.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import hmac
 import logging
@@ -96,7 +97,7 @@ class Tokens:
 
     def remove(self, name: str) -> None:
         """Remove the token of a name.  Raises BadConfig when there is no such name."""
-        with lock_folder(self._folder):
+        with lock_folder(self._folder) if self._folder.exists() else contextlib.nullcontext():
             entries = self.entries()
             if all(entry.name != name for entry in entries):
                 there = ", ".join(entry.name for entry in entries) or "none"

@@ -25,13 +25,14 @@ from urbihw.buses.errors import BadUrl
 from urbihw.buses.link import Url
 from urbihw.daemon.access_policy import AccessPolicy, access_policy
 from urbihw.daemon.config import Config
+from urbihw.daemon.dead_sockets import remove_dead_sockets
 from urbihw.daemon.fake import Fake
 from urbihw.daemon.files import read_regular
 from urbihw.daemon.holders import holder_of_file, holder_of_port
 from urbihw.daemon.notify import Notifier
 from urbihw.daemon.reload import Reloader, restart_settings
-from urbihw.daemon.runtime import client_path, control_path
-from urbihw.kernel.process import KernelProcess
+from urbihw.daemon.runtime import client_path, control_path, runtime_folder
+from urbihw.kernel.process import KernelProcess, resolver
 from urbihw.kernel.server.bounds import bounds
 from urbihw.kernel.uobject import BadConfig, DeviceError, Robot, RobotSettings
 from urbihw.kernel.uobject.protection import protect_robot
@@ -121,6 +122,7 @@ class Service:
             kind = platforms.load(manifest)
         except BadConfig as error:
             raise StartError(str(error)) from error
+        self._remove_dead_sockets()
         self._bind()
         if config.fake:
             if not manifest.fake:
@@ -132,7 +134,8 @@ class Service:
             kernel.host.register(known)
         _show_to_load(manifest.folder)
         for name in manifest.library:
-            await self._load(manifest.folder / name)
+            # Users know the library by its names, not where it is installed.
+            await self._load(manifest.folder / name, name)
         try:
             await self._open(manifest, kind)
         except DeviceError as error:
@@ -143,6 +146,12 @@ class Service:
             protect_robot(self._robot, manifest.slot)
         kernel.complete()
         self._listen()
+
+    def _remove_dead_sockets(self) -> None:
+        """Remove what killed daemons have left in the runtime folder, if this one has a socket there."""
+        if "" in (self._config.socket, self._config.control):
+            with contextlib.suppress(BadConfig):  # reported where the folder is needed
+                remove_dead_sockets(runtime_folder())
 
     def _bind(self) -> None:
         """Bind the port and the socket path for clients before the robot is opened; no client can connect yet."""
@@ -181,15 +190,15 @@ class Service:
             return StartError(f"this machine has no address {host}; choose --host 127.0.0.1 or --host 0.0.0.0")
         return StartError(f"cannot listen on {host}:{port}: {error.strerror}")
 
-    async def _load(self, path: Path) -> None:
-        """Run an urbiscript file in Global."""
+    async def _load(self, path: Path, shown: str = "") -> None:
+        """Run an urbiscript file in Global; messages call it ``shown``, or by its path."""
         try:
             text = read_regular(path, MAX_PROGRAM_BYTES).data.decode("latin-1")
         except FileNotFoundError as error:
             raise StartError(f"cannot load {path}: {error.strerror}") from error
         except BadConfig as error:
             raise StartError(f"cannot load {error}") from error
-        problem = await self._process.run_text(text, str(path))
+        problem = await self._process.run_text(text, shown or str(path))
         if problem:
             raise StartError(f"cannot load a file: {problem}")
 
@@ -200,7 +209,7 @@ class Service:
         self._robot_url = url
         opened: asyncio.Future[DeviceError | None] = asyncio.get_running_loop().create_future()
         self._robot = self._process.kernel.host.create(kind, manifest.slot)
-        self._robot.open(_robot_settings(self._config, url, self._control()), opened.set_result)
+        self._robot.open(_robot_settings(self._config, url, self._control()), resolver(opened))
         self._process.drive()
         try:
             error = await asyncio.wait_for(opened, OPEN_TIMEOUT_S)

@@ -22,8 +22,9 @@ MAX_SECRET_BYTES: Final = 1024 * 1024
 """Maximum size in bytes of a file of tokens, or of a key with its certificate."""
 
 
-def state_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """The folder of certificate and tokens, created if needed; files of programs are outside of it.
+def state_folder(environment: Mapping[str, str] = os.environ, *, create: bool = True) -> Path:
+    """The folder of certificate and tokens; files of programs are outside of it.  With ``create`` it is created if
+    needed.
 
     Under systemd it is in that of the unit (STATE_DIRECTORY); for root in that of the service if there is one, so that
     ``sudo urbihw access`` applies to the service; otherwise in ``urbihw`` of XDG_STATE_HOME.  Raises BadConfig if it
@@ -39,6 +40,8 @@ def state_folder(environment: Mapping[str, str] = os.environ) -> Path:
     folder = above / "access"
     try:
         if not folder.is_dir():
+            if not create and not os.path.lexists(folder):
+                return folder
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             _give_to_owner(folder, above)
         about = folder.lstat()

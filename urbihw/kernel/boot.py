@@ -9,6 +9,7 @@ from types import FrameType
 from typing import Any
 
 from urbihw.kernel.compiler import compile_node
+from urbihw.kernel.lobby.host_process import HostProcess
 from urbihw.kernel.lobby.shell import Programs, report_failure
 from urbihw.kernel.runtime import backtrace
 from urbihw.kernel.runtime.ops import make_ops
@@ -44,8 +45,8 @@ class KernelHooks(SchedulerHooks):
         return backtrace.is_program(frame)
 
 
-def build(scheduler: Scheduler) -> tuple[Programs, Host]:
-    """A world with the standard library: the programs that lobbies run, and the host for devices."""
+def build(scheduler: Scheduler, process: HostProcess) -> tuple[Programs, Host]:
+    """A world with the standard library: the programs that lobbies run in a process, and the host for devices."""
     world = World(scheduler)
     def run_late(node: Any, this: Any, local: Any) -> Any:
         unit = compile_node(node, world.lazy_names, late=local.names, generic=world.generic_floats)
@@ -53,7 +54,7 @@ def build(scheduler: Scheduler) -> tuple[Programs, Host]:
         return unit.function(ops, place.base, place.system, late_locals=local)(this)
 
     ops = make_ops(world, run_late, declare)
-    programs = Programs(world, ops)
+    programs = Programs(world, ops, process)
     install(world, programs)
     host = install_uobject(world, programs)
     install_remotes(world, host.registry)

@@ -7,13 +7,19 @@ import weakref
 from collections.abc import Callable
 
 from urbihw.kernel.boot import KernelHooks, build
+from urbihw.kernel.lobby.host_process import HostProcess
 from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.sched.clock import Clock, RealClock, SimClock
 from urbihw.kernel.sched.scheduler import Scheduler
 
+__all__ = ["HostProcess", "Kernel"]
+
 RECURSION_LIMIT = 5000
 """Maximum depth of nested calls, in Python frames: about four thousand urbiscript calls.  Operators of objects and
 callbacks of the library use C stack as well; with 6000 frames, the worst of them still fit into the usual 8 MB."""
+
+NO_PROCESS = HostProcess()
+"""Programs cannot end the process, nor restart it."""
 
 
 class Kernel:
@@ -21,16 +27,22 @@ class Kernel:
 
     ``clock`` provides the time: a ``RealClock`` in the daemon, a ``SimClock`` in tests and with ``fast``.  Run it by
     ``run()``, which returns when to call it again; pass input with ``feed``; read a lobby's output with
-    ``lobby.output.take_bytes()``.  Device code gets ``host``.  ``post`` is the only method that other threads may call.
+    ``lobby.output.take_bytes()``.  Device code gets ``host``.  ``process`` is what programs can do with the process,
+    such as to end it.  ``post`` is the only method that other threads may call.
     """
 
     def __init__(
-        self, clock: Clock | None = None, wake_host: Callable[[], None] = lambda: None, *, fast: bool = False
+        self,
+        clock: Clock | None = None,
+        wake_host: Callable[[], None] = lambda: None,
+        *,
+        fast: bool = False,
+        process: HostProcess = NO_PROCESS,
     ) -> None:
         sys.setrecursionlimit(max(RECURSION_LIMIT, sys.getrecursionlimit()))
         self.clock = clock if clock is not None else SimClock() if fast else RealClock()
         self.scheduler = Scheduler(self.clock, wake_host, KernelHooks())
-        self.programs, self.host = build(self.scheduler)
+        self.programs, self.host = build(self.scheduler, process)
         self.world = self.programs.world
         self._end = weakref.finalize(self, self.scheduler.abandon)
         self._end.atexit = False

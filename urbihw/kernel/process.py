@@ -27,12 +27,12 @@ import signal
 import socket
 import stat
 import threading
-from collections.abc import Callable, Collection, Coroutine, Iterable
+from collections.abc import Callable, Collection, Coroutine, Iterable, Sequence
 from pathlib import Path
 from ssl import SSLContext
 from typing import Any, Final, TypeVar
 
-from urbihw.kernel.facade import Kernel
+from urbihw.kernel.facade import HostProcess, Kernel
 from urbihw.kernel.server.acceptor import bind, bind_unix, release_socket
 from urbihw.kernel.server.bounds import NONE, Bounds
 from urbihw.kernel.server.exit_watchdog import END_TIMEOUT_S, ExitWatchdog
@@ -47,6 +47,16 @@ END_SIGNALS: Final = (signal.SIGTERM, signal.SIGINT)
 """The signals that end the process.  With an interactive lobby, the first SIGINT only ends a program."""
 UNREAD_LIMIT: Final = 8 * 1024 * 1024
 """Default maximum of unread output of a client, in bytes."""
+
+
+def resolver(future: asyncio.Future[T]) -> Callable[[T], None]:
+    """A function that gives a future its result; it does nothing when nobody waits any more."""
+
+    def resolve(result: T) -> None:
+        if not future.done():
+            future.set_result(result)
+
+    return resolve
 
 
 class KernelProcess:
@@ -148,10 +158,21 @@ class KernelProcess:
 
     # ---------------------------------------------------------------- kernel and programs
 
-    def boot(self, limits: Bounds = NONE, *, fast: bool = False) -> Kernel:
-        """Create the kernel and its driver; with ``fast`` it runs in simulated time."""
-        self.kernel = Kernel(fast=fast)
-        self.kernel.programs.shutdown = self.stop
+    def boot(
+        self,
+        limits: Bounds = NONE,
+        *,
+        fast: bool = False,
+        name: str = "urbi",
+        arguments: Sequence[str] = (),
+        reboot: Callable[[], None] | None = None,
+    ) -> Kernel:
+        """Create the kernel and its driver; with ``fast`` it runs in simulated time.
+
+        ``name`` and ``arguments`` are those of the process for its programs; ``reboot`` begins a shutdown after which
+        the process restarts, None if it cannot.
+        """
+        self.kernel = Kernel(fast=fast, process=HostProcess(name, arguments, self.stop, reboot))
         self.driver = Driver(self.kernel.scheduler, limits)
         self.interrupter = Interrupter(self.kernel.scheduler, self.stop, second_is_fatal=self._second_is_fatal)
         self._interrupt_programs()
@@ -170,7 +191,7 @@ class KernelProcess:
     async def run_text(self, text: str, name: str) -> str:
         """Run urbiscript in Global until it has ended.  Returns the first error as one line with ``name``, or ""."""
         done: asyncio.Future[str] = self._loop.create_future()
-        self.kernel.host.run(text, name, done.set_result)
+        self.kernel.host.run(text, name, resolver(done))
         self.drive()
         return await done
 

@@ -36,6 +36,9 @@ class Worker(Protocol):
 class PoseEstimate(Protocol):
     """The pose of the base on the map by its odometry; ``navigation.odometry.Odometry`` is one."""
 
+    placed: Callable[[], None]
+    """Called after a program has said where the base is; the navigator sets it."""
+
     @property
     def absolute(self) -> Pose:
         """The pose on the map."""

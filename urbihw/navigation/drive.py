@@ -106,6 +106,11 @@ class Drive:
         self._ended = ended
         self._stalled_at: float | None = None
 
+    @property
+    def is_driving(self) -> bool:
+        """Whether a fixed speed is not 0."""
+        return self.v != 0 or self.w != 0
+
     def start(self, motion: Motion) -> None:
         """Begin a motion; the current one is ended."""
         self.end("another motion began")
@@ -116,10 +121,14 @@ class Drive:
     def set(self, v: float | None = None, w: float | None = None) -> None:
         """Set one or both fixed speeds; the current motion is ended."""
         self.end("a speed was set")
+        old = self.v, self.w
         if v is not None:
             self.v = max(-self.limits.fastest, min(self.limits.fastest, v))
         if w is not None:
             self.w = max(-self.limits.fastest_turn, min(self.limits.fastest_turn, w))
+        if any(new * before <= 0 and new != before for new, before in zip((self.v, self.w), old, strict=True)):
+            # Another direction: the wheels may be free that way.
+            self._stalled_at = None
 
     def halt(self, why: str = "stopped") -> None:
         """Set both speeds to 0; the current motion is ended."""
@@ -133,13 +142,13 @@ class Drive:
             self._ended(motion, how)
 
     def step(self, state: State) -> tuple[float, float]:
-        """The speeds to order now."""
+        """The speeds to order now; fixed speeds are set to 0 once the wheels have been blocked for STALL_TIMEOUT_S."""
         motion = self.motion
+        if (motion is not None or self.is_driving) and self._gives_up(state):
+            self.halt(STALLED)
+            return 0.0, 0.0
         if motion is None:
             return self.safety.limited_speed(self.v, state), self.w
-        if self._gives_up(state):
-            self.end(STALLED)
-            return 0.0, 0.0
         speeds = motion.speeds(state)
         if speeds is None:
             # The callback may have begun another motion.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final
 
 from urbihw.navigation.drive import BRAKING_SHARE, LATENCY_S, Limits, State
@@ -12,10 +13,14 @@ from urbihw.navigation.frames import Point, Pose, wrapped
 LOOKAHEAD: Final = 0.35
 """Distance in m along the path to the point that the robot steers to."""
 ARRIVED: Final = 0.06
-"""Distance in m to the end of the path at which the robot has arrived."""
 ARRIVED_TURN: Final = math.radians(3)
+"""Distance in m to the end of the path, and to the heading there, at which the robot stops at the latest."""
+ARRIVED_SHARE: Final = 0.6
+"""Share of a tolerance at which it stops; the rest is for the way until it stands."""
 TURN_FIRST: Final = 0.7
 """Course error in rad above which the robot turns on the spot."""
+ALIGNED: Final = 0.15
+"""Course error in rad below which an obstacle ahead is one on the path."""
 STEERING_GAIN: Final = 1.6
 STOP_DISTANCE: Final = 0.3
 """Distance in m to an obstacle ahead at which the robot waits until it is gone."""
@@ -26,9 +31,21 @@ STANDING_TURN: Final = math.radians(4)
 """Speeds in m/s and rad/s below which the robot counts as standing at its goal."""
 
 
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """How far from its goal the robot may stand: m and rad."""
+
+    distance: float = 0.1
+    heading: float = math.radians(5)
+
+    def allows(self, pose: Pose, place: Point, heading: float) -> bool:
+        """Whether a pose is near enough to a place and a heading."""
+        return math.dist(pose[:2], place) <= self.distance and abs(wrapped(heading - pose[2])) <= self.heading
+
+
 class PathFollower:
-    """A motion along a path to a final heading.  ``pose()`` returns the pose of the robot, ``room()`` the free distance
-    ahead.
+    """A motion along a path to a final heading.  ``pose()`` returns the pose of the robot, ``room(curvature)`` the free
+    distance ahead along an arc, in m and 1/m.
 
     Attributes:
         blocked: the motion has ended because an obstacle stood in the way for too long.
@@ -37,7 +54,13 @@ class PathFollower:
     safe = False
 
     def __init__(
-        self, path: list[Point], heading: float, limits: Limits, pose: Callable[[], Pose], room: Callable[[], float]
+        self,
+        path: list[Point],
+        heading: float,
+        limits: Limits,
+        pose: Callable[[], Pose],
+        room: Callable[[float], float],
+        tolerance: Tolerance,
     ) -> None:
         self.path = path
         self.blocked = False
@@ -45,37 +68,52 @@ class PathFollower:
         self._limits = limits
         self._pose = pose
         self._room = room
+        self._arrived = min(ARRIVED, ARRIVED_SHARE * tolerance.distance)
+        self._arrived_turn = min(ARRIVED_TURN, ARRIVED_SHARE * tolerance.heading)
         self._leg = 0
         self._turning_in = False
         self._waiting_since: float | None = None
 
+    def change_path(self, path: list[Point]) -> None:
+        """Go on along another path to the same goal, which begins where the robot is."""
+        self.path = path
+        self._leg = 0
+        self._waiting_since = None
+
+    def rest(self) -> list[Point]:
+        """The rest of the path, from the robot on."""
+        x, y, _ = self._pose()
+        return [(x, y), *self.path[self._leg + 1 :]]
+
     def speeds(self, state: State) -> tuple[float, float] | None:
         """Return the speeds towards the next point of the path, or of the final turn at its end."""
         x, y, heading = self._pose()
+        limits = self._limits
         end = self.path[-1]
-        if self._turning_in or math.dist((x, y), end) <= ARRIVED:
+        if self._turning_in or math.dist((x, y), end) <= self._arrived:
             return self._turn_in(heading, state)
         target = self._target((x, y))
         off = wrapped(math.atan2(target[1] - y, target[0] - x) - heading)
         if abs(off) > TURN_FIRST:
             self._waiting_since = None
             return 0.0, self._turn(off, state.w)
-        room = self._room()
-        if room < min(STOP_DISTANCE, math.dist((x, y), end) + ARRIVED):
-            return self._wait(state.time)
-        self._waiting_since = None
+        turn = min(limits.cruise_turn, limits.fastest_turn)
         left = self._left((x, y))
-        limits = self._limits
+        cruise = min(limits.cruise, limits.fastest) * math.cos(off)
+        w = max(-turn, min(turn, STEERING_GAIN * off))
+        room = self._room(w / cruise)
+        if room < min(STOP_DISTANCE, math.dist((x, y), end) + self._arrived):
+            # An arc may touch what the path beside it leaves free; a round hull can turn on the spot.
+            return self._wait(state.time) if abs(off) < ALIGNED else (0.0, self._turn(off, state.w))
+        self._waiting_since = None
         free = max(0.0, min(left, room - STOP_DISTANCE / 2) - LATENCY_S * abs(state.v))
         braked = math.sqrt(2 * BRAKING_SHARE * limits.braking * free)
-        v = max(limits.slowest, min(limits.cruise, limits.fastest, braked)) * math.cos(off)
-        turn = min(limits.cruise_turn, limits.fastest_turn)
-        return v, max(-turn, min(turn, STEERING_GAIN * off))
+        return max(limits.slowest, min(cruise, braked * math.cos(off))), w
 
     def _turn_in(self, heading: float, state: State) -> tuple[float, float] | None:
         self._turning_in = True
         off = wrapped(self._heading - heading)
-        if abs(off) <= ARRIVED_TURN:
+        if abs(off) <= self._arrived_turn:
             return None if abs(state.w) < STANDING_TURN and abs(state.v) < STANDING else (0.0, 0.0)
         return 0.0, self._turn(off, state.w)
 

@@ -2,47 +2,70 @@
 
 To read a map and to plan take long, so they run in threads; the results return to the kernel's thread and are dropped
 if they are obsolete.  The pose is that of the odometry, which begins at the map's home; with the option ``localization
-= "scan"`` each scan of the laser corrects it.  ``navigation.base`` is the interface of the base.
+= "scan"`` each scan of the laser corrects it (``locator``).  ``navigation.base`` is the interface of the base.
 """
 
 from __future__ import annotations
 
 import math
-import threading
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final
 
-from urbihw.kernel.uobject import UObject, UVar, event, finite_number, finite_numbers, owned, reading, variable
+from urbihw.kernel.uobject import (
+    UObject,
+    UVar,
+    event,
+    finite_number,
+    finite_numbers,
+    function,
+    owned,
+    reading,
+    variable,
+)
+from urbihw.navigation.background import Background
 from urbihw.navigation.base import Base
 from urbihw.navigation.drive import FINISHED, STALLED, Motion
-from urbihw.navigation.follow import PathFollower
-from urbihw.navigation.frames import Point, Pose
+from urbihw.navigation.follow import PathFollower, Tolerance
+from urbihw.navigation.frames import Point, Pose, compose, wrapped
 from urbihw.navigation.grid import Grid
-from urbihw.navigation.localize import CELL, GOOD_SCORE, match_scan
+from urbihw.navigation.localize import CELL
+from urbihw.navigation.locator import Locator
 from urbihw.navigation.maps import BadMap, Map, read
+from urbihw.navigation.obstacles import ObstacleLayer, closes_path, free_way
 from urbihw.navigation.options import SCAN
-from urbihw.navigation.planner import NoPath, plan
+from urbihw.navigation.planner import NoPath, Obstructed, check_goal, plan_around
+from urbihw.navigation.survey import Survey
 
 FAILED, SUCCEEDED, CANCELED = 0.0, 1.0, 2.0
 """The payload of ``pathPlanningEvent``."""
-MAX_DETOURS: Final = 3
-"""Maximum number of new plans for one goal because of obstacles."""
-MAX_MISFITS: Final = 5
-"""Consecutive scans that do not match the map after which the robot is lost."""
-MAX_FIRST_SCANS: Final = 20
-"""Maximum number of scans to find the pose on a new map."""
+MAX_WAITS: Final = 8
+"""Maximum number of pauses of one goal because of obstacles; together longer than a mark of the sensors lasts."""
+RETRY_S: Final = 3.0
+"""Seconds of a pause while obstacles close all ways."""
+MAX_NEW_WAYS: Final = 40
+"""Maximum number of new plans for one goal while it is driven to."""
+NEW_WAY_PAUSE_S: Final = 1.0
+"""Seconds between two of them."""
+MAX_APPROACHES: Final = 3
+"""Maximum number of new plans for a goal beside which the robot has come to stand."""
+LOOK_AHEAD: Final = 2.5
+"""Distance in m along the path that must be free of obstacles."""
+BLOCKING_RANGE: Final = 1.5
+"""Distance in m up to which echoes are marked as obstacles where the robot had to stop."""
 SIDE_CLEARANCE: Final = 0.03
 """Clearance in m beside the robot's radius that must be free ahead."""
 
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """A goal: a point and a heading on the map; ``detours`` is the remaining number of new plans."""
+    """A goal: a point and a heading on the map; ``waits``, ``new_ways`` and ``approaches`` are the remaining numbers of
+    pauses and of new plans."""
 
     place: Point
     heading: float
-    detours: int = MAX_DETOURS
+    waits: int = MAX_WAITS
+    new_ways: int = MAX_NEW_WAYS
+    approaches: int = MAX_APPROACHES
 
 
 class Navigator(UObject):
@@ -61,6 +84,8 @@ class Navigator(UObject):
     active = reading(False)
     path = reading([])
     score = reading(math.nan)
+    failure = reading("")
+    mapping = reading(False)
     speed = variable(0.3)
     turnSpeed = variable(0.7)
 
@@ -68,12 +93,16 @@ class Navigator(UObject):
         """``base`` is the base to drive."""
         self._base = base
         self._grid: Grid | None = None
-        self._walls: Grid | None = None
+        self._seen: ObstacleLayer | None = None
         self._goal: Goal | None = None
         self._follower: PathFollower | None = None
-        self._task = 0
-        self._misfits = 0
-        self._found_itself = False
+        self._retry_at = math.inf
+        self._planned_at = -math.inf
+        self._work = Background(self.host.post, (BadMap, NoPath))
+        searching, matching = Background(self.host.post, ()), Background(self.host.post, ())
+        self._locator = Locator(base.odometry, searching, self._localized, self._lost_pose)
+        self._survey = Survey(base.odometry, matching, base.log)
+        base.odometry.placed = self._locator.trust_pose
         if base.scanner is not None:
             base.scanner.scanned = self._scan_came
         self.notify_change(self.mapFileName, self._map_written)
@@ -94,34 +123,39 @@ class Navigator(UObject):
             raise ValueError("mapFileName takes the path of a map, or \"\"")
         scans, cell = self._uses_scans(), self._base.navigation.cell
         if name and scans:
-            if self._base.scanner is None:
-                raise ValueError("localization by scans needs a laser, and this robot has none")
-            self._base.scanner.check_on()
+            self._check_scanner("localization by scans")
         self._drop_map()
         self.mapFileName.sense(name)
         if name:
-            self._in_thread(lambda: _load(name, cell, scans=scans), self._map_loaded, self._map_failed)
+            self._end_mapping()
+            self._work.start(lambda: _load(name, cell, scans=scans), self._map_loaded, self._map_failed)
 
     def _uses_scans(self) -> bool:
         return self._base.navigation.localization == SCAN
 
+    def _check_scanner(self, what: str) -> None:
+        """Raise ValueError without a laser that is on."""
+        if self._base.scanner is None:
+            raise ValueError(f"{what} needs a laser, and this robot has none")
+        self._base.scanner.check_on()
+
     def _drop_map(self) -> None:
         self.cancel()
-        self._task += 1
-        self._grid = self._walls = None
-        self._found_itself = False
+        self._work.drop()
+        self._grid = self._seen = None
+        self._locator.use_map(None)
         self.ready.sense(False)
         self.score.sense(math.nan)
         self.mapFileName.sense("")
 
     def _map_loaded(self, loaded: tuple[Map, Grid, Grid]) -> None:
-        map_, self._grid, self._walls = loaded
-        self._misfits, self._found_itself = 0, False
+        map_, self._grid, walls = loaded
+        self._seen = ObstacleLayer(self._grid)
         if map_.home is not None:
             self._base.odometry.correct(map_.home)
         if self._uses_scans():
-            return
-        if self._is_outside():
+            self._locator.use_map(walls)
+        elif self._is_outside():
             self._lose("the robot's home is outside the map")
         else:
             self._localized()
@@ -131,15 +165,25 @@ class Navigator(UObject):
 
     def _localized(self) -> None:
         """The pose is known: plan a goal that has waited for it."""
-        self._found_itself = True
         self.ready.sense(True)
         if self._goal is not None:
             self._plan(self._goal)
 
     def _lose(self, why: str) -> None:
-        """The pose is not known any more: report it and cancel the goal."""
+        """The pose is not known any more, and there is no way to find it: report it, drop the map and the goal."""
         self._base.log.warning("localization failed: %s", why)
         self._drop_map()
+        self.locFailureEvent.emit(why)
+
+    def _lost_pose(self, why: str, searching: bool) -> None:
+        """The scans do not match the map any more; while the locator searches, the map stays."""
+        if not searching:
+            self._lose(why)
+            return
+        self._base.log.warning("localization failed: %s", why)
+        self.ready.sense(False)
+        self.cancel()
+        self._seen = None if self._grid is None else ObstacleLayer(self._grid)
         self.locFailureEvent.emit(why)
 
     # ---------------------------------------------------------------- where it is
@@ -150,26 +194,66 @@ class Navigator(UObject):
 
     def pose_changed(self) -> None:
         """The base calls this after each measurement of its pose."""
-        if self._found_itself and self._is_outside():
+        if self.ready.sensed and self._is_outside():
             self._lose("the robot is outside the map")
+        if self.host.now() >= self._retry_at and self._goal is not None:
+            self._retry_at = math.inf
+            self._plan(self._goal)
 
     def _scan_came(self) -> None:
-        """Correct the pose by a new scan, if the options require that."""
-        walls, scanner = self._walls, self._base.scanner
-        if walls is None or scanner is None or not self._uses_scans():
+        """Process a new scan: correct the pose if the options require that, and mark and clear obstacles."""
+        scanner = self._base.scanner
+        if scanner is None:
             return
-        odometry = self._base.odometry
-        found = match_scan(walls, odometry.absolute, scanner.echoes(), scanner.place)
-        self.score.sense(found.score)
-        if found.score >= GOOD_SCORE:
-            self._misfits = 0
-            odometry.correct(found.pose)
-            if not self._found_itself:
-                self._localized()
+        echoes = scanner.echoes()
+        if self.mapping.sensed:
+            self._survey.take_scan(echoes, scanner.place)
+        if self._grid is None or self._seen is None:
             return
-        self._misfits += 1
-        if self._misfits >= (MAX_MISFITS if self._found_itself else MAX_FIRST_SCANS):
-            self._lose(f"the laser does not see what the map shows (score {found.score:.2f})")
+        if self._uses_scans():
+            self._locator.take_scan(echoes, scanner.place)
+            self.score.sense(self._locator.score)
+        if self.ready.sensed and self._seen is not None:
+            at = compose(self._base.odometry.absolute, (scanner.place, 0.0, 0.0))
+            self._seen.add_scan(at, echoes, self.host.now())
+            self._keep_way_free()
+
+    def _keep_way_free(self) -> None:
+        """Plan again while an obstacle stands on the rest of the path."""
+        follower, goal, now = self._follower, self._goal, self.host.now()
+        if follower is None or goal is None or self._seen is None or self._work.busy:
+            return
+        if not goal.new_ways or now - self._planned_at < NEW_WAY_PAUSE_S:
+            return
+        if closes_path(self._seen.points(now), follower.rest(), self._base.radius, LOOK_AHEAD):
+            self._goal = replace(goal, new_ways=goal.new_ways - 1)
+            self._plan(self._goal)
+
+    # ---------------------------------------------------------------- a new map
+
+    @function("startMapping")
+    def start_mapping(self) -> None:
+        """Begin to build a map from the scans of the laser, here and now; the old map is dropped.  Drive the robot by
+        hand.  Raises ValueError without a laser that is on, or without the extra ``navigation``."""
+        self._check_scanner("building a map")
+        self._survey.start()
+        self._drop_map()
+        self.mapping.sense(True)
+
+    @function("stopMapping")
+    def stop_mapping(self) -> None:
+        """End it, and forget the map that was built."""
+        self._end_mapping()
+
+    @function("saveMap")
+    def save_map(self, name: str) -> None:
+        """Write the map that is being built, for ``mapFileName``: NAME.yaml and NAME.pgm, as map_server's.  Raises
+        ValueError if none is being built or the files cannot be written."""
+        self._survey.save(name)
+
+    def _end_mapping(self) -> None:
+        self._survey.stop()
+        self.mapping.sense(False)
 
     # ---------------------------------------------------------------- goals
 
@@ -180,33 +264,64 @@ class Navigator(UObject):
         if not self.mapFileName.sensed:
             raise ValueError(f"there is no map; set {self.slot_name}.mapFileName first")
         self._base.check_motors()
+        if self._grid is not None:
+            try:
+                check_goal(self._grid, (x, y), self._clearance())
+            except NoPath as error:
+                raise ValueError(str(error)) from error
         self._base.claim_motion()
         self._base.drive.halt("a path is being planned")
         self.cancel()
+        self.failure.sense("")
         self._goal = Goal((x, y), heading)
         self.active.sense(True)
-        if self._found_itself:
+        if self.ready.sensed:
             self._plan(self._goal)
 
+    def _clearance(self) -> float:
+        """Distance in m that paths keep from walls, from the middle of the base."""
+        return self._base.radius + self._base.navigation.clearance
+
+    def _tolerance(self) -> Tolerance:
+        options = self._base.navigation
+        return Tolerance(options.tolerance, math.radians(options.heading_tolerance))
+
     def _plan(self, goal: Goal) -> None:
-        grid, base = self._grid, self._base
-        assert grid is not None, "the robot knows where it is, so there is a map"
-        start = self._base.odometry.absolute[:2]
-        clearance = base.radius + base.navigation.clearance
-        self._in_thread(
-            lambda: plan(grid, start, goal.place, clearance),
+        grid = self._grid
+        assert grid is not None and self._seen is not None, "the robot knows where it is, so there is a map"
+        start, clearance = self._base.odometry.absolute[:2], self._clearance()
+        self._planned_at = self.host.now()
+        seen = self._seen.points(self._planned_at)
+        self._work.start(
+            lambda: plan_around(grid, seen, start, goal.place, clearance),
             lambda path: self._follow_path(goal, path),
-            self._plan_failed,
+            lambda error: self._plan_failed(goal, error),
         )
 
     def _follow_path(self, goal: Goal, path: list[Point]) -> None:
         self.path.sense([list(point) for point in path])
-        follower = PathFollower(path, goal.heading, self._base.drive.limits, self._pose, self._room)
+        if self._follower is not None:
+            self._follower.change_path(path)
+            return
+        base = self._base
+        follower = PathFollower(path, goal.heading, base.drive.limits, self._pose, self._room, self._tolerance())
         self._follower = follower
-        self._base.begin_motion(follower)
+        base.begin_motion(follower)
 
-    def _plan_failed(self, error: Exception) -> None:
-        self._base.log.warning("no path: %s", error)
+    def _plan_failed(self, goal: Goal, error: Exception) -> None:
+        if not isinstance(error, Obstructed) or not goal.waits:
+            self._fail(str(error))
+            return
+        follower, self._follower = self._follower, None
+        if follower is not None and self._base.drive.motion is follower:
+            self._base.drive.halt("obstacles close all ways")
+        self._goal = replace(goal, waits=goal.waits - 1)
+        self._retry_at = self.host.now() + RETRY_S
+
+    def _fail(self, why: str) -> None:
+        """End the goal, and say why."""
+        self._base.log.warning("no path: %s", why)
+        self.failure.sense(why)
         self._end_goal(FAILED)
 
     def motion_ended(self, motion: Motion, how: str) -> None:
@@ -215,23 +330,31 @@ class Navigator(UObject):
             return
         follower, self._follower = self._follower, None
         goal = self._goal
-        if how != FINISHED:
-            self._end_goal(FAILED if how == STALLED else CANCELED)
-        elif not follower.blocked or goal is None:
+        if goal is None or how not in (FINISHED, STALLED):
+            self._end_goal(CANCELED)
+        elif how == STALLED:
+            self._fail("the wheels were told to turn and stood still")
+        elif follower.blocked:
+            self._leave_obstacle(goal)
+        elif self._tolerance().allows(self._pose(), goal.place, goal.heading):
             self._end_goal(SUCCEEDED)
-        elif not goal.detours:
-            self._base.log.warning("no path: something stands in the way")
-            self._end_goal(FAILED)
+        elif goal.approaches:
+            self._goal = replace(goal, approaches=goal.approaches - 1)
+            self._plan(self._goal)
         else:
-            self._detour(goal)
+            x, y, heading = self._pose()
+            off = math.degrees(abs(wrapped(goal.heading - heading)))
+            self._fail(f"the robot stands {math.dist((x, y), goal.place):.2f} m and {off:.0f} degrees beside the goal")
 
-    def _detour(self, goal: Goal) -> None:
-        """Plan again, with the detected obstacles added to the map of this goal."""
-        assert self._grid is not None, "a path was followed on a map"
-        self._grid = self._grid.copy()
-        for x, y in self._echoes_on_map():
-            self._grid.block(x, y)
-        self._goal = Goal(goal.place, goal.heading, goal.detours - 1)
+    def _leave_obstacle(self, goal: Goal) -> None:
+        """Plan again, around the obstacle in front of which the robot had to stop."""
+        if not goal.waits or self._seen is None:
+            self._fail("something stands in the way")
+            return
+        pose = self._pose()
+        near = [(x, y) for x, y in self._echoes() if math.hypot(x, y) < BLOCKING_RANGE]
+        self._seen.add_points([compose(pose, (x, y, 0.0))[:2] for x, y in near], self.host.now())
+        self._goal = replace(goal, waits=goal.waits - 1)
         self._plan(self._goal)
 
     def cancel(self) -> None:
@@ -241,7 +364,10 @@ class Navigator(UObject):
 
     def _end_goal(self, how: float) -> None:
         follower, self._follower, self._goal = self._follower, None, None
-        self._task += 1
+        self._retry_at = math.inf
+        if self._grid is not None:
+            # Without a map the work is that of reading one, for which another goal waits.
+            self._work.drop()
         self.active.sense(False)
         self.path.sense([])
         if follower is not None and self._base.drive.motion is follower:
@@ -253,11 +379,9 @@ class Navigator(UObject):
     def _pose(self) -> Pose:
         return self._base.odometry.absolute
 
-    def _room(self) -> float:
-        """Free distance in m ahead of the robot's hull, in a lane of its own width."""
-        radius = self._base.radius
-        ahead = (x for x, y in self._echoes() if x > 0 and abs(y) <= radius + SIDE_CLEARANCE)
-        return min(ahead, default=math.inf) - radius
+    def _room(self, curvature: float) -> float:
+        """Free distance in m ahead of the robot's hull along an arc."""
+        return free_way(self._echoes(), curvature, self._base.radius, SIDE_CLEARANCE)
 
     def _echoes(self) -> list[Point]:
         """Points that the scanner and other sensors detect now, in m ahead of and to the left of the middle of the
@@ -267,35 +391,6 @@ class Navigator(UObject):
             return self._base.obstacles()
         seen = [(scanner.place + r * math.cos(a), r * math.sin(a)) for r, a in scanner.fresh_echoes()]
         return seen + self._base.obstacles()
-
-    def _echoes_on_map(self) -> list[Point]:
-        x, y, heading = self._base.odometry.absolute
-        c, s = math.cos(heading), math.sin(heading)
-        return [(x + c * px - s * py, y + s * px + c * py) for px, py in self._echoes()]
-
-    # ---------------------------------------------------------------- threads
-
-    def _in_thread(
-        self, work: Callable[[], Any], done: Callable[[Any], None], failed: Callable[[Exception], None]
-    ) -> None:
-        """Run some work in a thread; its result is used only if no other work was begun meanwhile."""
-        self._task += 1
-        task = self._task
-
-        def deliver(act: Callable[[Any], None], value: Any) -> None:
-            self.host.post(lambda: act(value) if task == self._task else None)
-
-        def run() -> None:
-            try:
-                value = work()
-            except (BadMap, NoPath) as error:
-                deliver(failed, error)
-            except Exception as error:
-                deliver(failed, RuntimeError(f"our bug: {type(error).__name__}: {error}"))
-            else:
-                deliver(done, value)
-
-        threading.Thread(target=run, name="planner", daemon=True).start()
 
 
 def _load(name: str, cell: float, *, scans: bool) -> tuple[Map, Grid, Grid]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from urbihw.kernel.uobject import UObject, finite_numbers, owned, reading
 from urbihw.navigation.frames import ORIGIN, Pose, compose, frame_of, moved, wrapped
 
@@ -24,6 +26,7 @@ class Odometry(UObject):
         """Both frames are identical until ``position`` is written."""
         self.odometric: Pose = ORIGIN
         self.frame: Pose = ORIGIN
+        self.placed: Callable[[], None] = lambda: None
         self.notify_change(self.position, self._position_written)
 
     @property
@@ -55,6 +58,7 @@ class Odometry(UObject):
     def _position_written(self) -> None:
         x, y, _, yaw = finite_numbers(self.position.value, 4, 4, "[x, y, z, yaw]")
         self.correct((x, y, yaw))
+        self.placed()
 
     def _show_position(self, stamp: float) -> None:
         x, y, yaw = self.absolute

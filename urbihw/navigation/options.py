@@ -19,11 +19,15 @@ class NavigationOptions(Table):
         localization: "odometry", or "scan" to correct it by matching laser scans with the map.
         cell: size of the planner's grid cells, m.
         clearance: distance in m between planned paths and walls, in addition to the robot's radius.
+        tolerance: distance in m from the goal within which a path has succeeded.
+        heading_tolerance: the same for the heading, degrees.
     """
 
     localization: str = setting(ODOMETRY, choice(ODOMETRY, SCAN))
     cell: float = setting(0.1, number(0.02, 1.0, " m"))
     clearance: float = setting(0.05, number(0.0, 2.0, " m"))
+    tolerance: float = setting(0.1, number(0.03, 2.0, " m"))
+    heading_tolerance: float = setting(5.0, number(2.0, 180.0, " degrees"))
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from typing import Final, Protocol
 from urbihw.kernel.uobject import Motion as MotionAuthority
 from urbihw.kernel.uobject import Origin
 from urbihw.navigation.base import Log, Scanner
-from urbihw.navigation.drive import Drive, Limits, Motion, State
+from urbihw.navigation.drive import STALL_TIMEOUT_S, Drive, Limits, Motion, State
 from urbihw.navigation.frames import Point
 from urbihw.navigation.navigator import Navigator
 from urbihw.navigation.odometry import Odometry
@@ -124,8 +124,12 @@ class Pilot:
         self._read_at = stamp
         v, w = (way / seconds, angle / seconds) if seconds > 0 else (self._state.v, self._state.w)
         blocked = self._ordered != (0.0, 0.0) and abs(v) < STANDING and abs(w) < STANDING_TURN
-        self._state = State(stamp, v, w, stalled=blocked)
         self.odometry.add_way(way, angle, stamp)
+        self.show_state(State(stamp, v, w, stalled=blocked))
+
+    def show_state(self, state: State) -> None:
+        """Process a reading of a base that measures its speeds and keeps ``odometry`` up to date itself."""
+        self._state = state
         self._order_next()
         self.planner.pose_changed()
 
@@ -133,6 +137,19 @@ class Pilot:
         """End the path, if there is one, and stop the base because of ``reason``."""
         self.planner.cancel()
         self.drive.halt(reason)
+        if self._ordered != (0.0, 0.0):
+            self._order(0.0, 0.0, self._motion.own())
+
+    def set_speeds(self, v: float | None, w: float | None) -> None:
+        """Drive at fixed speeds (m/s, rad/s; None keeps one), within the safety distances; this ends a path.
+
+        Raises what ``Motion.admit`` raises.
+        """
+        self.claim_motion()
+        self._wheels.update_limits(self.drive.limits)
+        self.planner.cancel()
+        self.drive.set(v, w)
+        self._order_next()
 
     def yield_to_hand(self) -> None:
         """End the path because a program is about to write a speed; the other speed becomes 0 instead of the one of the
@@ -152,14 +169,17 @@ class Pilot:
     # ---------------------------------------------------------------- orders
 
     def _order_next(self) -> None:
-        """Order the next speeds of the motion, if there is one."""
-        if self.drive.motion is None:
+        """Order the next speeds of the motion, or the fixed ones, if there are any."""
+        if self.drive.motion is None and not self.drive.is_driving and self._ordered == (0.0, 0.0):
             return
         if not all(self._motion.is_live(self._origin, device) for device in self._wheels.devices):
             self.stop_following(self._motion.reason)
             return
+        had_motion, was_driving = self.drive.motion is not None, self.drive.is_driving
         v, w = self.drive.step(self._state)
-        if self.drive.motion is not None:
+        if was_driving and not self.drive.is_driving:
+            self.log.warning("the wheels have been blocked for %g s: the base is stopped", STALL_TIMEOUT_S)
+        if self.drive.motion is not None or not had_motion:
             self._order(v, w, self._origin)
 
     def _order(self, v: float, w: float, origin: Origin) -> None:

@@ -28,7 +28,6 @@ from urbihw.kernel.uobject import (
     Motion,
     NotReady,
     Opened,
-    Robot,
     RobotSettings,
     event,
     function,
@@ -37,6 +36,7 @@ from urbihw.kernel.uobject import (
 )
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.devicelog import DeviceLog
+from urbihw.platforms.identity import IdentifiedRobot
 from urbihw.platforms.limits import DeviceLimits, LimitSettings
 from urbihw.settings import BadSetting
 
@@ -79,7 +79,7 @@ class LimitedDevice(Protocol):
         ...
 
 
-class WiredRobot(Robot):
+class WiredRobot(IdentifiedRobot):
     """A robot on one wire.
 
     A subclass sets ``family`` and ``robot_name`` and implements ``status``, ``on_found``, ``on_samples`` and
@@ -88,8 +88,6 @@ class WiredRobot(Robot):
 
     family: ClassVar[str]
     """The driver of the wire: a row of ``urbihw.buses.driver.FAMILIES``, or "module:Class"."""
-    robot_name: ClassVar[str]
-    """Its name in the log."""
 
     url = reading("")
     link = reading(False)
@@ -136,6 +134,8 @@ class WiredRobot(Robot):
         self._heard_at = self.bus_time()
         self.offset = self.host.now() - self._heard_at
         self.url.sense(settings.url)
+        self.identify()
+        self.show_address(settings.url)
         self.motion.keep = settings.keep_motion
         self.limits = LimitSettings.of(settings.limits)
         self._resume = settings.resume

@@ -56,9 +56,9 @@ class DeviceChannel:
         """Read an item once; ``done`` gets the reply."""
         self._queue_request("read", device, item, 0, done)
 
-    def send_request(self, verb: str, device: Any, done: Done, origin: Origin | None = None) -> None:
+    def send_request(self, verb: str, device: Any, done: Done, origin: Origin | None = None, value: Any = 0) -> None:
         """Send one of the family's other requests; ``done`` gets the reply."""
-        self._queue_request(verb, device, "", 0, done, origin)
+        self._queue_request(verb, device, "", value, done, origin)
 
     def call(self, device: Any, item: str, arguments: Sequence[Any], done: Done, origin: Origin | None = None) -> None:
         """Call something of a device, in a family that has the verb "call"; ``done`` gets its result."""

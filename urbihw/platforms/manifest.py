@@ -52,6 +52,8 @@ class Manifest:
             or one of ``urbihw.buses`` by its full name; "" for no options.
         scan: "module:function" of the folder, which searches the network for robots and yields a line for each;
             "" for no search.
+        on_robot: a file of the folder: the program that runs on the robot itself, as ``urbihw platforms --on-robot``
+            prints it; "" for none.
         limits: the devices that can have ``[limits]`` -> their kinds of limits; ``#`` in a name stands for a number.
     """
 
@@ -68,10 +70,11 @@ class Manifest:
     needs: tuple[str, ...] = ()
     options: str = ""
     scan: str = ""
+    on_robot: str = ""
     limits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-_TEXTS: Final = {"name", "title", "robot", "slot", "default_url", "options", "scan"}
+_TEXTS: Final = {"name", "title", "robot", "slot", "default_url", "options", "scan", "on_robot"}
 _LISTS: Final = {"library", "buses", "fake", "needs"}
 _REQUIRED: Final = ("name", "title", "robot", "slot")
 
@@ -109,9 +112,10 @@ def _checked(table: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         raise BadManifest(f"robot names the module {module!r}, but there is no {module}.py beside the manifest")
     if not values["slot"].isidentifier():
         raise BadManifest(f"slot must be a name as urbiscript takes it, not {values['slot']!r}")
-    for file in values.get("library", ()):
-        if not (folder / file).is_file():
-            raise BadManifest(f"library names {file!r}, which is not beside the manifest")
+    for key, files in (("library", values.get("library", ())), ("on_robot", [values.get("on_robot")])):
+        for file in files:
+            if file and not (folder / file).is_file():
+                raise BadManifest(f"{key} names {file!r}, which is not beside the manifest")
     return values
 
 

@@ -56,8 +56,7 @@ async def _run(
     process = KernelProcess()
     process.install_signals()
     try:
-        kernel = process.boot()
-        kernel.programs.arguments = arguments
+        kernel = process.boot(arguments=arguments)
         process.load_modules(modules)
         bridge = Bridge(kernel.host, token(), lambda parts: session.write(parts))
         session = Session(bridge, process.drive, where, who)

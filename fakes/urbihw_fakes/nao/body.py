@@ -47,7 +47,7 @@ STEP = 0.01
 """Seconds of a step of the simulation at most."""
 FASTEST = (0.12, 0.08, 0.6)
 """Of walking: m/s, m/s, rad/s."""
-PICK_UP = (0.3, 0.3, 1.5)
+ACCELERATION = (0.3, 0.3, 1.5)
 """What walking speeds up and slows down by: m/s2, m/s2, rad/s2."""
 STIFF = 0.05
 """Stiffness from which a motor holds."""
@@ -120,13 +120,17 @@ def posture(name: str) -> dict[str, float]:
 
 
 class Body:
-    """The whole robot; ``x``, ``y``, ``heading`` are where it is, ``walk`` its speeds, ``asked`` those it was told."""
+    """The whole robot; ``x``, ``y``, ``heading`` are where it is, ``walk`` its speeds, ``asked`` those it was told.
+
+    ``on_step`` are called before each step of the simulation, with its time.
+    """
 
     def __init__(self) -> None:
         self.joints = joints()
         self.x = self.y = self.heading = 0.0
         self.walk = [0.0, 0.0, 0.0]
         self.asked = [0.0, 0.0, 0.0]
+        self.step_shares = [1.0, 1.0, 1.0]
         self.goal: tuple[float, float, float] | None = None
         self.standing = self.fallen = False
         self.powered = True
@@ -135,17 +139,20 @@ class Body:
         self.touched: dict[str, float] = {}
         self.sonars = [1.2, 1.5]
         self.on_fall: Callable[[], None] = lambda: None
+        self.on_step: list[Callable[[float], None]] = []
         self._now: float | None = None
 
     # ---------------------------------------------------------------- time
 
     def advance(self, now: float) -> None:
-        """Live until ``now``."""
+        """Let time pass until ``now``."""
         if self._now is None:
             self._now = now
         left = now - self._now
         steps = math.ceil(left / STEP - 1e-9) if left > 0 else 0
-        for _ in range(steps):
+        for index in range(steps):
+            for act in self.on_step:
+                act(self._now + left * (index + 1) / steps)
             self._step(left / steps)
         self._now = max(now, self._now)
 
@@ -170,10 +177,11 @@ class Body:
     def _steps(self, dt: float) -> None:
         if self.goal is not None:
             self._steer()
-        for axis, (most, pick_up) in enumerate(zip(FASTEST, PICK_UP, strict=True)):
+        for axis, (most, acceleration) in enumerate(zip(FASTEST, ACCELERATION, strict=True)):
+            most *= self.step_shares[axis]
             wanted = min(max(self.asked[axis], -most), most) if self.standing else 0.0
             change = wanted - self.walk[axis]
-            self.walk[axis] += min(max(change, -pick_up * dt), pick_up * dt)
+            self.walk[axis] += min(max(change, -acceleration * dt), acceleration * dt)
         forward, left, turn = self.walk
         self.x += (forward * math.cos(self.heading) - left * math.sin(self.heading)) * dt
         self.y += (forward * math.sin(self.heading) + left * math.cos(self.heading)) * dt
@@ -186,7 +194,7 @@ class Body:
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         ways = (dx * cos + dy * sin, dy * cos - dx * sin, turn)
         for axis, way in enumerate(ways):
-            self.asked[axis] = math.copysign(min(FASTEST[axis], math.sqrt(1.2 * PICK_UP[axis] * abs(way))), way)
+            self.asked[axis] = math.copysign(min(FASTEST[axis], math.sqrt(1.2 * ACCELERATION[axis] * abs(way))), way)
         if all(abs(way) < 0.004 for way in ways) and all(abs(speed) < 0.03 for speed in self.walk):
             self.goal, self.asked = None, [0.0, 0.0, 0.0]
 
@@ -203,7 +211,7 @@ class Body:
         """Whether it walks, or is about to."""
         return self.goal is not None or any(self.asked) or any(abs(speed) > 1e-6 for speed in self.walk)
 
-    def take_posture(self, name: str, share: float) -> Callable[[], bool]:
+    def go_to_posture(self, name: str, share: float) -> Callable[[], bool]:
         """Go to a posture with stiff motors; what says whether it is there."""
         goals = posture(name)
         for joint in self.joints.values():
@@ -225,15 +233,30 @@ class Body:
             self.standing = True
         return True
 
-    def drive(self, speeds: Iterable[float]) -> None:
-        """Walk with these speeds until told otherwise."""
+    def drive(self, speeds: Iterable[float], shares: Iterable[float] = (1.0, 1.0, 1.0)) -> None:
+        """Walk with these speeds until told otherwise; ``shares`` of its greatest speeds are what its steps allow."""
         self.goal = None
         self.asked = list(speeds)
+        self.step_shares = list(shares)
 
     def walk_to(self, x: float, y: float, turn: float) -> None:
         """Walk to a place, seen from here."""
         cos, sin = math.cos(self.heading), math.sin(self.heading)
+        self.step_shares = [1.0, 1.0, 1.0]
         self.goal = self.x + x * cos - y * sin, self.y + x * sin + y * cos, self.heading + turn
+
+    def put_on_feet(self) -> None:
+        """Somebody has put it there: it stands, and is stiff."""
+        goals = posture("Stand")
+        for joint in self.joints.values():
+            joint.angle = joint.command = goals[joint.name]
+            joint.stiffness = 1.0
+        self.standing, self.fallen = True, False
+
+    def hold_joints(self) -> None:
+        """Each joint stays where it is."""
+        for joint in self.joints.values():
+            joint.command = joint.angle
 
     def slack(self) -> None:
         """All motors off."""

@@ -19,8 +19,16 @@ META = (
 )
 
 
-class Garbage(Exception):
+class BadMessage(Exception):
     """The client sent what is no message, or no value."""
+
+
+class Target(NamedTuple):
+    """What a message is for: a member of an object of a service."""
+
+    service: int
+    thing: int
+    action: int
 
 
 class Message(NamedTuple):
@@ -33,26 +41,31 @@ class Message(NamedTuple):
     action: int
     payload: bytes
 
+    @property
+    def target(self) -> Target:
+        """What it is for."""
+        return Target(self.service, self.thing, self.action)
 
-def frame(kind: int, number: int, service: int, thing: int, action: int, payload: bytes = b"") -> bytes:
+
+def frame(kind: int, number: int, target: Target, payload: bytes = b"") -> bytes:
     """The bytes of a message."""
-    return HEAD.pack(MAGIC, number, len(payload), 0, kind, 0, service, thing, action) + payload
+    return HEAD.pack(MAGIC, number, len(payload), 0, kind, 0, *target) + payload
 
 
-class Cutter:
-    """Messages out of a stream."""
+class Splitter:
+    """Splits a stream into messages."""
 
     def __init__(self) -> None:
         self._rest = b""
 
-    def take(self, data: bytes) -> list[Message]:
-        """Those that are complete.  Raises Garbage."""
+    def feed(self, data: bytes) -> list[Message]:
+        """The messages that are complete with these bytes.  Raises BadMessage."""
         self._rest += data
         found = []
         while len(self._rest) >= HEAD.size:
             magic, number, size, _, kind, _, service, thing, action = HEAD.unpack_from(self._rest)
             if magic != MAGIC or size > MOST:
-                raise Garbage
+                raise BadMessage
             if len(self._rest) < HEAD.size + size:
                 break
             found.append(Message(number, kind, service, thing, action, self._rest[HEAD.size : HEAD.size + size]))
@@ -84,8 +97,8 @@ def inner(signature: str) -> list[str]:
     return split(signature[1 : signature.rindex(closing)])
 
 
-class Source:
-    """Values out of bytes."""
+class Reader:
+    """Reads values out of bytes."""
 
     def __init__(self, data: bytes) -> None:
         self._data = data
@@ -93,18 +106,18 @@ class Source:
 
     def _bytes(self, size: int) -> bytes:
         if size > len(self._data) - self._at:
-            raise Garbage
+            raise BadMessage
         self._at += size
         return self._data[self._at - size : self._at]
 
     def _size(self) -> int:
         size = int(struct.unpack("<I", self._bytes(4))[0])
         if size > len(self._data):
-            raise Garbage
+            raise BadMessage
         return size
 
-    def get(self, signature: str) -> Any:
-        """The next value.  Raises Garbage."""
+    def read(self, signature: str) -> Any:
+        """The next value.  Raises BadMessage."""
         kind = signature[0]
         if kind in FORMATS:
             form = "<" + FORMATS[kind]
@@ -114,29 +127,29 @@ class Source:
         if kind == "r":
             return self._bytes(self._size())
         if kind == "m":
-            return self.get(self.get("s"))
+            return self.read(self.read("s"))
         if kind == "v":
             return None
         if kind == "[":
             (part,) = inner(signature)
-            return [self.get(part) for _ in range(self._size())]
+            return [self.read(part) for _ in range(self._size())]
         if kind == "{":
             key, value = inner(signature)
-            return {self.get(key): self.get(value) for _ in range(self._size())}
+            return {self.read(key): self.read(value) for _ in range(self._size())}
         if kind == "(":
-            return tuple(self.get(part) for part in inner(signature))
-        raise Garbage
+            return tuple(self.read(part) for part in inner(signature))
+        raise BadMessage
 
 
-def get(signature: str, data: bytes) -> Any:
-    """The value of a payload.  Raises Garbage."""
+def decode(signature: str, data: bytes) -> Any:
+    """The value of a payload.  Raises BadMessage."""
     try:
-        return Source(data).get(signature)
+        return Reader(data).read(signature)
     except (IndexError, KeyError, ValueError, TypeError, RecursionError) as error:
-        raise Garbage from error
+        raise BadMessage from error
 
 
-def put(signature: str, value: Any) -> bytes:
+def encode(signature: str, value: Any) -> bytes:
     """The bytes of a value."""
     kind = signature[0]
     if kind in FORMATS:
@@ -146,20 +159,20 @@ def put(signature: str, value: Any) -> bytes:
         return struct.pack("<I", len(data)) + data
     if kind == "m":
         own = signature_of(value)
-        return put("s", own) + put(own, value)
+        return encode("s", own) + encode(own, value)
     if kind == "v":
         return b""
     if kind == "[":
         (part,) = inner(signature)
-        return struct.pack("<I", len(value)) + b"".join(put(part, each) for each in value)
+        return struct.pack("<I", len(value)) + b"".join(encode(part, each) for each in value)
     if kind == "{":
         key, what = inner(signature)
-        return struct.pack("<I", len(value)) + b"".join(put(key, k) + put(what, v) for k, v in value.items())
+        return struct.pack("<I", len(value)) + b"".join(encode(key, k) + encode(what, v) for k, v in value.items())
     if kind == "(":
-        return b"".join(put(part, each) for part, each in zip(inner(signature), value, strict=True))
+        return b"".join(encode(part, each) for part, each in zip(inner(signature), value, strict=True))
     if kind == "o":
         meta, service, thing = value
-        return put(META, meta) + struct.pack("<II", service, thing)
+        return encode(META, meta) + struct.pack("<II", service, thing)
     raise ValueError(signature)
 
 
@@ -167,6 +180,8 @@ def signature_of(value: Any) -> str:
     """What a value is as a dynamic one: floats have 32 bits, as NAOqi's own."""
     if value is None:
         return "v"
+    if type(value) is int and not -(1 << 31) <= value < 1 << 31:
+        return "l"
     for kind, letter in ((bool, "b"), (int, "i"), (float, "f"), (str, "s"), (bytes, "r"), (dict, "{mm}")):
         if isinstance(value, kind):
             return letter

@@ -7,60 +7,105 @@ from collections.abc import Callable
 
 from urbihw_fakes.console import Command
 from urbihw_fakes.errors import UnknownRequest
+from urbihw_fakes.nao.audio import Tone
 from urbihw_fakes.nao.device import Nao
-from urbihw_fakes.nao.others import TOUCHES
+from urbihw_fakes.nao.memory import TOUCHES
 
 
-def commands(robot: Nao, clock: Callable[[], float]) -> dict[str, Command]:
-    """The table for one robot; `clock` gives the time that it lives in."""
-    body = robot.body
+class Words:
+    """What each word does with one robot; `clock` gives the time of its world."""
 
-    def touch(words: list[str]) -> str:
+    def __init__(self, robot: Nao, clock: Callable[[], float]) -> None:
+        self._robot, self._body, self._clock = robot, robot.body, clock
+
+    def touch(self, words: list[str]) -> str:
+        """A sensor of touch."""
         if words[0] not in TOUCHES:
             raise UnknownRequest(f"touch {words[0]}: say one of {', '.join(TOUCHES)}")
-        robot.memory.touch(words[0], float(words[1]) if len(words) > 1 else 1.0)
+        self._robot.memory.touch(words[0], float(words[1]) if len(words) > 1 else 1.0)
         return "ok"
 
-    def sonar(words: list[str]) -> str:
-        body.sonars[:] = float(words[0]), float(words[1])
+    def set_sonars(self, words: list[str]) -> str:
+        """Distances."""
+        self._body.sonars[:] = float(words[0]), float(words[1])
         return "ok"
 
-    def event(words: list[str]) -> str:
-        robot.memory.raise_event(words[0], float(words[1]))
+    def raise_event(self, words: list[str]) -> str:
+        """An event of ALMemory."""
+        self._robot.memory.raise_event(words[0], float(words[1]))
         return "ok"
 
-    def push(words: list[str]) -> str:
-        body.advance(clock())
-        body.standing = True
-        body.slack()
-        body.advance(clock() + 0.01)
+    def push(self, words: list[str]) -> str:
+        """It falls."""
+        self._robot.advance(self._clock())
+        self._body.standing = True
+        self._body.slack()
+        self._robot.advance(self._clock() + 0.01)
         return "ok"
 
-    def battery(words: list[str]) -> str:
-        body.charge = min(1.0, max(0.0, float(words[0]) / 100))
+    def set_charge(self, words: list[str]) -> str:
+        """Of the battery."""
+        self._body.charge = min(1.0, max(0.0, float(words[0]) / 100))
         return "ok"
 
-    def where(words: list[str]) -> str:
-        body.advance(clock())
+    def tell_place(self, words: list[str]) -> str:
+        """Place, heading, and what it does."""
+        self._robot.advance(self._clock())
+        body = self._body
         doing = "fallen" if body.fallen else "walking" if body.walking else "standing" if body.standing else "crouching"
         return f"{body.x:.3f} {body.y:.3f} {math.degrees(body.heading):.1f} {doing}"
 
-    def said(words: list[str]) -> str:
-        return "\n".join(robot.voice.said) or "nothing"
+    def hear(self, words: list[str]) -> str:
+        """Somebody says one of several words."""
+        pairs = [(word, float(confidence)) for word, confidence in zip(words[::2], words[1::2], strict=True)]
+        return "ok" if self._robot.recognition.hear(pairs) else "not heard"
 
-    def joints(words: list[str]) -> str:
-        body.advance(clock())
-        return "\n".join(
-            f"{joint.name:16} {joint.angle:8.3f} stiffness {joint.stiffness:.2f}" for joint in body.joints.values()
-        )
+    def whistle(self, words: list[str]) -> str:
+        """A tone for the microphones."""
+        self._robot.audio.room.tones.append(Tone(self._clock(), float(words[0]), float(words[1])))
+        return "ok"
 
+    def tell_sound(self, words: list[str]) -> str:
+        """What the loudspeakers have played."""
+        audio = self._robot.audio
+        seconds = sum(piece.seconds for piece in audio.played)
+        return f"{seconds:.2f} s in {len(audio.played)} pieces, {len(audio.gaps())} gaps"
+
+    def tell_light(self, words: list[str]) -> str:
+        """A light, or a group."""
+        return f"{self._robot.leds.colour(words[0]):06x}"
+
+    def tell_speech(self, words: list[str]) -> str:
+        """All texts."""
+        return "\n".join(self._robot.speech.said) or "nothing"
+
+    def tell_joints(self, words: list[str]) -> str:
+        """All joints."""
+        self._robot.advance(self._clock())
+        joints = self._body.joints.values()
+        return "\n".join(f"{joint.name:16} {joint.angle:8.3f} stiffness {joint.stiffness:.2f}" for joint in joints)
+
+    def tell_calls(self, words: list[str]) -> str:
+        """Of one method of any service, or of all of them."""
+        calls = [service.calls for service in self._robot.services.values()]
+        return str(sum(each[words[0]] if words else each.total() for each in calls))
+
+
+def commands(robot: Nao, clock: Callable[[], float]) -> dict[str, Command]:
+    """The table for one robot; `clock` gives the time of its world."""
+    words = Words(robot, clock)
     return {
-        "touch": Command("SENSOR [0|1]", "touch it, or no longer", touch),
-        "sonar": Command("LEFT RIGHT", "what is ahead, in m", sonar),
-        "event": Command("NAME NUMBER", "raise an event of ALMemory", event),
-        "push": Command("", "let it fall", push),
-        "battery": Command("PERCENT", "charge or drain it", battery),
-        "where": Command("", "where it is, and what it does", where),
-        "said": Command("", "what it has said", said),
-        "joints": Command("", "angles and stiffnesses", joints),
+        "touch": Command("SENSOR [0|1]", "touch it, or no longer", words.touch),
+        "sonar": Command("LEFT RIGHT", "what is ahead, in m", words.set_sonars),
+        "event": Command("NAME NUMBER", "raise an event of ALMemory", words.raise_event),
+        "push": Command("", "let it fall", words.push),
+        "battery": Command("PERCENT", "charge or drain it", words.set_charge),
+        "where": Command("", "where it is, and what it does", words.tell_place),
+        "hear": Command("WORD CONFIDENCE ...", "say this to it; less likely words behind", words.hear),
+        "whistle": Command("HERTZ SECONDS", "a tone for its microphones", words.whistle),
+        "played": Command("", "what its loudspeakers have played", words.tell_sound),
+        "light": Command("NAME", "the colour of a light", words.tell_light),
+        "said": Command("", "what it has said", words.tell_speech),
+        "calls": Command("[METHOD]", "how often a method was called, or all of them", words.tell_calls),
+        "joints": Command("", "angles and stiffnesses", words.tell_joints),
     }

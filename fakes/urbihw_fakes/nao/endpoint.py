@@ -4,32 +4,50 @@ from __future__ import annotations
 
 import contextlib
 import socket
+import ssl
 import time
 from collections.abc import Callable
 
 from urbihw_fakes.endpoint import TcpEndpoint
-from urbihw_fakes.nao.device import Connection, Nao
+from urbihw_fakes.nao.connection import Connection
+from urbihw_fakes.nao.device import Nao
+from urbihw_fakes.nao.services import Failed
+from urbihw_fakes.nao.tls import Identity
 from urbihw_fakes.serving import CHUNK
+
+SEND_TIMEOUT_S = 1.0
+"""How long a client may not read while there is something to send."""
+DIAL_TIMEOUT_S = 1.0
+HANDSHAKE_TIMEOUT_S = 1.0
 
 
 class NaoEndpoint(TcpEndpoint):
-    """See the head of this file.  `port` 0 takes a free one."""
+    """See the head of this file.  `port` 0 takes a free one; with an `identity` it speaks TLS."""
 
     device: Nao
 
-    def __init__(self, device: Nao, port: int = 0, *, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        device: Nao,
+        port: int = 0,
+        *,
+        identity: Identity | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.identity = identity
         self._peers: dict[int, tuple[socket.socket, Connection]] = {}
         super().__init__(device, port, clock=clock)
+        device.server.dial = self._dial
 
     @property
     def url(self) -> str:
-        """`qi://127.0.0.1:` and the port."""
-        return f"qi://127.0.0.1:{self.port}"
+        """`qi://127.0.0.1:` and the port; `qis://` with an identity."""
+        return f"qi{'s' if self.identity else ''}://127.0.0.1:{self.port}"
 
     def _plug(self) -> None:
         self._listener = socket.create_server(("127.0.0.1", self.port), backlog=8)
         self.port = self._listener.getsockname()[1]
-        self.device.endpoint = f"tcp://127.0.0.1:{self.port}"
+        self.device.endpoint = f"tcp{'s' if self.identity else ''}://127.0.0.1:{self.port}"
 
     def _unplug(self) -> None:
         super()._unplug()
@@ -41,19 +59,45 @@ class NaoEndpoint(TcpEndpoint):
         self.device.disconnect(connection)
         peer.close()
 
+    def _accept(self, peer: socket.socket) -> None:
+        if self.identity is not None:
+            peer.settimeout(HANDSHAKE_TIMEOUT_S)
+            try:
+                peer = self.identity.context.wrap_socket(peer, server_side=True)
+            except OSError:
+                peer.close()
+                return
+        self._add(peer)
+
+    def _add(self, peer: socket.socket) -> Connection:
+        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        peer.settimeout(SEND_TIMEOUT_S)
+        connection = self.device.connect()
+        self._peers[peer.fileno()] = peer, connection
+        return connection
+
+    def _dial(self, url: str) -> Connection:
+        """Connect to a client that has a service of its own.  Raises Failed."""
+        host, _, port = url.removeprefix("tcp://").rpartition(":")
+        try:
+            return self._add(socket.create_connection((host, int(port)), DIAL_TIMEOUT_S))
+        except (OSError, ValueError) as error:
+            raise Failed(f"{url}: {error}") from error
+
     def _readers(self) -> list[int]:
         return [] if self._listener is None else [self._listener.fileno(), *self._peers]
 
     def _receive(self, ready: int) -> bytes:
         if self._listener is not None and ready == self._listener.fileno():
-            peer, _ = self._listener.accept()
-            peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            self._peers[peer.fileno()] = peer, self.device.connect()
+            self._accept(self._listener.accept()[0])
             return b""
         peer, connection = self._peers[ready]
         data = b""
         with contextlib.suppress(OSError):
             data = peer.recv(CHUNK)
+            # What TLS has decrypted already is nothing that `select` sees.
+            while isinstance(peer, ssl.SSLSocket) and peer.pending():
+                data += peer.recv(CHUNK)
         if not data:
             self._drop(ready)
             return b""
@@ -62,17 +106,21 @@ class NaoEndpoint(TcpEndpoint):
         return b""
 
     def _deliver(self, now: float) -> None:
+        server = self.device.server
         due = self.device.due()
         if due is not None and due <= now:
             self.device.tick(now)
-        unsent, self.device.unsent = self.device.unsent, []
+        unsent, server.unsent = server.unsent, []
         sockets = {id(connection): peer for peer, connection in self._peers.values()}
         for connection, answer in unsent:
             if answer.at > now:
-                self.device.unsent.append((connection, answer))
+                server.unsent.append((connection, answer))
             elif (peer := sockets.get(id(connection))) is not None:
-                with contextlib.suppress(OSError):
-                    peer.sendall(answer.data, socket.MSG_DONTWAIT)
+                try:
+                    peer.sendall(answer.data)
+                except OSError:
+                    # It does not read, or is gone; after a part of a message nothing more can be sent.
+                    connection.closed = True
         for number, (_, connection) in list(self._peers.items()):
             if connection.closed:
                 self._drop(number)

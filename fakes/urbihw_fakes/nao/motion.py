@@ -1,44 +1,64 @@
-"""ALMotion and ALRobotPosture."""
+"""ALMotion: joints, stiffness, hands and walking."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
-from urbihw_fakes.nao.body import POSTURES, Body, Joint
-from urbihw_fakes.nao.services import Failed, Later, Service, as_list
+from urbihw_fakes.nao.body import FASTEST, Body, Joint
+from urbihw_fakes.nao.services import Failed, Later, as_list, method
+from urbihw_fakes.nao.wholebody import WholeBody
 
 CHAINS = {"Head": ("Head",), "LArm": ("LS", "LE", "LW", "LHand"), "RArm": ("RS", "RE", "RW", "RHand"),
           "LLeg": ("LHip", "LK", "LA"), "RLeg": ("RHip", "RK", "RA")}  # fmt: skip
+STEPS = {"MaxStepX": 0.04, "MaxStepY": 0.14, "MaxStepTheta": 0.349}
+"""The longest steps without a configuration, m and rad."""
+FREQUENCY = "MaxStepFrequency"
+OTHERS = ("StepHeight", "TorsoWx", "TorsoWy")
+WHOLE_BODY = ("Body", "Joints", "JointActuators", "Actuators")
+TORQUE = 1.5
+"""What `getLimits` says of each joint, Nm."""
+MODEL = [["Model Type", "Head Version", "Body Version"], ["naoH25", "VERSION_50", "VERSION_50"]]
 
 
-class Motion:
-    """Both services over a body."""
+def gait_shares(config: Any) -> tuple[float, ...]:
+    """By which share of its greatest speeds the robot walks with foot-step parameters.  Raises Failed."""
+    steps, frequency = dict(STEPS), 1.0
+    for name, value in config or ():
+        plain = name.removeprefix("Left").removeprefix("Right")
+        if plain in STEPS:
+            # Both feet must come as far.
+            steps[plain] = min(steps[plain], float(value)) if plain != name else float(value)
+        elif plain == FREQUENCY:
+            frequency = min(1.0, float(value))
+        elif plain not in OTHERS:
+            raise Failed(f"ALMotion: {name} is no parameter of steps")
+    return tuple(frequency * steps[name] / most for name, most in STEPS.items())
+
+
+def _last(value: Any) -> float:
+    """The last number of a list, however deep."""
+    while isinstance(value, list | tuple):
+        value = value[-1]
+    return float(value)
+
+
+class Motion(WholeBody):
+    """ALMotion of a body; ``fall_manager`` is whether it is on."""
+
+    name = "ALMotion"
 
     def __init__(self, body: Body) -> None:
-        self.body = body
+        super().__init__(body)
         self.fall_manager = True
-        self.calls: dict[str, int] = {}
-        self.service = Service("ALMotion")
-        self.posture = Service("ALRobotPosture")
-        self._add_joints()
-        self._add_walking()
-        self._add_posture()
-
-    def _add(self, returns: str, name: str, takes: str, run: Callable[..., Any]) -> None:
-        def counted(*arguments: Any) -> Any:
-            self.calls[name] = self.calls.get(name, 0) + 1
-            return run(*arguments)
-
-        self.service.add(returns, name, takes, counted)
+        self.abrupt_ends = 0
 
     # ---------------------------------------------------------------- joints
 
-    def named(self, names: Any) -> list[Joint]:
-        """The joints of a name, a chain, or several."""
+    def find_joints(self, names: Any) -> list[Joint]:
+        """The joints of a name, a chain, or several.  Raises Failed."""
         found: list[Joint] = []
         for name in as_list(names):
-            if name in ("Body", "Joints", "JointActuators", "Actuators"):
+            if name in WHOLE_BODY:
                 found += self.body.joints.values()
             elif name in CHAINS:
                 found += [joint for each, joint in self.body.joints.items() if each.startswith(CHAINS[name])]
@@ -48,150 +68,200 @@ class Motion:
                 raise Failed(f"ALMotion: {name} is not a recognized joint name\n\n    at motion.cpp:42")
         return found
 
-    def _pairs(self, names: Any, values: Any) -> list[tuple[Joint, float]]:
-        joints, numbers = self.named(names), [float(each) for each in as_list(values)]
+    def _pair(self, names: Any, values: Any) -> list[tuple[Joint, float]]:
+        joints, numbers = self.find_joints(names), [float(each) for each in as_list(values)]
         if len(numbers) == 1:
             numbers *= len(joints)
         if len(joints) != len(numbers):
             raise Failed(f"ALMotion: {len(joints)} joints and {len(numbers)} values")
         return list(zip(joints, numbers, strict=True))
 
-    def _add_joints(self) -> None:
-        def set_angles(names: Any, angles: Any, share: float) -> None:
-            for joint, angle in self._pairs(names, angles):
-                joint.order(angle, share)
+    @method("setAngles", "(mmf)")
+    def set_angles(self, names: Any, angles: Any, share: float) -> None:
+        """Goals, and the share of the greatest speed."""
+        for joint, angle in self._pair(names, angles):
+            joint.order(angle, share)
 
-        def change_angles(names: Any, changes: Any, share: float) -> None:
-            for joint, change in self._pairs(names, changes):
-                joint.order(joint.angle + change, share)
+    @method("changeAngles", "(mmf)")
+    def change_angles(self, names: Any, changes: Any, share: float) -> None:
+        """Goals, seen from where the joints are."""
+        for joint, change in self._pair(names, changes):
+            joint.order(joint.angle + change, share)
 
-        def get_angles(names: Any, sensors: bool) -> list[float]:
-            return [joint.angle if sensors else joint.command for joint in self.named(names)]
+    @method("getAngles", "(mb)", "[f]")
+    def get_angles(self, names: Any, sensors: bool) -> list[float]:
+        """Measured angles, or the commands."""
+        return [joint.angle if sensors else joint.command for joint in self.find_joints(names)]
 
-        def stiffen(names: Any, values: Any) -> None:
-            for joint, value in self._pairs(names, values):
-                joint.stiffness = min(max(value, 0.0), 1.0)
+    @method("setStiffnesses", "(mm)")
+    def set_stiffnesses(self, names: Any, values: Any) -> None:
+        """0 to 1."""
+        for joint, value in self._pair(names, values):
+            joint.stiffness = min(max(value, 0.0), 1.0)
 
-        def interpolate(names: Any, angles: Any, share: float) -> Later:
-            set_angles(names, angles, share)
-            pairs = self._pairs(names, angles)
-            return Later(lambda: all(abs(one.angle - one.command) < 0.01 or one.stiffness < 0.05 for one, _ in pairs))
+    @method("getStiffnesses", "(m)", "[f]")
+    def get_stiffnesses(self, names: Any) -> list[float]:
+        """0 to 1."""
+        return [joint.stiffness for joint in self.find_joints(names)]
 
-        def hand(place: float) -> Callable[[str], Later]:
-            def move(name: str) -> Later:
-                (joint,) = self.named(name)
-                joint.stiffness = 1.0
-                joint.order(place, 1.0)
+    @method("angleInterpolationWithSpeed", "(mmf)")
+    def interpolate_angles(self, names: Any, angles: Any, share: float) -> Later:
+        """Goals; the answer comes when all stiff joints are there."""
+        self.set_angles(names, angles, share)
+        joints = self.find_joints(names)
+        return Later(lambda: all(abs(one.angle - one.command) < 0.01 or one.stiffness < 0.05 for one in joints))
 
-                def there() -> bool:
-                    if abs(joint.angle - joint.command) > 0.01:
-                        return False
-                    joint.stiffness = 0.0
-                    return True
+    @method("angleInterpolation", "(mmmb)")
+    def interpolate_courses(self, names: Any, angles: Any, times: Any, absolute: bool) -> Later:
+        """The last angles of courses, so fast that they are reached in time."""
+        joints = self.find_joints(names)
+        goals = [_last(each) for each in (as_list(angles) if len(joints) > 1 else [angles])]
+        ends = [_last(each) for each in (as_list(times) if len(joints) > 1 else [times])]
+        for joint, goal, end in zip(joints, goals, ends, strict=True):
+            place = goal if absolute else joint.angle + goal
+            joint.order(place, abs(place - joint.angle) / end / joint.fastest)
+        return Later(lambda: all(abs(one.angle - one.command) < 0.01 or one.stiffness < 0.05 for one in joints))
 
-                return Later(there)
+    @method("openHand", "(s)")
+    def open_hand(self, name: str) -> Later:
+        """The answer comes when it is open and slack."""
+        return self._move_hand(name, 1.0)
 
-            return move
+    @method("closeHand", "(s)")
+    def close_hand(self, name: str) -> Later:
+        """The answer comes when it is closed and slack."""
+        return self._move_hand(name, 0.0)
 
-        self._add("v", "setAngles", "(mmf)", set_angles)
-        self._add("v", "changeAngles", "(mmf)", change_angles)
-        self._add("[f]", "getAngles", "(mb)", get_angles)
-        self._add("v", "setStiffnesses", "(mm)", stiffen)
-        self._add("[f]", "getStiffnesses", "(m)", lambda names: [joint.stiffness for joint in self.named(names)])
-        self._add("v", "angleInterpolationWithSpeed", "(mmf)", interpolate)
-        self._add("v", "openHand", "(s)", hand(1.0))
-        self._add("v", "closeHand", "(s)", hand(0.0))
-        self._add("[s]", "getBodyNames", "(s)", lambda name: [joint.name for joint in self.named(name)])
-        self._add("m", "getLimits", "(s)", lambda name: [
-            [joint.low, joint.high, joint.fastest, 1.5] for joint in self.named(name)
-        ])  # fmt: skip
-        self._add("m", "getRobotConfig", "()", lambda: [
-            ["Model Type", "Head Version", "Body Version"], ["naoH25", "VERSION_50", "VERSION_50"],
-        ])  # fmt: skip
+    def _move_hand(self, name: str, place: float) -> Later:
+        (joint,) = self.find_joints(name)
+        joint.stiffness = 1.0
+        joint.order(place, 1.0)
+
+        def arrived() -> bool:
+            if abs(joint.angle - joint.command) > 0.01:
+                return False
+            joint.stiffness = 0.0
+            return True
+
+        return Later(arrived)
+
+    @method("getBodyNames", "(s)", "[s]")
+    def get_body_names(self, name: str) -> list[str]:
+        """Joints of a chain."""
+        return [joint.name for joint in self.find_joints(name)]
+
+    @method("getLimits", "(s)", "m")
+    def get_limits(self, name: str) -> list[list[float]]:
+        """Least and greatest angle, greatest speed and torque of each joint."""
+        return [[joint.low, joint.high, joint.fastest, TORQUE] for joint in self.find_joints(name)]
+
+    @method("getRobotConfig", "()", "m")
+    def get_robot_config(self) -> list[list[str]]:
+        """Two lists: names and values."""
+        return MODEL
 
     # ---------------------------------------------------------------- walking
 
-    def _ready(self) -> None:
+    @method("moveTo", "(fff)")
+    @method("walkTo", "(fff)")
+    @method("moveTo", "(ffff)")
+    @method("moveTo", "(fffm)")
+    def walk_to(self, x: float, y: float, turn: float, *_: Any) -> Later:
+        """Walk to a place seen from here; the answer comes when it stands there."""
+        self.prepare_walk()
+        self.body.walk_to(x, y, turn)
+        return Later(lambda: self.body.goal is None and not self.body.walking)
+
+    @method("move", "(fff)")
+    @method("move", "(fffm)")
+    def walk(self, x: float, y: float, turn: float, config: Any = ()) -> None:
+        """Walk with these speeds until told otherwise: m/s, m/s, rad/s."""
+        shares = gait_shares(config)
+        self.prepare_walk()
+        self.body.drive((x, y, turn), shares)
+
+    @method("moveToward", "(fff)")
+    @method("moveToward", "(fffm)")
+    def walk_by_shares(self, x: float, y: float, turn: float, config: Any = ()) -> None:
+        """The same with shares of the greatest speeds."""
+        self.walk(x * FASTEST[0], y * FASTEST[1], turn * FASTEST[2], config)
+
+    @method("stopMove")
+    def stop_walk(self) -> None:
+        """Stand still, after the next step."""
+        self.body.drive((0.0, 0.0, 0.0))
+
+    @method("killMove")
+    def kill_walk(self) -> None:
+        """Stop at once, wherever the feet are: a real robot may fall."""
+        self.abrupt_ends += self.body.walking
+        self.body.drive((0.0, 0.0, 0.0))
+
+    @method("killAll")
+    def stop_all(self) -> None:
+        """Stop at once, and hold all joints where they are."""
+        self.kill_walk()
+        self.body.hold_joints()
+
+    @method("moveInit")
+    def prepare_walk(self) -> None:
+        """Stand as for walking.  Raises Failed."""
         if not self.body.ready_to_walk():
             raise Failed("ALMotion: the robot cannot walk: it has fallen, or its legs have no stiffness")
 
-    def _add_walking(self) -> None:
-        body = self.body
+    @method("moveIsActive", "()", "b")
+    def is_walking(self) -> bool:
+        """Whether it walks."""
+        return self.body.walking
 
-        def go_to(x: float, y: float, turn: float, *_: Any) -> Later:
-            self._ready()
-            body.walk_to(x, y, turn)
-            return Later(lambda: body.goal is None and not body.walking)
+    @method("waitUntilMoveIsFinished")
+    def wait_for_walk(self) -> Later:
+        """The answer comes when it stands."""
+        return Later(lambda: not self.body.walking)
 
-        def go(x: float, y: float, turn: float, *_: Any) -> None:
-            self._ready()
-            body.drive((x, y, turn))
+    @method("getRobotPosition", "(b)", "[f]")
+    def get_position(self, sensors: bool) -> list[float]:
+        """Where it is: m, m, rad."""
+        return [self.body.x, self.body.y, self.body.heading]
 
-        def stop() -> None:
-            body.drive((0.0, 0.0, 0.0))
+    @method("getRobotVelocity", "()", "[f]")
+    def get_velocity(self) -> list[float]:
+        """How it walks: m/s, m/s, rad/s."""
+        return list(self.body.walk)
 
-        def kill() -> None:
-            stop()
-            for joint in body.joints.values():
-                joint.command = joint.angle
+    # ---------------------------------------------------------------- the whole robot
 
-        def wake_up() -> Later:
-            return Later(body.take_posture("Stand", 1.0))
+    @method("wakeUp")
+    def wake_up(self) -> Later:
+        """Stiffen all motors and stand up."""
+        return Later(self.body.go_to_posture("Stand", 1.0))
 
-        def rest() -> Later:
-            stop()
-            body.standing = False
-            there = body.take_posture("Crouch", 1.0)
+    @method("rest")
+    def rest(self) -> Later:
+        """Crouch, and slacken all motors."""
+        self.stop_walk()
+        self.body.standing = False
+        there = self.body.go_to_posture("Crouch", 1.0)
 
-            def done() -> bool:
-                if not there():
-                    return False
-                body.slack()
-                return True
+        def rested() -> bool:
+            if not there():
+                return False
+            self.body.slack()
+            return True
 
-            return Later(done)
+        return Later(rested)
 
-        def manage_falls(on: bool) -> None:
-            self.fall_manager = on
+    @method("robotIsWakeUp", "()", "b")
+    def is_awake(self) -> bool:
+        """Whether the legs are stiff."""
+        return self.body.legs_stiff
 
-        for name in ("moveTo", "walkTo"):
-            self._add("v", name, "(fff)", go_to)
-        self._add("v", "moveTo", "(ffff)", go_to)
-        self._add("v", "moveTo", "(fffm)", go_to)
-        self._add("v", "move", "(fff)", go)
-        self._add("v", "move", "(fffm)", go)
-        self._add("v", "stopMove", "()", stop)
-        self._add("v", "killMove", "()", stop)
-        self._add("v", "killAll", "()", kill)
-        self._add("v", "moveInit", "()", self._ready)
-        self._add("b", "moveIsActive", "()", lambda: body.walking)
-        self._add("v", "waitUntilMoveIsFinished", "()", lambda: Later(lambda: not body.walking))
-        self._add("[f]", "getRobotPosition", "(b)", lambda sensors: [body.x, body.y, body.heading])
-        self._add("[f]", "getRobotVelocity", "()", lambda: list(body.walk))
-        self._add("v", "wakeUp", "()", wake_up)
-        self._add("v", "rest", "()", rest)
-        self._add("b", "robotIsWakeUp", "()", lambda: body.legs_stiff)
-        self._add("v", "setFallManagerEnabled", "(b)", manage_falls)
-        self._add("b", "getFallManagerEnabled", "()", lambda: self.fall_manager)
+    @method("setFallManagerEnabled", "(b)")
+    def set_fall_manager(self, on: bool) -> None:
+        """Switch it."""
+        self.fall_manager = on
 
-    # ---------------------------------------------------------------- postures
-
-    def _add_posture(self) -> None:
-        body = self.body
-
-        def take(name: str, share: float) -> Later:
-            if name not in POSTURES:
-                raise Failed(f"ALRobotPosture: no posture {name}")
-            return Later(body.take_posture(name, share), True)
-
-        def stop() -> None:
-            for joint in body.joints.values():
-                joint.command = joint.angle
-
-        def name_of() -> str:
-            return "LyingBack" if body.fallen else "Stand" if body.standing else "Crouch"
-
-        self.posture.add("b", "goToPosture", "(sf)", take)
-        self.posture.add("v", "stopMove", "()", stop)
-        self.posture.add("s", "getPosture", "()", name_of)
-        self.posture.add("[s]", "getPostureList", "()", lambda: list(POSTURES))
+    @method("getFallManagerEnabled", "()", "b")
+    def get_fall_manager(self) -> bool:
+        """Whether it is on."""
+        return self.fall_manager

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
+from pathlib import Path
 
 from urbihw_fakes.console import Command
+from urbihw_fakes.errors import FakeError
 from urbihw_fakes.nao.console import commands
 from urbihw_fakes.nao.device import Nao
 from urbihw_fakes.nao.endpoint import NaoEndpoint
+from urbihw_fakes.nao.tls import Identity
 from urbihw_fakes.serving import Endpoint
 
 HELP = "a Nao with NAOqi 2"
@@ -21,10 +24,27 @@ def options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--user", default="", help="who may come in; anybody without it")
     parser.add_argument("--password", default="", help="of that user")
+    parser.add_argument("--watchdog", type=Path, metavar="FILE", help="urbihw's program on the robot, watchdog.py")
+    form = parser.add_mutually_exclusive_group()
+    form.add_argument("--tls", action="store_true", help="encrypted, as NAOqi 2.9; with a certificate made now")
+    form.add_argument("--libqi", action="store_true", help="behind a session of libqi itself (PyPI qi)")
 
 
 def start(options: argparse.Namespace) -> tuple[Endpoint, Mapping[str, Command]]:
     """The robot on its transport, and its words for the console."""
     robot = Nao(options.user, options.password)
-    end = NaoEndpoint(robot, options.tcp)
+    if options.watchdog is not None:
+        robot.add_watchdog(options.watchdog)
+    end = _make_endpoint(robot, options)
     return end, commands(robot, end.clock)
+
+
+def _make_endpoint(robot: Nao, options: argparse.Namespace) -> Endpoint:
+    if not options.libqi:
+        return NaoEndpoint(robot, options.tcp, identity=Identity() if options.tls else None)
+    if options.user:
+        raise FakeError("--libqi asks nobody for a password: without --user, please")
+    # Imported here: the package is not everywhere, and loads slowly.
+    from urbihw_fakes.nao.libqi import LibqiEndpoint
+
+    return LibqiEndpoint(robot, options.tcp)

@@ -102,7 +102,7 @@ def read_map(brick: Brick, telegram: bytes) -> bytes:
 
 
 def set_brick_name(brick: Brick, telegram: bytes) -> bytes:
-    """98: 15 characters."""
+    """98: 15 characters.  The firmware does not look at the length; nxt-python sends 17 bytes, without a final zero."""
     brick.name = telegram[2:17].split(b"\0")[0].decode("latin-1")
     return bytes([codes.OK])
 
@@ -154,7 +154,7 @@ COMMANDS: Final[dict[int, tuple[Command, int, bool]]] = {
     0x92: (close_module, 3, False),
     0x94: (read_map, 10, True),
     0x95: (read_map, 10, False),
-    0x98: (set_brick_name, 18, False),
+    0x98: (set_brick_name, 2, False),
     0x9B: (device_info, 2, True),
     0xA0: (delete_user_flash, 2, False),
     0xA1: (poll_length, 3, True),

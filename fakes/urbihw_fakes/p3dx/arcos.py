@@ -94,6 +94,7 @@ class Arcos(Device):
             if self.state != OPEN_STATE or not self.powered or now < self._next_sip:
                 return []
             cycle = self.settings.sip_cycle / 1000
+            self.extras.gripper.advance(cycle)
             self._next_sip = max(self._next_sip + cycle, now + cycle / 2)
             bodies = [self.sip().body(), *self.extras.bodies(), *self.sim_laser.bodies()]
             return [answer for body in bodies for answer in self._send_packet(body, now)]
@@ -246,6 +247,7 @@ class Arcos(Device):
             flags=body.motors | (0b11110 if self.sonars.on else 0) | self.button << 5,
             compass=round(math.degrees(-theta) % 360 / 2) % 180,
             sonars=[(number, round(metres * 1000 / unit)) for number, metres in heard],
+            gripper=self.extras.gripper.state if settings.gripper else 0,
             digital_in=self.extras.digital_in,
             digital_out=self.extras.digital_out,
             tail={}

@@ -7,8 +7,9 @@ from collections.abc import Callable
 
 from urbihw_fakes.p3dx import numbers, sips
 from urbihw_fakes.p3dx.body import Body
-from urbihw_fakes.p3dx.camera import Camera
+from urbihw_fakes.p3dx.camera import Camera, CanonCamera
 from urbihw_fakes.p3dx.codec import Command
+from urbihw_fakes.p3dx.gripper import Gripper
 
 GYRO_SCALE = 5 / 1023 * 300 / 2.5 * 1.626
 
@@ -17,18 +18,21 @@ class Extras:
     """The packets that are sent after the SIPs: a request of 0 ends them, 1 sends one, more sends one per SIP.
 
     Attributes:
+        gripper, camera: what hangs on the controller. gyro_rest: the gyro's reading at rest, which drifts.
         digital_in, digital_out: one byte each. analog: nine values from 0 to 1023. stick: x and y from 0 to 1023.
     """
 
     COMMANDS = frozenset({
         numbers.ENCODER, numbers.IOREQUEST, numbers.GYRO, numbers.JOYREQUEST, numbers.BATTERYINFO, numbers.TTY2,
-        numbers.GETAUX, numbers.DIGOUT,
+        numbers.GETAUX, numbers.DIGOUT, numbers.GRIPPER,
     })  # fmt: skip
 
     def __init__(self, body: Body, ticks_mm: int) -> None:
         self._body = body
         self._ticks_mm = ticks_mm
-        self.camera = Camera()
+        self.camera: Camera | CanonCamera = Camera()
+        self.gripper = Gripper()
+        self.gyro_rest = 512.0
         self.digital_in, self.digital_out = 0xFF, 0xFF
         self.analog = [0] * 9
         self.stick = (512, 512)
@@ -44,7 +48,9 @@ class Extras:
 
     def execute_command(self, order: Command) -> None:
         """Execute one of COMMANDS."""
-        if order.number == numbers.TTY2:
+        if order.number == numbers.GRIPPER:
+            self.gripper.act(order.value)
+        elif order.number == numbers.TTY2:
             self.camera.receive_bytes(order.text)
         elif order.number == numbers.GETAUX:
             self._aux_wanted = order.value
@@ -91,8 +97,9 @@ class Extras:
         return sips.inputs([self.digital_in, front, rear, 0xFF], [self.digital_out], analog)
 
     def _gyro(self) -> bytes:
-        rate = round(512 - math.degrees(self._body.turning.speed) / GYRO_SCALE)
-        return sips.gyro([max(0, min(1023, rate))] * 4, 30)
+        # The gyro feels the true turn of the body.  Its noise spreads the readings over the steps of the converter.
+        rate = self.gyro_rest - math.degrees(self._body.turning.speed * (1 - self._body.slip)) / GYRO_SCALE
+        return sips.gyro([max(0, min(1023, round(rate + noise / 8))) for noise in (-3, -1, 1, 3)], 30)
 
 
 def _signed32(value: int) -> int:

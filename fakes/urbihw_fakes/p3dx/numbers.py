@@ -27,6 +27,7 @@ SETRA: Final = 23
 SONAR: Final = 28
 STOP: Final = 29
 DIGOUT: Final = 30
+GRIPPER: Final = 33
 VEL2: Final = 32
 IOREQUEST: Final = 40
 TTY2: Final = 42

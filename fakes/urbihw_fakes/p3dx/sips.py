@@ -84,6 +84,7 @@ class Settings:
     sonar_cycle: int = 40
     auto_baud: int = 2
     gyro_type: int = 0
+    gripper: int = 0
     ticks_mm: int = 138
     shutdown_volts: int = 110
     firmware: str = "2.0"
@@ -102,7 +103,7 @@ class Settings:
                 b"\x20", text(self.kind), text(self.subclass), text(self.serial), b"\0",
                 words(self.rot_vel_top, self.trans_vel_top, self.rot_accel_top, self.trans_accel_top, self.pwm_max),
                 text(self.name), bytes([self.sip_cycle, self.host_baud, 0]),
-                words(0, 1), b"\1", words(self.low_battery, self.rev_count, self.watchdog), b"\0",
+                words(self.gripper, 1), b"\1", words(self.low_battery, self.rev_count, self.watchdog), b"\0",
                 words(self.stall_val, self.stall_count, 400, 100, self.rot_vel_max, self.trans_vel_max),
                 words(self.rot_accel, self.rot_accel, 40, 20, 0, self.trans_accel, self.trans_accel, 40, 30, 0),
                 bytes([self.front_bumps, self.rear_bumps, 0, self.sonar_cycle, self.auto_baud, self.gyro_type]),

@@ -46,7 +46,7 @@ class SegwayRmp(CanNode):
         powered: the base is on; the box is always on.
         heard: number of commands so far.
         refused: number of invalid configurations.
-        expired: number of commands to move that ended because no further one came in time.
+        last_command: velocity and turn of the newest command, in counts; stays when the command ends after 0.4 s.
         turn_factor: counts of turn command for 1 rad/s; published values differ.
         blink: number of servo frames, from the next one on, with the motors off; then they are on again.
 
@@ -72,7 +72,8 @@ class SegwayRmp(CanNode):
         self.estop = False
         self.powered = True
         self.frames = 0
-        self.heard = self.refused = self.expired = 0
+        self.heard = self.refused = 0
+        self.last_command: tuple[int, int] | None = None
         self.blink = 0
         self._off = False
         self._lost: dict[int | None, int] = {}
@@ -105,6 +106,7 @@ class SegwayRmp(CanNode):
             velocity, turn, command, parameter = f.words(frame.data)
             self._velocity = _limited(f.signed(velocity), f.FULL_VELOCITY)
             self._turn = _limited(f.signed(turn), f.FULL_TURN)
+            self.last_command = self._velocity, self._turn
             self._commanded = now
             self._configure(command, parameter, now)
         return []
@@ -218,7 +220,6 @@ class SegwayRmp(CanNode):
         self.frames = (self.frames + 1) & 0xFFFF
         self._off, self.blink = self.blink > 0, max(0, self.blink - 1)
         if self._commanded is not None and now - self._commanded > LIFETIME:
-            self.expired += self._velocity != 0 or self._turn != 0
             self._velocity = self._turn = 0
             self._commanded = None
         if self.estop and self.mode != f.DISABLED:

@@ -1,8 +1,8 @@
-"""The robot behind its control connection: who may come in, what it does with each packet, what it sends unasked.
+"""The robot behind its control connection: login, the effect of each packet, what it sends by itself.
 
-It does as the fact sheet says, and where that leaves something open, the worse for a driver: it drives on when the
-connection is lost, hangs up when it is told to move before its first word about the battery, never acknowledges, cuts
-its packets at odd places, and leaves out pictures.
+It follows the fact sheet; where that leaves something open, it does what is worse for a driver: it drives on when the
+connection is lost, closes the connection at a move before its first power packet, acknowledges nothing, cuts its
+packets at odd places, skips pictures, and ends the music when a new file replaces the one that plays.
 """
 
 from __future__ import annotations
@@ -45,6 +45,7 @@ class Spykee(Device):
         on_close: what ends the connection; who serves it puts it here.
         user, password: who may come in; connected: who has, "" for nobody.
         leds, volume, sounds (ids that were played), files (by id), settings, networks, log_lines: what it was told.
+        music: the files that were played; cut_music: how often a new file has ended the one that was playing.
         frames: pictures that were sent; dark: there is no light in the room but its own.
     """
 
@@ -64,6 +65,8 @@ class Spykee(Device):
         self.networks = [("home", "WPA", 70), ("caf:e", "NONE", 31)]
         self.log_lines = ["boot", "network up"]
         self.music_ends: float | None = None
+        self.music: list[bytes] = []
+        self.cut_music = 0
         self.frames = 0
         self.pictures = camera.has_pictures()
         self.dark = False
@@ -108,13 +111,13 @@ class Spykee(Device):
         if not self.body.powered:
             return []
         try:
-            arrived = self._cutter.take(data)
+            arrived = self._cutter.split(data)
         except p.Lost:
             self._close(now)
             return []
-        return [answer for kind, payload in arrived for answer in self._obey(kind, payload, now)]
+        return [answer for kind, payload in arrived for answer in self._handle_packet(kind, payload, now)]
 
-    def _obey(self, kind: int, payload: bytes, now: float) -> Iterator[Answer]:
+    def _handle_packet(self, kind: int, payload: bytes, now: float) -> Iterator[Answer]:
         if self._closes_at is not None:
             return
         if kind == p.LOGIN:
@@ -125,23 +128,23 @@ class Spykee(Device):
             yield from self._configure(payload, now)
         elif kind == p.NETWORKS:
             rows = ";".join(f"{name}:{how}:{strength}" for name, how, strength in self.networks)
-            yield from self._say(p.NETWORKS, rows.encode("latin-1"), now)
+            yield from self._answer(p.NETWORKS, rows.encode("latin-1"), now)
         elif kind == p.LOG:
-            yield from self._say(p.LOG, "\n".join(self.log_lines).encode("latin-1"), now)
+            yield from self._answer(p.LOG, "\n".join(self.log_lines).encode("latin-1"), now)
         else:
-            self._act(kind, payload, now)
+            self._apply_packet(kind, payload, now)
 
     def _log_in(self, payload: bytes, now: float) -> Iterator[Answer]:
         if payload != p.string(self.user) + p.string(self.password):
-            yield from self._say(p.LOGIN_REPLY, b"\x00", now)
+            yield from self._answer(p.LOGIN_REPLY, b"\x00", now)
             self._closes_at = now + 0.05
             return
         self._begin_session()
         self.connected = self.user
         names = p.string(self.uid) + p.string("Spykee") + p.string("") + p.string("1.0.34")
-        yield from self._say(p.LOGIN_REPLY, b"\x01" + names + bytes([0 if self.body.docked else 1]), now)
+        yield from self._answer(p.LOGIN_REPLY, b"\x01" + names + bytes([0 if self.body.docked else 1]), now)
         self._ready_at = now + FIRST_POWER
-        yield from self._say(p.POWER, self.body.power_byte().to_bytes(1, "big", signed=True), self._ready_at)
+        yield from self._answer(p.POWER, self.body.power_byte().to_bytes(1, "big", signed=True), self._ready_at)
         self._power_at = self._ready_at + POWER_PERIOD
 
     def _configure(self, payload: bytes, now: float) -> Iterator[Answer]:
@@ -151,10 +154,10 @@ class Spykee(Device):
                 self.settings[key] = value
         else:
             rows = "&".join(f"{key}={value}" for key, value in self.settings.items())
-            yield from self._say(p.CONFIGURATION, rows.encode("latin-1"), now)
+            yield from self._answer(p.CONFIGURATION, rows.encode("latin-1"), now)
 
-    def _act(self, kind: int, payload: bytes, now: float) -> None:
-        """What is not answered."""
+    def _apply_packet(self, kind: int, payload: bytes, now: float) -> None:
+        """Apply a packet that has no answer."""
         if kind == p.MOVE and len(payload) == 2:
             left, right = unpack("bb", payload)
             self.body.drive(left, right)
@@ -196,6 +199,9 @@ class Spykee(Device):
             self.body.cancel()
 
     def _store(self, number: int, flags: int, data: bytes) -> None:
+        if number == MUSIC and self.music_ends is not None:
+            self.music_ends = None
+            self.cut_music += 1
         if flags & 1:
             self._uploading[number] = b""
         if number in self._uploading:
@@ -206,13 +212,14 @@ class Spykee(Device):
     def _play(self, number: int, now: float) -> None:
         if number == MUSIC:
             if MUSIC in self.files:
+                self.music.append(self.files[MUSIC])
                 self.music_ends = now + len(self.files[MUSIC]) / MUSIC_RATE
         else:
             self.sounds.append(number)
 
     # ---------------------------------------------------------------- out
 
-    def _say(self, kind: int, payload: bytes, now: float) -> Iterator[Answer]:
+    def _answer(self, kind: int, payload: bytes, now: float) -> Iterator[Answer]:
         """A packet, cut into pieces that depend on its length, behind all that was said before."""
         delay, data = self.faults.disturb(UNIT, p.frame(kind, payload))
         at = max(now + delay, self._answers_free)
@@ -233,20 +240,20 @@ class Spykee(Device):
             return []
         said: list[Answer] = []
         if self._power_at is not None and now >= self._power_at:
-            said += self._say(p.POWER, self.body.power_byte().to_bytes(1, "big", signed=True), now)
+            said += self._answer(p.POWER, self.body.power_byte().to_bytes(1, "big", signed=True), now)
             self._power_at = now + POWER_PERIOD
         while self.body.news and now >= self._ready_at:
-            said += self._say(p.ENGINE, bytes([self.body.news.pop(0)]), now)
+            said += self._answer(p.ENGINE, bytes([self.body.news.pop(0)]), now)
             self._power_at = now + 0.3
         if self.music_ends is not None and now >= self.music_ends:
             self.music_ends = None
-            said += self._say(p.STOP, b"", now)
+            said += self._answer(p.STOP, b"", now)
         if 1 in self._streams and now >= self._frame_at:
             said += self._picture(now)
         while 2 in self._streams and now >= self._piece_at:
-            heard = self.microphone.hear(self._piece_at - PIECE / sound.RATE, PIECE)
+            heard = self.microphone.record(self._piece_at - PIECE / sound.RATE, PIECE)
             self._piece_at += PIECE / sound.RATE
-            said += self._say(p.AUDIO, heard, now)
+            said += self._answer(p.AUDIO, heard, now)
         return said
 
     def _picture(self, now: float) -> Iterator[Answer]:
@@ -256,7 +263,7 @@ class Spykee(Device):
             body = self.body
             data = camera.picture(body.x, body.y, body.heading, self.dark and not self.leds[0])
             self.frames += 1
-            yield from self._say(p.VIDEO, data, now)
+            yield from self._answer(p.VIDEO, data, now)
 
     def due(self) -> float | None:
         """Return the time of the next event: picture, sound, end of the music, news of the body."""

@@ -28,8 +28,8 @@ class Cutter:
     def __init__(self) -> None:
         self._rest = b""
 
-    def take(self, data: bytes) -> list[tuple[int, bytes]]:
-        """The packets that are whole now.  Raises Lost."""
+    def split(self, data: bytes) -> list[tuple[int, bytes]]:
+        """Add bytes; returns the packets that are complete now.  Raises Lost."""
         self._rest += data
         found = []
         while len(self._rest) >= HEADER:

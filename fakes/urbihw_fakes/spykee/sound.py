@@ -1,4 +1,4 @@
-"""Ears and mouth: 16000 samples a second, 16 bits signed little-endian, one channel.
+"""Microphone and loudspeaker: 16000 samples a second, 16 bits signed little-endian, one channel.
 
 The microphone hears what it is made to hear (`clap`, `tone`, `play`) and what the robot's own loudspeaker plays.  The
 loudspeaker keeps what it has played, with the times: `record` has silence where nothing was there to play.
@@ -43,12 +43,12 @@ class Track:
     def __init__(self) -> None:
         self.pieces: list[tuple[float, array.array[int]]] = []
 
-    def add(self, at: float, samples: array.array[int]) -> None:
-        """One more piece."""
+    def add_sound(self, at: float, samples: array.array[int]) -> None:
+        """Add a piece."""
         self.pieces.append((at, samples))
 
     def between(self, start: float, count: int) -> list[int]:
-        """So many samples from a time on; silence where there is none."""
+        """`count` samples from `start` on; silence where there is no sound."""
         out = [0] * count
         for at, samples in self.pieces:
             offset = round((start - at) * RATE)
@@ -57,8 +57,8 @@ class Track:
                 out[index] += samples[index + offset]
         return out
 
-    def forget(self, before: float) -> None:
-        """Drop what is over."""
+    def remove_before(self, before: float) -> None:
+        """Remove the pieces that end before a time."""
         self.pieces = [(at, samples) for at, samples in self.pieces if at + len(samples) / RATE > before]
 
 
@@ -76,12 +76,12 @@ class Speaker:
         self.ends = -math.inf
 
     def feed(self, pcm: bytes, now: float) -> None:
-        """A packet; without a stream it is nothing."""
+        """Play a packet; it is ignored while the stream is off."""
         if not self.on:
             return
         samples = samples_of(pcm)
         at = max(now, self.ends)
-        self.track.add(at, samples)
+        self.track.add_sound(at, samples)
         self.ends = at + len(samples) / RATE
 
     def gaps(self) -> list[float]:
@@ -114,24 +114,24 @@ class Microphone:
         fading = (peak * (1 - index / count) * self._chance.uniform(-1, 1) for index in range(count))
         samples = array.array("h", [round(value) for value in fading])
         samples[0] = round(peak)
-        self.track.add(at, samples)
+        self.track.add_sound(at, samples)
 
     def tone(self, at: float, frequency: float, seconds: float, loudness: float = 0.5) -> None:
         """Somebody whistles."""
         turn = math.tau * frequency / RATE
-        self.track.add(
+        self.track.add_sound(
             at, array.array("h", [round(loudness * LOUD * math.sin(turn * k)) for k in range(round(seconds * RATE))])
         )
 
     def play(self, at: float, pcm: bytes) -> None:
         """Somebody plays a recording."""
-        self.track.add(at, samples_of(pcm))
+        self.track.add_sound(at, samples_of(pcm))
 
-    def hear(self, start: float, count: int) -> bytes:
-        """So many samples from a time on."""
+    def record(self, start: float, count: int) -> bytes:
+        """What the microphone hears: `count` samples from `start` on."""
         outside = self.track.between(start, count)
         if self._speaker.track.pieces:
             own = self._speaker.track.between(start, count)
             outside = [a + round(ECHO * b) for a, b in zip(outside, own, strict=True)]
-        self.track.forget(start - 1)
+        self.track.remove_before(start - 1)
         return bytes_of(array.array("h", [max(-32768, min(32767, value)) for value in outside]))

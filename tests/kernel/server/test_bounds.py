@@ -10,10 +10,12 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import FrameType
 
 import pytest
 
 from urbihw.kernel import Kernel
+from urbihw.kernel.boot import KernelHooks
 from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.sched.job import Job
@@ -22,6 +24,8 @@ from urbihw.kernel.server import watchdog
 from urbihw.kernel.server.bounds import MIB, NONE, Bounds, bounds, machine_memory
 from urbihw.kernel.server.loop import Driver
 from urbihw.kernel.server.memory import GROWTH_MARGIN, MemoryAccount, ResidentMemory
+
+pytestmark = pytest.mark.e2e
 
 TIMEOUT_S = 15.0
 HOLD = 0.2
@@ -157,6 +161,37 @@ def test_a_job_that_holds_on_is_ended_and_its_connection_is_told(kind: str, capl
 
     played(scene, Bounds(hold_limit=HOLD))
     assert len([message for message in logged(caplog) if "holds the interpreter" in message]) == 1
+
+
+class SlowHooks(KernelHooks):
+    """Frames are looked at for so long that the next signal comes; counts how many handlers are at it at a time."""
+
+    def __init__(self) -> None:
+        self.present = self.most = 0
+
+    def is_program(self, frame: FrameType) -> bool:
+        self.present += 1
+        self.most = max(self.most, self.present)
+        if self.present < 5:
+            time.sleep(0.002)
+        self.present -= 1
+        return super().is_program(frame)
+
+
+def test_signals_that_come_faster_than_they_are_handled_do_not_pile_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else the stack is used up: a machine with too much to do would lose the server."""
+    monkeypatch.setattr(watchdog, "SIGNAL_RETRY_S", 0.0)
+    monkeypatch.setattr(watchdog, "MAX_RUN_S", 0.001)
+    hooks = SlowHooks()
+
+    async def scene(talk: Talk) -> None:
+        talk.kernel.scheduler.hooks = hooks
+        talk.say("function f(n) { if (n > 20) { loop| {} } else f(n + 1) }|; f(0);", talk.lobby)
+        await talk.heard(talk.lobby, HELD)
+        assert await talk.ask("6 * 7;", talk.other) == "42"
+
+    played(scene, Bounds(hold_limit=HOLD))
+    assert hooks.most == 1
 
 
 def test_who_gives_way_now_and_then_is_left_alone(caplog: pytest.LogCaptureFixture) -> None:

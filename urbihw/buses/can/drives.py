@@ -68,6 +68,7 @@ class DrivesDriver(Driver):
     """The driver described at the head of this file; `urbihw.buses.driver.Driver` describes the calls of the engine."""
 
     slow_verbs: frozenset[str] = frozenset({"read", "write"})
+    knows_motion = True
 
     def __init__(self) -> None:
         self._clock: Clock = RealClock()

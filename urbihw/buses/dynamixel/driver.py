@@ -59,6 +59,7 @@ class DynamixelDriver(Driver):
     """
 
     slow_verbs = frozenset({"scan"})
+    knows_motion = True
 
     def __init__(self) -> None:
         self._settings = Configure()

@@ -43,9 +43,14 @@ class Message:
 
 
 class Framer:
-    """Cuts a stream into messages."""
+    """Splits a stream into messages.
 
-    def __init__(self) -> None:
+    Attributes:
+        largest: bytes of a payload at most.
+    """
+
+    def __init__(self, largest: int = LARGEST) -> None:
+        self.largest = largest
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[Message]:
@@ -61,8 +66,8 @@ class Framer:
             magic, number, size, version, kind, flags, service, object_, action = HEADER.unpack_from(buffer, at)
             if magic != MAGIC or version != 0 or not CALL <= kind <= CANCELLED:
                 raise BadFrame("what came is no message of QiMessaging")
-            if size > LARGEST:
-                raise BadFrame(f"a message of {size} bytes; {LARGEST} are taken at most")
+            if size > self.largest:
+                raise BadFrame(f"a message of {size} bytes; at most {self.largest} are accepted")
             end = at + HEADER.size + size
             if end > len(buffer):
                 break
@@ -70,4 +75,7 @@ class Framer:
             found.append(Message(kind, number, service, object_, action, payload, flags))
             at = end
         del buffer[:at]
+        if not MAGIC.startswith(buffer[: len(MAGIC)]):
+            # Some strangers say less than a header, and then wait.
+            raise BadFrame("what came is no message of QiMessaging")
         return found

@@ -48,7 +48,7 @@ class MetaObject:
 
     @classmethod
     def from_value(cls, value: Any) -> Self:
-        """Take the decoded answer to ``metaObject``; members with a signature that is none are left out."""
+        """The description in a decoded answer to ``metaObject``; members with a signature that is none are left out."""
         methods: dict[str, list[Method]] = {}
         for uid, returns, name, parameters, description, _, _ in value[0].values():
             if _is_type(returns) and _is_type(parameters):

@@ -64,7 +64,7 @@ def write_assign_place(place: ast.Call, w: Writer, node: ast.Assign, dest: str |
             w.finish(dest, w.read(local, p), p)
         return
     made = make_in_order(w, slot_holder(place, w, place), lambda: make_value(node.value, w))
-    p = w.mark(place, "updateSlot")
+    p = w.mark(place, place.name)
     made.insert(1, const(place.name, p))
     w.finish(dest, call("update", made, p), p)
 
@@ -158,15 +158,16 @@ def write_postfix(node: ast.Postfix, w: Writer, dest: str | None) -> None:
 
 
 def write_change(
-    place: ast.Node, w: Writer, node: ast.Node, change: Callable[[py.expr, Pos], py.expr], dest: str | None
+    place: ast.Node, w: Writer, node: ast.OpAssign | ast.Postfix, change: Callable[[py.expr, Pos], py.expr],
+    dest: str | None,
 ) -> None:
     """Read a slot, an element or a property, compute from it, and write it back; the holder is evaluated once."""
-    p = w.mark(node, "updateSlot")
+    p = w.mark(node, node.op)
     held = w.fresh("_o")
     if isinstance(place, ast.Property):
         w.emit(set_(held, slot_holder(place.slot, w, place)(), p))
         key: list[py.expr] = [const(place.slot.name, p), const(place.name, p)]
-        verbs, read = ("get_property", "set_property"), "getProperty"
+        verbs, read, write = ("get_property", "set_property"), "getProperty", "setProperty"
     elif isinstance(place, ast.Call) and place.name == "[]" and place.args is not None:
         assert place.target is not None
         parts = [place.target, *place.args]
@@ -175,14 +176,16 @@ def write_change(
         index = w.fresh("_i")
         w.emit(set_(index, list_(made[1:], p), p))
         key = [name(index, p)]
-        verbs, read = ("get_item", "set_item"), "[]"
+        verbs, read, write = ("get_item", "set_item"), "[]", "[]="
     else:
         assert isinstance(place, ast.Call)
         w.emit(set_(held, slot_holder(place, w, place)(), p))
         key = [const(place.name, p)]
-        verbs, read = ("send0", "update"), place.name
+        verbs, read, write = ("send0", "update"), place.name, place.name
     old = call(verbs[0], [name(held, p), *key], w.mark(node, read))
-    w.finish(dest, call(verbs[1], [name(held, p), *key, change(old, p)], p), p)
+    changed = change(old, p)
+    p = w.mark(node, write)
+    w.finish(dest, call(verbs[1], [name(held, p), *key, changed], p), p)
 
 
 def write_trajectory(node: ast.Assign, w: Writer, dest: str | None) -> None:
@@ -193,7 +196,7 @@ def write_trajectory(node: ast.Assign, w: Writer, dest: str | None) -> None:
     values = [node.value, *(value for _, value in node.modifiers)]
     holder = slot_holder(place, w, place) if local is None else (lambda: const(None, w.mark(node)))
     made = make_in_order(w, holder, *(partial(make_value, each, w) for each in values))
-    p = w.mark(node, "updateSlot")
+    p = w.mark(node, place.name)
     keys: list[py.expr | None] = [const(text, p) for text, _ in node.modifiers]
     attributes = py.Dict(keys, made[2:], **p)
     if local is not None:

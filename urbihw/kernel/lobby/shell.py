@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from urbihw.kernel import errors
 from urbihw.kernel.compiler import Unit, compile_node, library
 from urbihw.kernel.compiler.cache import UnitCache
+from urbihw.kernel.lobby.host_process import HostProcess
 from urbihw.kernel.lobby.long_work import MAX_SHORT_TEXT, LongWork, end_of_slice
 from urbihw.kernel.lobby.printing import show
 from urbihw.kernel.lobby.program_files import compiled_file, is_kept
@@ -36,31 +37,32 @@ log = logging.getLogger("urbihw.kernel")
 
 class Programs:
     """Shared by all lobbies of a kernel: caches of parsed and compiled statements, the verbs of generated code, and the
-    host (``name``, ``arguments``, ``listen_port``, ``quiet``; ``shutdown()`` ends the process, ``reboot()`` ends and
-    restarts it, None if it cannot; ``exit_status`` is the exit code that a program requests, None for the host's
-    own).
+    process they run in.
+
+    Attributes:
+        process: name, arguments, shutdown and reboot of the process.
+        exit_status: the exit code that a program requests, None for that of the process.
+        listen_port: the TCP port for clients, -1 for none.
+        quiet: whether a new connection gets no banner.
     """
 
-    def __init__(self, world: World, ops: dict[str, Any]) -> None:
+    def __init__(self, world: World, ops: dict[str, Any], process: HostProcess) -> None:
         self.world = world
         self.ops = ops
+        self.process = process
         self.read = TemplateCache()
         self.units = UnitCache(MAX_TEMPLATES)
         self.long_work = LongWork(world.scheduler)
         self._lobbies = 0
         self.lobbies: dict[Lobby, None] = {}
-        self.name = "urbi"
-        self.arguments: list[str] = []
         self.quiet = True
         self.listen_port = -1
-        self.shutdown: Callable[[], None] = lambda: None
-        self.reboot: Callable[[], None] | None = None
         self.exit_status: int | None = None
 
     def exit(self, status: int) -> None:
         """Shut down the process with an exit code from 0 to 255."""
         self.exit_status = status & 0xFF
-        self.shutdown()
+        self.process.shutdown()
 
     def lobby_name(self) -> str:
         """A name for the next connection's tag."""

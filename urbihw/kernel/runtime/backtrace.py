@@ -19,6 +19,9 @@ CALLS = "__calls__"
 """The name of a table in a module of built-ins: Python function -> the names of the calls that it makes of a function
 that it was given, innermost first.  They stand for the calls that a built-in written in urbiscript would show in a call
 stack."""
+IMPLIED_CALLS = "__implied_calls__"
+"""The name of a table in a module of the kernel: Python function -> the name of the call that it makes for a program
+that does not name it.  A call stack shows this call."""
 MAX_CALLS = 500
 """Maximum number of calls shown at either end of a call stack; the number of the others is shown instead of them.  An
 error that passes through thousands of jobs has tens of thousands of calls, which take seconds to print."""
@@ -44,10 +47,9 @@ class Frame(NamedTuple):
 class BuiltInCalls:
     """Represents, in a call stack, a built-in that calls a function passed to it."""
 
-    system = True
-
-    def __init__(self, names: tuple[str, ...]) -> None:
+    def __init__(self, names: tuple[str, ...], system: bool) -> None:
         self._names = names
+        self.system = system
 
     def frames(self, index: int) -> list[Frame]:
         """The calls that the built-in makes; they have no location of their own."""
@@ -146,8 +148,12 @@ def _place(frame: FrameType, at: int) -> list[tuple[LineMap, int]]:
     line_map = frame.f_globals.get(LINE_MAP)
     if line_map is not None:
         return [(line_map, _entry(frame, at))]
-    names = frame.f_globals.get(CALLS, {}).get(frame.f_code.co_name)
-    return [] if names is None else [(BuiltInCalls(names), 0)]
+    routine = frame.f_code.co_name
+    names = frame.f_globals.get(CALLS, {}).get(routine)
+    if names is not None:
+        return [(BuiltInCalls(names, system=True), 0)]
+    implied = frame.f_globals.get(IMPLIED_CALLS, {}).get(routine)
+    return [] if implied is None else [(BuiltInCalls((implied,), system=False), 0)]
 
 
 def _stack(places: list[tuple[LineMap, int]], hide_system: bool) -> Stack:

@@ -39,6 +39,9 @@ KERNEL_JOB = "own"
 
 P = TypeVar("P")
 
+__implied_calls__ = {"truth_of": "asBool"}
+"""A condition calls ``asBool`` without naming it; ``backtrace`` shows the call."""
+
 
 class World:
     """The objects of one kernel.  ``self.object`` is urbiscript's Object, and so on."""

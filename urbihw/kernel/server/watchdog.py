@@ -78,6 +78,8 @@ class Watchdog:
         self._count = 0
         """Number of beginnings and ends of runs so far: odd during a run."""
         self._wanted: tuple[int, _Harm] | None = None
+        self._handling = False
+        """A signal is being handled, which takes long where the job's stack is deep."""
         self._named = (0, "")
         self._rests = False
         self._wake = threading.Event()
@@ -156,6 +158,8 @@ class Watchdog:
             if not look.broken:
                 self._request_break(look, _Harm.HOLDS)
                 look.broken = now
+            elif self._handling:
+                look.broken = now
             elif self._wanted is not None or self._scheduler.breaker.armed():
                 if now - look.broken > SIGNAL_RETRY_S:
                     self._request_break(look, _Harm.AGAIN if self._wanted is None else self._wanted[1])
@@ -196,8 +200,18 @@ class Watchdog:
         """The signal handler: interrupt the running job if its turn has not ended.
 
         If the job's stack has no room for another call, the handler fails, the job gets that error, and the thread
-        sends the signal again.
+        sends the signal again.  A signal that arrives meanwhile is ignored: handlers that interrupt each other would
+        use up the stack of a process that gets too little time.
         """
+        if self._handling:
+            return
+        self._handling = True
+        try:
+            self._break_with_room(frame)
+        finally:
+            self._handling = False
+
+    def _break_with_room(self, frame: FrameType | None) -> None:
         usual = sys.getrecursionlimit()
         sys.setrecursionlimit(usual + EXTRA_CALLS)
         try:

@@ -111,9 +111,10 @@ def install(world: World, programs: Any) -> None:
     def reboot(world: World, this: Value) -> None:
         """End the server as ``shutdown`` does, and start it again with the same arguments.  Raises an error if the
         process that started the server does not support that."""
-        if programs.reboot is None:
+        begin_reboot = programs.process.reboot
+        if begin_reboot is None:
             raise errors.primitive("this server cannot start itself anew: use shutdown, and start it again")
-        programs.reboot()
+        begin_reboot()
 
     @table.primitive("_exit")
     def exit_(world: World, this: Value, status: int) -> None:

@@ -21,6 +21,13 @@ from urbihw.kernel.value import Value
 TABLE = Table("Group")
 ARITHMETIC = frozenset(("+", "-", "*", "/", "%", "**"))
 """Operators that work member by member between two groups."""
+ORDER = ("<", "<=", ">", ">=")
+"""Comparisons that work member by member; Object has its own, which would get the whole group as an operand."""
+MATH = (
+    "abs", "acos", "asin", "atan", "ceil", "cos", "exp", "floor", "log", "round", "sign", "sin", "sqr", "sqrt", "tan",
+    "trunc",
+)  # fmt: skip
+"""Functions of Float without arguments; Object has functions of the same names with one argument."""
 
 
 class GroupObject(Obj):
@@ -126,6 +133,34 @@ def fallback(world: World, message: Value) -> Value:
     if name in ARITHMETIC and len(args) == 1:
         return this.distribute(args[0], lambda member, share: world.send(member, name, share))
     return this.bounce(lambda member: world.send(member, name, *args))
+
+
+def _compare(operator: str) -> Callable[[World, GroupObject, Value], Any]:
+    def compare(world: World, this: GroupObject, other: Value) -> Any:
+        """The Group of the Booleans of the comparison, member by member if the operand is a Group of the same size."""
+        return this.distribute(other, lambda member, share: world.send(member, operator, share))
+
+    return compare
+
+
+def _apply(name: str) -> Callable[[World, GroupObject], Any]:
+    def apply(world: World, this: GroupObject) -> Any:
+        """The Group of the results of this function for each member."""
+        return this.bounce(lambda member: world.send(member, name))
+
+    return apply
+
+
+for _operator in ORDER:
+    TABLE.primitive(_operator)(_compare(_operator))
+for _name in MATH:
+    TABLE.primitive(_name)(_apply(_name))
+
+
+@TABLE.primitive("load")
+def load(world: World, this: GroupObject, *args: Value) -> Value:
+    """The Group of ``load`` of each member, for motors their power; ``load`` of Object would look for a file."""
+    return this.bounce(lambda member: world.send(member, "load", *args))
 
 
 @TABLE.primitive("updateSlot")

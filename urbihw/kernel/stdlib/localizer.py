@@ -123,6 +123,12 @@ def places(world: World, this: LocalizerObject) -> Value:
     return world.new_list([place for place, _ in this.parts])
 
 
+@TABLE.primitive("load")
+def load(world: World, this: LocalizerObject, *args: Value) -> Value:
+    """The Group of ``load`` of each component, for motors their power."""
+    return world.send(this.group(), "load", *args)
+
+
 @TABLE.primitive("asGroup")
 def as_group(world: World, this: LocalizerObject) -> Value:
     """The components as a Group."""

@@ -221,14 +221,14 @@ def install(world: World, programs: Any) -> None:
         system.slots[name] = native(world, name, function, least, most)
 
     def shutdown(this: Value) -> Value:
-        programs.shutdown()
+        programs.process.shutdown()
         return world.void
 
     put("lobby", lambda this: world.ops.send0(world.lobby_proto, "lobby"), 0)
     put("lobbies", lambda this: world.ops.send0(world.lobby_proto, "instances"), 0)
     put("shutdown", shutdown, 0)
-    put("arguments", lambda this: world.from_python(list(programs.arguments)), 0)
-    put("programName", lambda this: world.string(programs.name), 0)
+    put("arguments", lambda this: world.from_python(list(programs.process.arguments)), 0)
+    put("programName", lambda this: world.string(programs.process.name), 0)
     _install_evaluation(world, system, programs)
     _fields(world, system)
 

@@ -37,6 +37,7 @@ from urbihw.kernel.uobject.threads import (
 )
 from urbihw.kernel.uobject.uevent import UEvent
 from urbihw.kernel.uobject.uobject import UObject, UObjectHub
+from urbihw.kernel.uobject.uvalue import NIL
 from urbihw.kernel.uobject.uvar import UVar
 from urbihw.kernel.uobject.values import finite_number, finite_numbers, number, set_range
 
@@ -46,6 +47,7 @@ __all__ = [
     "LOCK_INSTANCE",
     "LOCK_MODULE",
     "LOCK_NONE",
+    "NIL",
     "BadConfig",
     "DeviceError",
     "Effector",

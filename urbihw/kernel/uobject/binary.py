@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from urbihw.kernel.runtime.binary import Buffer
 
-IMAGE_FORMATS = ("rgb", "jpeg", "ycbcr", "ppm", "yuv411", "yuv420", "grey8", "grey4", "png")
+IMAGE_FORMATS = ("rgb", "jpeg", "ycbcr", "ppm", "yuv411", "yuv420", "yuv422", "grey8", "grey4", "png")
 SOUND_FORMATS = ("raw", "wav")
 
 

@@ -85,7 +85,7 @@ COMPONENTS: Final[dict[str, Part]] = {
     "touch": _part("finger grip foot toe body head skin", "TouchSensor"),
     "gyro": _part("body", "GyroSensor"),
     "accel": _part("body", "AccelerationSensor"),
-    "camera": _part("head body eye arm", "VideoIn"),
+    "camera": _part("head body eye arm", "VideoIn Tracker"),
     # The list of the 2.3 manual exchanges these two; a speaker is an output.
     "speaker": _part("head body", "AudioOut"),
     "micro": _part("head body", "AudioIn"),

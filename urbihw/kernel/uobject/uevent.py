@@ -24,6 +24,11 @@ class UEvent:
         self.path = path
         self.mirror: Callable[[list[Any]], None] | None = None
 
+    @property
+    def has_subscribers(self) -> bool:
+        """Whether anybody would notice an emission."""
+        return bool(self.face.subscriptions)
+
     def emit(self, *payload: Any) -> None:
         """Emit the event with a payload of Python values and devices, from any thread; handlers run as jobs.
 

@@ -4,6 +4,7 @@
 device code                       urbiscript
 ================================  =================================================
 None, bool, number, str           void, Boolean, Float, String
+NIL                               nil
 list, tuple, dict                 List, Tuple, Dictionary, of these values
 UBinary, UImage, USound           Binary
 bytes                             String (one character per byte)
@@ -16,7 +17,7 @@ Any other urbiscript object is passed unchanged.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from urbihw.kernel.runtime.binary import BinaryObject
 from urbihw.kernel.runtime.convert import to_python
@@ -26,6 +27,16 @@ from urbihw.kernel.uobject.binary import UBinary, make_binary
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
+
+
+class _Nil:
+    """The type of ``NIL``."""
+
+    __slots__ = ()
+
+
+NIL: Final = _Nil()
+"""The urbiscript nil, for a slot whose value the device can never know; None is void."""
 
 
 class Device:
@@ -53,7 +64,7 @@ def to_urbi(world: World, value: Any, keep: bool = False) -> Any:
         return world.new_tuple([to_urbi(world, member) for member in value])
     if isinstance(value, dict):
         return world.dictionary({str(key): to_urbi(world, member) for key, member in value.items()})
-    return world.from_python(value)
+    return world.nil if value is NIL else world.from_python(value)
 
 
 def from_urbi(value: Any) -> Any:

@@ -31,7 +31,11 @@ CLASSES: Final[dict[str, type[Device]]] = {
 
 
 class Devices(UObject):
-    """Devices by their number: ``motors[6]``."""
+    """The devices of one kind by number.
+
+    Its functions belong to the instance, so that the library can make them slots of the Groups ``motors`` and
+    ``sensors``.
+    """
 
     uname = "BioloidDevices"
 
@@ -39,8 +43,13 @@ class Devices(UObject):
         """``what`` is the word for one of them in messages."""
         self._what = what
         self.members: dict[int, Device] = {}
+        self.bind_function(self.get, "[]")
+        self.bind_function(self.has)
+        self.bind_function(self.keys)
+        self.bind_function(self.as_list, "asList")
+        self.bind_function(self.size)
+        self.bind_function(self.empty)
 
-    @function("[]")
     def get(self, id: int) -> Device:
         """The device with this number."""
         if id not in self.members:
@@ -48,20 +57,25 @@ class Devices(UObject):
             raise ValueError(f"no {self._what} {id}; there are: {known}")
         return self.members[id]
 
-    @function
     def has(self, id: int) -> bool:
         """Whether there is a device with this number."""
         return id in self.members
 
-    @function
     def keys(self) -> list[float]:
         """The numbers, in order."""
         return [float(number) for number in sorted(self.members)]
 
-    @function("asList")
     def as_list(self) -> list[Device]:
         """The devices, in order of their numbers."""
         return [self.members[number] for number in sorted(self.members)]
+
+    def size(self) -> int:
+        """How many there are."""
+        return len(self.members)
+
+    def empty(self) -> bool:
+        """Whether there is none."""
+        return not self.members
 
 
 class Bioloid(WiredRobot):
@@ -70,6 +84,7 @@ class Bioloid(WiredRobot):
     classes = (AX12, XServo, AXS1, Devices)
 
     robot_name = "bioloid"
+    model_name = "ROBOTIS Bioloid"
     family = "dynamixel"
 
     lost = event()
@@ -82,16 +97,27 @@ class Bioloid(WiredRobot):
         super().init()
         self.devices: dict[int, Device] = {}
         self._missing: dict[int, None] = {}
+        self._new: list[Device] = []
+        self._is_built = False
 
     # ---------------------------------------------------------------- what the daemon calls
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
-        """Make ``motors`` and ``sensors``, then start the worker."""
-        self.motors = self.host.create(Devices, "motors", "motor")
-        self.sensors = self.host.create(Devices, "sensors", "sensor")
-        self.put_slot("motors", self.motors)
-        self.put_slot("sensors", self.sensors)
+        """Make the tables of ``motors`` and ``sensors``, set the period of movements, then start the worker."""
+        self.motors, self.sensors = self.host.create(Devices, None, "motor"), self.host.create(Devices, None, "sensor")
+        self.put_slot("motorTable", self.motors)
+        self.put_slot("sensorTable", self.sensors)
+        self._set_period(settings.rate)
         super().open(settings, opened)
+
+    def configure(self, settings: RobotSettings) -> None:
+        """Apply new settings, also the period of the movements.  Raises BadConfig."""
+        super().configure(settings)
+        self._set_period(settings.rate)
+
+    def _set_period(self, rate: float) -> None:
+        """With the default period of 20 ms a movement would give a bus of 100 Hz a new goal in every second tick only."""
+        self.host.run(f"System.period = {1 / rate!r};", "bioloid.period")
 
     def status(self) -> str:
         """Return the numbers of servos and sensors, the rate, and which are lost."""
@@ -129,8 +155,8 @@ class Bioloid(WiredRobot):
                 device.update_values(values, times[number] + offset)
 
     def is_complete(self) -> bool:
-        """Return whether every device found has been read once."""
-        return bool(self.devices) and all(device.is_complete for device in self.devices.values())
+        """Return whether the tree is built and every device found has been read once."""
+        return self._is_built and bool(self.devices) and all(device.is_complete for device in self.devices.values())
 
     def on_link_down(self, reason: str) -> None:
         """Mark all devices as stale."""
@@ -174,8 +200,12 @@ class Bioloid(WiredRobot):
             device.mark_released()
 
     def _on_tree_built(self, problem: str) -> None:
+        self._is_built = True
         if problem:
             self.log.error("the tree of the robot is not complete: %s", problem)
+        new, self._new = self._new, []
+        for device in new:
+            self.found.emit(device)
 
     def _report_conflicts(self, ids: tuple[int, ...]) -> None:
         numbers = " and ".join(map(str, ids))
@@ -193,15 +223,15 @@ class Bioloid(WiredRobot):
         if kind is None:
             self.log.warning("device %d (%s) is of no kind known here; it is left alone", info.id, info.name)
             return
-        group, name = (self.motors, "motor") if issubclass(kind, Servo) else (self.sensors, "sensor")
+        table, name = (self.motors, "motor") if issubclass(kind, Servo) else (self.sensors, "sensor")
         about = (self.channel, info, self._report_refused, *((self.motion,) if issubclass(kind, Servo) else ()))
         device = self.host.create(kind, f"{name}{info.id}", *about)
         device.log = self.log
         if isinstance(device, Servo):
             device.mode_changed = self.send_limits
         self._missing.pop(info.id, None)
-        self.devices[info.id] = group.members[info.id] = device
-        self.found.emit(device)
+        self.devices[info.id] = table.members[info.id] = device
+        self._new.append(device)
 
     def on_device_state(self, message: m.DeviceState) -> None:
         """Show the loss and the return of a device; one that was lost before it was found is logged as missing."""

@@ -23,6 +23,7 @@ class Cia402(WiredRobot):
     classes = (ServoDrive,)
 
     robot_name = "cia402"
+    model_name = "CiA 402 drives"
     family = "urbihw.buses.can.drives:DrivesDriver"
 
     lost = event()
@@ -74,7 +75,7 @@ class Cia402(WiredRobot):
         self.send_limits()
         if self.opening:
             path = Path(__file__).with_name(TREE)
-            self.host.run(path.read_text("latin-1"), str(path), self._on_tree_built)
+            self.host.run(path.read_text("latin-1"), path.name, self._on_tree_built)
 
     def limited_devices(self) -> Mapping[str, LimitedDevice]:
         """Return the drives as ``drive1`` to ``driveN``."""

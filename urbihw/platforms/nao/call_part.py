@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any, Final
 
-from urbihw.buses.messages import FromWorker, Happened, Reply, Request
-from urbihw.buses.qi.session import Call
-from urbihw.platforms.nao.exchange import Exchange
+from urbihw.buses.errors import Unavailable
+from urbihw.buses.messages import FromWorker, Happened, Refused, Reply, Request
+from urbihw.buses.qi.session import Call, Subscription
+from urbihw.platforms.nao.exchange import LINK_LOST, Exchange
 from urbihw.platforms.nao.finding import LEDS, MEMORY, SONAR
 from urbihw.platforms.nao.part import Devices, Part
+from urbihw.platforms.nao.reading import is_bounded
 
 SERVICES: Final = "services"
 """Stands for all that services were told to do, for stops and for who may move."""
@@ -16,11 +19,20 @@ BLOCKING_TIMEOUT_S: Final = 1e6
 """Seconds that a call of a program may take."""
 HARMLESS: Final = frozenset({
     MEMORY, LEDS, SONAR, "ALBattery", "ALTextToSpeech", "ALVideoDevice", "ALAudioDevice", "ALAudioPlayer", "ALLogger",
-    "ServiceDirectory",
+    "ALSpeechRecognition", "ServiceDirectory",
 })  # fmt: skip
 """Services that move nothing."""
 ASKING: Final = ("get", "is", "are", "robotIs", "moveIs", "walkIs", "list", "ping", "version")
 """How methods begin that move nothing."""
+BEHAVIOURS: Final = "ALBehaviorManager"
+STARTING: Final = ("runBehavior", "startBehavior")
+"""Methods that begin a behaviour; the first argument is its name."""
+MOST_EVENTS: Final = 200
+STAND_TIMEOUT_S: Final = 3.0
+"""Seconds that a walk may need to end in a stop, before ``killAll`` ends everything else."""
+ACTIVE_TIMEOUT_S: Final = 0.1
+"""Seconds that a stop waits to hear whether the robot walks."""
+ENDING: Final = "ending"
 
 
 def may_move(service: str, method: str) -> bool:
@@ -29,22 +41,33 @@ def may_move(service: str, method: str) -> bool:
 
 
 class CallPart(Part):
-    """Requests "describe", "call" and "listen"; see ``driver``."""
+    """Requests "describe", "call", "listen" and "unlisten"; see ``driver``."""
 
-    verbs = frozenset({"describe", "call", "listen"})
+    verbs = frozenset({"describe", "call", "listen", "unlisten"})
 
     def __init__(self, exchange: Exchange) -> None:
         super().__init__(exchange)
         self._described: set[str] = set()
-        self._events: set[str] = set()
+        self._events: dict[str, Subscription | None] = {}
+        self._behaviours: dict[str, None] = {}
         self._moved = False
+        self._ends_at = 0.0
+        self._delayed: list[Request] = []
 
     def begin(self) -> None:
         """See ``Part``: look up again what programs use, and listen to the same events."""
         for name in sorted(self._described):
-            self.exchange.session.look_up(name)
-        for key in sorted(self._events):
+            # A service that has gone meanwhile, such as that of a program on the robot, fails its own calls only.
+            with contextlib.suppress(Unavailable):
+                self.exchange.session.look_up(name)
+        for key in list(self._events):
             self._listen(key)
+
+    def end(self) -> None:
+        """See ``Part``: the subscriptions went with the session."""
+        self._events = dict.fromkeys(self._events)
+        self._ends_at = 0.0
+        self._refuse_delayed(LINK_LOST)
 
     def request(self, message: Request) -> list[FromWorker]:
         """See ``Part``."""
@@ -54,9 +77,18 @@ class CallPart(Part):
                 self._described.add(found.name)
                 return [Reply(message.reply_id, True, found.meta.names())]
             case "listen":
-                self._events.add(str(message.device))
-                self._listen(str(message.device))
+                key = str(message.device)
+                if self._events.get(key) is None:
+                    self._listen(key)
                 return [Reply(message.reply_id, True)]
+            case "unlisten":
+                subscription = self._events.pop(str(message.device), None)
+                if subscription is not None:
+                    self.exchange.session.stop_listening(subscription)
+                return [Reply(message.reply_id, True)]
+            case _ if self._ends_at and may_move(str(message.device), message.item):
+                self._delayed.append(message)
+                return []
             case _:
                 self._call(message)
                 return []
@@ -70,19 +102,85 @@ class CallPart(Part):
         service = exchange.session.look_up(str(message.device))
         exchange.session.call(service, message.item, *message.value, then=answered, timeout=BLOCKING_TIMEOUT_S)
         self._moved = self._moved or may_move(str(message.device), message.item)
+        if service.name == BEHAVIOURS and message.item in STARTING and isinstance(message.value[0], str):
+            self._behaviours[message.value[0]] = None
 
     def _listen(self, key: str) -> None:
         exchange = self.exchange
+        if key not in self._events and len(self._events) == MOST_EVENTS:
+            raise ValueError(f"{MOST_EVENTS} events of ALMemory are listened to: no more")
+        self._events[key] = None
         subscriber = exchange.ask(exchange.memory, "subscriber", key)
 
         def heard(values: tuple[Any, ...]) -> None:
-            exchange.news.append(Happened("event", key, values[0]))
+            if is_bounded(values[0]):
+                exchange.news.append(Happened("event", key, values[0]))
+            else:
+                exchange.news.append(Refused("event", key, "its value is too long, or no value for programs"))
 
-        exchange.session.listen_to_object(subscriber, "signal", heard)
+        self._events[key] = exchange.session.listen_to_object(subscriber, "signal", heard)
 
     def stop(self, devices: Devices) -> None:
-        """End what services were told to do."""
-        if self._moved and (devices is None or SERVICES in devices):
-            self._moved = False
-            self.exchange.post_motion("stopMove")
-            self.exchange.post_motion("killAll")
+        """End what services were told to do.
+
+        The walk ends with its next step.  Everything else ends by ``killAll``, which does not care where the feet are:
+        while the robot walks, it is sent as soon as the robot stands.
+        """
+        if not (devices is None or SERVICES in devices):
+            return
+        self._refuse_delayed("stopped")
+        if not self._moved:
+            return
+        self._moved = False
+        # Behaviours first: they would begin another motion.
+        self._stop_behaviours()
+        exchange = self.exchange
+        exchange.post_motion("stopMove")
+        try:
+            walks = bool(exchange.ask(exchange.motion, "moveIsActive", timeout=ACTIVE_TIMEOUT_S))
+        except (Unavailable, ValueError):
+            walks = True
+        if walks:
+            self._ends_at = exchange.now() + STAND_TIMEOUT_S
+        else:
+            exchange.post_motion("killAll")
+
+    def send(self) -> None:
+        """See ``Part``: end a stop once the robot stands; motions that were asked for meanwhile follow."""
+        exchange = self.exchange
+        if not self._ends_at or exchange.busy(ENDING):
+            return
+        if exchange.now() >= self._ends_at:
+            self._kill_all()
+        else:
+            exchange.call(ENDING, exchange.motion, "moveIsActive", then=self._end_if_standing)
+
+    def _end_if_standing(self, answer: Call) -> None:
+        if self._ends_at and not answer.value:
+            self._kill_all()
+
+    def _kill_all(self) -> None:
+        self._ends_at = 0.0
+        self.exchange.post_motion("killAll")
+        delayed, self._delayed = self._delayed, []
+        for message in delayed:
+            try:
+                self._call(message)
+            except (Unavailable, ValueError, TypeError, IndexError) as error:
+                self.exchange.news.append(Reply(message.reply_id, False, error=str(error)))
+
+    def _refuse_delayed(self, reason: str) -> None:
+        delayed, self._delayed = self._delayed, []
+        self.exchange.news += [Reply(message.reply_id, False, error=reason) for message in delayed]
+
+    def _stop_behaviours(self) -> None:
+        """End the behaviours that were begun here, and leave those that others have begun."""
+        behaviours, self._behaviours = self._behaviours, {}
+        service = self.exchange.find_service(BEHAVIOURS) if behaviours else None
+        if service is not None:
+            for name in behaviours:
+                self.exchange.post(service, "stopBehavior", name)
+
+    def is_moving(self) -> bool:
+        """See ``Part``: nobody knows when it ends, so it counts until a stop is over."""
+        return self._moved or self._ends_at > 0

@@ -1,19 +1,27 @@
-"""Lights, sensors, the battery and the voice."""
+"""Lights, sensors and the battery."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Final
 
-from urbihw.kernel.uobject import UObject, UVar, number, owned, reading, set_range
+from urbihw.kernel.uobject import NIL, UObject, UVar, number, owned, reading, set_range
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.nao.light_part import LED
+
+ONE_COLOUR_PARTS: Final = ("Ear", "Brain")
+"""Parts of the names of lights and groups that have one colour (fact sheet, section 10)."""
+ONE_COLOUR_ENDS: Final = ("Red", "Green", "Blue")
+"""Ends of the names of groups that are the lights of one colour."""
 
 
 class NaoLed(UObject):
     """A light or a group of lights: ``val`` (0 to 1), ``r``, ``g``, ``b`` (0 to 1), ``rgb`` (0xRRGGBB).
 
-    NAOqi tells no colours: what is read is what was written here.
+    What is read is what was written here: NAOqi tells no colours, and a group shows nothing of what was written to its
+    lights one by one.  A light of one colour (the ears, which are blue, the top of the head, and the groups of one
+    colour) is as bright as the brightest part that was written.
     """
 
     val = owned(0.0)
@@ -25,6 +33,7 @@ class NaoLed(UObject):
     def init(self, channel: DeviceChannel, name: str) -> None:
         """``name`` is that of NAOqi."""
         self._channel, self._device = channel, (LED, name)
+        self._has_colours = not name.endswith(ONE_COLOUR_ENDS) and not any(part in name for part in ONE_COLOUR_PARTS)
         for var in (self.val, self.r, self.g, self.b):
             set_range(var, 0.0, 1.0)
         set_range(self.rgb, 0.0, float(0xFFFFFF))
@@ -36,19 +45,21 @@ class NaoLed(UObject):
 
     def _write_level(self) -> None:
         level = number(self.val)
-        self._channel.set_target(self._device, "level", level)
-        self._show(round(level * 255) * 0x010101, level)
+        self._write(round(level * 255) * 0x010101, level)
 
     def _write_part(self, part: UVar, shift: int) -> None:
         others = round(self.rgb.sensed) & ~(0xFF << shift)
         self._write_colour(others | round(number(part) * 255) << shift)
 
     def _write_colour(self, colour: int) -> None:
-        self._channel.set_target(self._device, "rgb", colour)
         parts = [colour >> shift & 0xFF for shift in (16, 8, 0)]
-        self._show(colour, max(parts) / 255)
+        self._write(colour, max(parts) / 255)
 
-    def _show(self, colour: int, level: float) -> None:
+    def _write(self, colour: int, level: float) -> None:
+        if self._has_colours:
+            self._channel.set_target(self._device, "rgb", colour)
+        else:
+            self._channel.set_target(self._device, "level", level)
         self.rgb.sense(float(colour))
         self.val.sense(level)
         for var, shift in ((self.r, 16), (self.g, 8), (self.b, 0)):
@@ -83,13 +94,13 @@ class NaoBumper(NaoSensor):
 class NaoBattery(UObject):
     """The battery: ``remain`` is a share of 1, ``current`` in A, negative while it drains.
 
-    NAOqi measures neither its voltage nor its capacity (V, A h).
+    NAOqi measures neither its voltage nor its capacity (V, A h): both are nil.
     """
 
     remain = reading(math.nan)
     current = reading(math.nan)
-    voltage = reading(math.nan)
-    capacity = reading(math.nan)
+    voltage = reading(NIL)
+    capacity = reading(NIL)
 
     def init(self) -> None:
         """Made by the robot."""

@@ -3,86 +3,120 @@
 Devices and their items:
 
     HeadYaw ...     targets "angle" (rad) and "stiffness" (0 to 1); values "angle", "stiffness", "temperature"
-    walk            targets "x", "y" (m/s), "yaw" (rad/s); values "x", "y", "theta": where it is
+    walk            targets "x", "y" (m/s), "yaw" (rad/s); "write" of "config"; values "x", "y", "theta": where it is
     led NAME        ("led", NAME): targets "rgb" (0xRRGGBB), "level" (0 to 1)
+    camera          "film"; value "picture": see ``camera_part``
+    motors          "write" of "dcm", "shift", "trace": see ``joint_part``
+    LArm, RArm      the hands in space: "write" of "pos"; values "x", "y", "z" (m): see ``wholebody_part``
     sensors         values: see ``reading.SENSORS``
 
 Requests: "describe" of a service: the names of its methods; "call" of a service (device) and a method (item) with a
 list of arguments: its result.  An answer may take hours: such a call ends with its link.  "listen" to an event of
-ALMemory: from then on it comes as a ``Happened`` of ("event", KEY).
+ALMemory: from then on it comes as a ``Happened`` of ("event", KEY), until "unlisten".  "follow" a key of ALMemory: see
+``sense_part``.  "film": see ``camera_part``.  "write" of ("speaker", "piece"): see ``sound_part``.  "serve",
+"withdraw", "answer": see ``module_part``.
 
 Each kind of thing is a ``Part``; one more kind is one more module with a part and a line in ``NaoDriver.__init__``.
 
 A stop lets the robot stop walking, and joints that are under way hold where they are: none gets slack.  What services
 were told to do is ended with ``killAll``.  A Nao whose link is lost goes on with what it was told last: a joint to its
-goal, a walk without end, until the link is back; the fall manager of NAOqi is never switched off here.
+goal, a walk without end, until the link is back, or until the program ``watchdog.py`` on the robot stops it; the fall
+manager of NAOqi is never switched off here.
 """
 
 from __future__ import annotations
 
 import errno
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
-from urbihw.buses.driver import Driver, no_stop
-from urbihw.buses.errors import LinkGone, Unavailable
-from urbihw.buses.link import Port, byte_link
+from urbihw.buses.driver import Driver, ImpliedTarget, no_stop
+from urbihw.buses.errors import BusError, LinkGone, Unavailable
+from urbihw.buses.link import Port
 from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, Request, Samples, Targets, Watch
-from urbihw.buses.qi.session import Session
+from urbihw.buses.qi.hosting import Hosting
+from urbihw.buses.qi.opening import open_session
+from urbihw.platforms.nao.call_limits import CallLimits
 from urbihw.platforms.nao.call_part import CallPart, may_move
-from urbihw.platforms.nao.exchange import Exchange
+from urbihw.platforms.nao.camera_part import FILM, CameraPart
+from urbihw.platforms.nao.exchange import LINK_LOST, Exchange
 from urbihw.platforms.nao.finding import MEMORY, MOTION, find
 from urbihw.platforms.nao.joint_part import JointPart
 from urbihw.platforms.nao.light_part import LightPart
+from urbihw.platforms.nao.micro_part import MicroPart
+from urbihw.platforms.nao.module_part import ModulePart
 from urbihw.platforms.nao.options import Options
 from urbihw.platforms.nao.orders import JointOrders
 from urbihw.platforms.nao.part import Part
 from urbihw.platforms.nao.sense_part import SensePart
+from urbihw.platforms.nao.sound_part import SoundPart
 from urbihw.platforms.nao.walk_part import WALK, WalkPart
+from urbihw.platforms.nao.watchdog_part import WatchdogPart
+from urbihw.platforms.nao.wholebody_part import EFFECTORS, WholeBodyPart
 
 
 class NaoDriver(Driver):
     """See the head of this file, and ``urbihw.buses.driver.Driver`` for who calls what."""
 
-    slow_verbs = frozenset({"describe", "listen"})
+    slow_verbs = frozenset({"describe", "listen", "serve", "follow", FILM})
+    knows_motion = True
 
     def __init__(self) -> None:
         self._rest_on_stop = False
         self._exchange = exchange = Exchange()
         self._orders = orders = JointOrders()
         self._senses = SensePart(exchange, orders)
+        self._call_limits = CallLimits(orders)
+        self._hosting = Hosting()
         # In a stop the walk ends first: its legs are no joints under way then.
-        self._parts: tuple[Part, ...] = (
-            WalkPart(exchange), CallPart(exchange), JointPart(exchange, orders), LightPart(exchange), self._senses,
+        parts: tuple[Part, ...] = (
+            WalkPart(exchange), CallPart(exchange), WholeBodyPart(exchange), JointPart(exchange, orders),
+            LightPart(exchange), self._senses,
+            ModulePart(exchange, self._hosting), SoundPart(exchange),
+            CameraPart(exchange),
+            MicroPart(exchange, self._hosting),
         )  # fmt: skip
+        self._watchdog = WatchdogPart(exchange, parts)
+        self._parts = (self._watchdog, *parts)
 
     # ---------------------------------------------------------------- settings and the link
 
     def configure(self, settings: Configure) -> None:
         """Take settings.  Raises BadSetting for an option."""
-        self._exchange.options = Options.of(settings.options)
+        options = self._exchange.options = Options.of(settings.options)
+        self._hosting.settings = options.end_point()
         self._rest_on_stop = settings.torque_off_on_stop
 
     def attach(self, port: Port) -> list[FromWorker]:
         """Log in, and learn what there is.  Raises Unavailable, BadUrl, LinkGone."""
         exchange = self._exchange
-        session = Session(byte_link(port))
-        session.authenticate(exchange.options.user, exchange.options.password)
+        exchange.now, exchange.port = port.clock.now, port
+        session = open_session(port)
+        session.authenticate(exchange.options.login())
         try:
             motion, memory = session.look_up(MOTION), session.look_up(MEMORY)
             found = find(session, motion, memory)
             exchange.info = found.info
+            self._call_limits.begin({joint.name: joint.speed for joint in found.info.joints})
             self._senses.show_first(found)
             exchange.begin(session, motion, memory)
+            self._hosting.begin(session, port)
             for part in self._parts:
                 part.begin()
         except (ValueError, TypeError, IndexError) as error:
             # An answer of another form is as bad as none.
+            session.close(LINK_LOST)
             raise Unavailable(errno.EPROTO, f"{port.url.text}: {error}; is this a Nao?") from error
+        except BusError:
+            session.close(LINK_LOST)
+            raise
+        if port.warning:
+            exchange.news.append(Refused("connection", port.url.target, port.warning))
         return [Found((exchange.info,)), *self._collect(port.clock.now())]
 
     def detach(self) -> None:
         """The port is gone: what waits fails; what was sent is remembered, for the robot goes on with it."""
+        self._hosting.end()
         for part in self._parts:
             part.end()
         self._exchange.end()
@@ -121,6 +155,7 @@ class NaoDriver(Driver):
     def targets(self, message: Targets) -> list[FromWorker]:
         """Goals for the next cycle; without a robot they are dropped."""
         refused: list[FromWorker] = []
+        self._exchange.written = message.time
         for (device, item), value in message.values.items():
             problem = self._set_target(device, item, value)
             if problem:
@@ -138,7 +173,10 @@ class NaoDriver(Driver):
         return "no such target"
 
     def watch(self, message: Watch, now: float) -> list[FromWorker]:
-        """Everything is read always."""
+        """Everything is read always but streams."""
+        for part in self._parts:
+            if part.owns(message.device):
+                part.watch(message.period is not None)
         return []
 
     def request(self, message: Request) -> list[FromWorker]:
@@ -147,7 +185,8 @@ class NaoDriver(Driver):
             return [Reply(message.reply_id, False, error="the link is down")]
         try:
             for part in self._parts:
-                if message.verb in part.verbs:
+                # "write" is a verb of several parts: the device tells which one is meant.
+                if message.verb in part.verbs and (message.verb != "write" or part.owns(message.device)):
                     return part.request(message)
         except (Unavailable, ValueError, TypeError, IndexError) as error:
             return [Reply(message.reply_id, False, error=str(error))]
@@ -165,6 +204,7 @@ class NaoDriver(Driver):
             part.stop(devices)
         if self._rest_on_stop and devices is None:
             self._exchange.post_motion("rest")
+        self._watchdog.release()
 
     def stop_what_moves(self) -> tuple[Any, ...]:
         """See ``Driver``: what another program, or the last worker, has left moving.  Raises LinkGone."""
@@ -182,8 +222,18 @@ class NaoDriver(Driver):
             return bool(value)
         return item == "angle"
 
+    def implied_targets(self, request: Request) -> Iterable[ImpliedTarget]:
+        """See ``Driver``: what calls of services, and hands in space, let move."""
+        if request.device in EFFECTORS.values():
+            return list(self._call_limits.find_anything(walk=False))
+        if request.verb != "call":
+            return ()
+        return self._call_limits.find_targets(str(request.device), request.item, request.value)
+
     def request_moves(self, request: Request) -> bool:
-        """A method may, unless it is known that it only asks."""
+        """The place of a hand does; a method may, unless it is known that it only asks."""
+        if request.device in EFFECTORS.values():
+            return True
         return request.verb == "call" and may_move(str(request.device), request.item)
 
     def pose(self, device: Any, item: str) -> float | None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any, Final
 
 from urbihw.buses.errors import BadValue, LinkGone, Unavailable
+from urbihw.buses.link import Port
 from urbihw.buses.messages import FromWorker, Refused
 from urbihw.buses.qi.session import Call, Service, Session
 from urbihw.platforms.nao.finding import NaoInfo
@@ -25,13 +27,19 @@ class Exchange:
         info: the robot as it was found last.
         news: messages for the parent, sent with the next tick.
         values: what was measured, by device and item, sent with the next tick.
+        now: the worker's clock, s.
+        port: the port of the session; a twin of it leads to the same robot.
+        written: when the targets were written that are being set, by the clock of their writer; None if unknown.
     """
 
     def __init__(self) -> None:
         self.options = Options()
         self.info = NaoInfo("", (), (), ())
         self.news: list[FromWorker] = []
-        self.values: dict[Any, dict[str, float]] = {}
+        self.values: dict[Any, dict[str, Any]] = {}
+        self.now: Callable[[], float] = time.monotonic
+        self.port: Port
+        self.written: float | None = None
         self._session: Session | None = None
         self._motion: Service
         self._memory: Service

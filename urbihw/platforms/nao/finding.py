@@ -13,10 +13,13 @@ from urbihw.platforms.nao.orders import JointInfo
 MOTION, MEMORY, LEDS, SONAR = "ALMotion", "ALMemory", "ALLeds", "ALSonar"
 PROXIES: Final = (
     MOTION, MEMORY, LEDS, SONAR, "ALRobotPosture", "ALTextToSpeech", "ALBattery", "ALBehaviorManager", "ALAudioPlayer",
-    "ALSpeechRecognition", "DCM",
+    "ALSpeechRecognition", "ALAudioDevice", "DCM",
 )  # fmt: skip
 """Services that programs may call without asking for them."""
 _NAME: Final = "urbihw"
+BODY_NAME: Final = "Device/DeviceList/ChestBoard/BodyNickName"
+BODY_ID: Final = "Device/DeviceList/ChestBoard/BodyId"
+MAX_TEXT_LENGTH: Final = 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +31,8 @@ class NaoInfo:
     services: tuple[str, ...]
     leds: tuple[str, ...]
     methods: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    name: str = ""
+    serial: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,18 +58,24 @@ def find(session: Session, motion: Service, memory: Service) -> Finding:
     lights: list[str] = []
     if LEDS in services:
         for method in ("listGroups", "listLEDs"):
-            lights += ask(session.look_up(LEDS), method)
+            lights += [name for name in ask(session.look_up(LEDS), method) if str(name).isidentifier()]
     if SONAR in services:
         # Without a subscriber the sonars measure nothing.
         session.post(session.look_up(SONAR), "subscribe", _NAME)
     methods = {name: tuple(session.look_up(name).meta.names()) for name in PROXIES if name in services}
     model = _model(ask(motion, "getRobotConfig"))
-    info = NaoInfo(model, joints, services, tuple(dict.fromkeys(lights)), methods)
+    name, serial = map(_text, ask(memory, "getListData", [BODY_NAME, BODY_ID]))
+    info = NaoInfo(model, joints, services, tuple(dict.fromkeys(lights)), methods, name, serial)
     fast = reading.joint_keys(names)
     keys = fast | reading.slow_keys(names)
     values = ask(memory, "getListData", list(keys))
     known = reading.known_keys(keys, values)
     return Finding(info, fast, known, [value for name, value in zip(keys, values, strict=True) if name in known])
+
+
+def _text(value: Any) -> str:
+    """A text of ALMemory in one line; "" where the robot has none."""
+    return " ".join(value.split())[:MAX_TEXT_LENGTH] if isinstance(value, str) else ""
 
 
 def _model(config: Any) -> str:

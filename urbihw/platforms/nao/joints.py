@@ -7,19 +7,19 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from urbihw.buses import messages as m
-from urbihw.kernel.uobject import EffectorDevice, Motion, function, number, owned, reading, set_range
+from urbihw.kernel.uobject import EffectorDevice, Motion, finite_numbers, function, number, owned, reading, set_range
 from urbihw.platforms.base import LimitNamer, LimitTable
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.limits import DeviceLimits
 from urbihw.platforms.nao.call_part import SERVICES
 from urbihw.platforms.nao.finding import MOTION
+from urbihw.platforms.nao.gait import parse_gait
 from urbihw.platforms.nao.orders import SLACK, JointInfo
-from urbihw.platforms.nao.walk_part import AXES, WALK
+from urbihw.platforms.nao.walk_part import AXES, FASTEST, WALK
+from urbihw.platforms.nao.wholebody_part import EFFECTORS, HANDS
 
 SETTLING_S: Final = 0.5
 """Seconds in which a stiffness that was written is measured; then what is measured counts."""
-FASTEST: Final[Mapping[str, float]] = {"x": 0.12, "y": 0.08, "yaw": 0.6}
-"""m/s and rad/s that NAOqi walks at most, about; it limits them itself too."""
 Failed = Callable[[str, str], None]
 """Called for what NAOqi has not done: slot, reason."""
 
@@ -81,7 +81,7 @@ class NaoJoint(EffectorDevice):
 
     def limits_in_counts(self, limits: DeviceLimits, named: LimitNamer) -> tuple[LimitTable, Sequence[m.Threshold]]:
         """See ``platforms.base.LimitedDevice``: rad and rad/s, as the worker has them too."""
-        return {(self.device, "angle"): m.Limit(*limits.position, limits.speed, named("position"))}, ()
+        return {(self.device, "angle"): m.Limit(*limits.position, limits.speed, named("position"), named("speed"))}, ()
 
     def was_limited(self, message: m.Limited) -> None:
         """See ``platforms.base.LimitedDevice``."""
@@ -90,7 +90,13 @@ class NaoJoint(EffectorDevice):
 
 
 class NaoHand(NaoJoint):
-    """A hand: ``val`` is 0 closed, 1 open.  ``open`` and ``close`` leave its motor off when they are done."""
+    """A hand: ``val`` is 0 closed, 1 open.  ``open`` and ``close`` leave its motor off when they are done.
+
+    ``pos`` is its place [x, y, z] in m, seen from the middle between the feet: ahead, to the left, up.  A place that is
+    written is where the whole body tries to bring it.
+    """
+
+    pos = owned()
 
     def init(  # type: ignore[override]
         self, channel: DeviceChannel, motion: Motion, info: JointInfo, device: str, failed: Failed
@@ -98,6 +104,33 @@ class NaoHand(NaoJoint):
         """``failed`` gets what NAOqi did not do."""
         super().init(channel, motion, info, device)
         self._failed = failed
+        self._effector = EFFECTORS[info.name]
+        self.pos.sense([math.nan] * 3)
+        self.notify_change(self.pos, self._reach)
+        self.notify_access(self.pos, self._watch_places)
+
+    def _reach(self) -> None:
+        place = finite_numbers(self.pos.value, 3, 3, "[x, y, z] in m")
+        origin = self._motion.admit(self._effector)
+
+        def done(reply: m.Reply) -> None:
+            if not reply.ok:
+                self._failed(f"{self.naoqiName.sensed}.pos", reply.error)
+
+        self._channel.write(self._effector, "pos", place, done, origin)
+
+    def _watch_places(self) -> None:
+        if not self._watches:
+            self._watches = True
+            self._channel.watch(HANDS, ("pos",), 0.0)
+
+    _watches = False
+
+    def show(self, values: Mapping[str, float], stamp: float) -> None:
+        """See ``NaoJoint``; also where it is."""
+        if "x" in values:
+            self.pos.sense([values[axis] for axis in ("x", "y", "z")], stamp)
+        super().show(values, stamp)
 
     @function
     def open(self) -> None:
@@ -121,11 +154,15 @@ class NaoHand(NaoJoint):
 
 
 class NaoWalk(EffectorDevice):
-    """Walking: speeds ahead and to the left (m/s), and turning to the left (rad/s); where it has come."""
+    """Walking: speeds ahead and to the left (m/s), and turning to the left (rad/s); where it has come.
+
+    ``moveConfig`` has the parameters of its steps, such as [["MaxStepX", 0.02]]; those that are not named are NAOqi's.
+    """
 
     xSpeed = owned(0.0)
     ySpeed = owned(0.0)
     yawSpeed = owned(0.0)
+    moveConfig = owned()
     x = reading(0.0)
     y = reading(0.0)
     theta = reading(0.0)
@@ -136,6 +173,16 @@ class NaoWalk(EffectorDevice):
         for var, axis in zip((self.xSpeed, self.ySpeed, self.yawSpeed), AXES, strict=True):
             set_range(var, -FASTEST[axis], FASTEST[axis])
             self._bind(var, axis, motion)
+        self.moveConfig.sense([])
+        self.notify_change(self.moveConfig, self._set_steps)
+
+    def _set_steps(self) -> None:
+        self.moveConfig.sense([list(row) for row in parse_gait(self.moveConfig.value)])
+        self.send_steps()
+
+    def send_steps(self) -> None:
+        """Tell the worker, also one that was started later."""
+        self._channel.write(WALK, "config", self.moveConfig.sensed, lambda reply: None)
 
     def _bind(self, var: Any, axis: str, motion: Motion) -> None:
         guard = self.guard(motion, WALK, var)
@@ -160,10 +207,10 @@ class NaoWalk(EffectorDevice):
     def limits_in_counts(self, limits: DeviceLimits, named: LimitNamer) -> tuple[LimitTable, Sequence[m.Threshold]]:
         """See ``platforms.base.LimitedDevice``: m/s and rad/s."""
         rate = limits.acceleration
-        straight = m.Limit(-limits.speed, limits.speed, rate, named("speed"))
+        straight = m.Limit(-limits.speed, limits.speed, rate, named("speed"), named("acceleration"))
         return {
             (WALK, "x"): straight, (WALK, "y"): straight,
-            (WALK, "yaw"): m.Limit(-limits.turn, limits.turn, rate, named("turn")),
+            (WALK, "yaw"): m.Limit(-limits.turn, limits.turn, rate, named("turn"), named("acceleration")),
         }, ()  # fmt: skip
 
     def was_limited(self, message: m.Limited) -> None:

@@ -1,14 +1,17 @@
-"""Lights: what was written last to each of them goes out once a tick."""
+"""Lights: what was written last to each of them goes out once a tick, some lights a tick, one round after the other."""
 
 from __future__ import annotations
 
 from typing import Any, Final
 
+from urbihw.buses.messages import Refused
 from urbihw.platforms.nao.exchange import Exchange
 from urbihw.platforms.nao.finding import LEDS
 from urbihw.platforms.nao.part import Part
 
 LED: Final = "led"
+LIGHTS_PER_TICK: Final = 8
+"""Calls that go out in one tick at most: the lights must not delay the joints.  The others follow in the next ticks."""
 
 
 class LightPart(Part):
@@ -16,7 +19,7 @@ class LightPart(Part):
 
     def __init__(self, exchange: Exchange) -> None:
         super().__init__(exchange)
-        self._waiting: dict[tuple[str, str], float] = {}
+        self._waiting: dict[str, tuple[str, float]] = {}
 
     def end(self) -> None:
         """See ``Part``."""
@@ -30,17 +33,24 @@ class LightPart(Part):
         """See ``Part``."""
         if item not in ("rgb", "level"):
             return "no such target"
-        self._waiting[device[1], item] = value
+        # The last one written comes last: groups overlap.
+        self._waiting.pop(device[1], None)
+        self._waiting[device[1]] = item, value
         return ""
 
     def send(self) -> None:
-        """See ``Part``."""
-        if not self._waiting:
+        """See ``Part``: the next lights, when the last ones were answered."""
+        exchange = self.exchange
+        if not self._waiting or exchange.busy(LED):
             return
-        lights, self._waiting = self._waiting, {}
-        service = self.exchange.session.look_up(LEDS)
-        for (name, item), value in lights.items():
+        service = exchange.find_service(LEDS)
+        if service is None:
+            self._waiting.clear()
+            exchange.news.append(Refused(LED, LEDS, "this robot has no such service: its lights cannot be written"))
+            return
+        for name in list(self._waiting)[:LIGHTS_PER_TICK]:
+            item, value = self._waiting.pop(name)
             if item == "rgb":
-                self.exchange.post(service, "fadeRGB", name, int(value), 0.0)
+                exchange.call(LED, service, "fadeRGB", name, int(value), 0.0)
             else:
-                self.exchange.post(service, "setIntensity", name, value)
+                exchange.call(LED, service, "setIntensity", name, value)

@@ -1,4 +1,4 @@
-"""What joints are told: targets that wait for the next ``setAngles``, and what was sent; no I/O."""
+"""What joints are told: targets that wait for the next cycle, and what was sent; no I/O."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ REACHED: Final = 0.02
 """Rad from its goal at which a joint is there."""
 SLACK: Final = 0.02
 """Stiffness below which a motor does not hold."""
+SHARED_MOTORS: Final[Mapping[str, str]] = {"RHipYawPitch": "LHipYawPitch"}
+"""Joints that have the motor of another one (fact sheet, section 6)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,8 +35,11 @@ class Part:
         """The link is gone: what waits is dropped; what was sent is remembered, for the robot goes on with it."""
 
     def owns(self, device: Any) -> bool:
-        """Whether targets of this device belong here."""
+        """Whether targets and watches of this device belong here."""
         return False
+
+    def watch(self, on: bool) -> None:
+        """Begin or end to tell the values of a device of this part; also called without a session.  Most need none."""
 
     def set_target(self, device: Any, item: str, value: float) -> str:
         """Remember a target for the next ``send``; return why it is refused, or ""."""
@@ -57,6 +60,10 @@ class Part:
 
     def stop(self, devices: Devices) -> None:
         """Stop these devices on the robot, as far as this part has moved them."""
+
+    def is_moving(self) -> bool:
+        """Whether the robot moves, or is about to, by what this part was told: it would go on if the link were lost."""
+        return False
 
     def find_moving(self) -> list[Any]:
         """Devices that move already, after the first login.  Raises Unavailable, BadValue."""

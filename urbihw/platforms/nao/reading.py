@@ -37,6 +37,10 @@ SENSOR: Final = "sensors"
 OUTSIDE: Final = 0.3
 """Rad beyond its range at which an angle of a joint is no measurement."""
 
+MOST_PARTS: Final = 1000
+MOST_CHARACTERS: Final = 10_000
+"""What a value of ALMemory may have that goes to programs by itself: as a followed variable or an event."""
+
 Key = tuple[str, str]
 """Device and item."""
 
@@ -72,6 +76,28 @@ def sort_values(keys: Mapping[str, Key], values: Any) -> dict[str, dict[str, flo
             if number is not None:
                 found.setdefault(device, {})[item] = number
     return found
+
+
+def is_bounded(value: Any) -> bool:
+    """Whether a value of ALMemory is one for programs: no bytes, at most MOST_PARTS numbers, texts and lists in it, and
+    MOST_CHARACTERS in its texts together.
+    """
+    parts = characters = 0
+    waiting = [value]
+    while waiting:
+        one = waiting.pop()
+        parts += 1
+        if isinstance(one, str):
+            characters += len(one)
+        elif isinstance(one, list | tuple):
+            waiting += one
+        elif isinstance(one, dict):
+            waiting += [*one.keys(), *one.values()]
+        elif not (one is None or isinstance(one, bool | int | float)):
+            return False
+        if parts + len(waiting) > MOST_PARTS or characters > MOST_CHARACTERS:
+            return False
+    return True
 
 
 def _number(value: Any) -> float | None:

@@ -5,14 +5,17 @@ Proxies of services are made in ``nao.u``, the tree of components (``robot``) in
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
 from urbihw.buses import messages as m
-from urbihw.kernel.uobject import BadConfig, Origin, event, function, reading
+from urbihw.kernel.uobject import BadConfig, Opened, Origin, RobotSettings, event, function, owned, reading, set_range
 from urbihw.platforms.base import LimitedDevice, WiredRobot
 from urbihw.platforms.nao.call_part import SERVICES, may_move
+from urbihw.platforms.nao.camera import NaoCamera
+from urbihw.platforms.nao.camera_part import CAMERA, LOST
 from urbihw.platforms.nao.devices import (
     SENSOR_OBJECTS,
     NaoBattery,
@@ -22,38 +25,67 @@ from urbihw.platforms.nao.devices import (
     NaoSensor,
 )
 from urbihw.platforms.nao.finding import NaoInfo
+from urbihw.platforms.nao.joint_part import MOTORS
 from urbihw.platforms.nao.joints import NaoHand, NaoJoint, NaoWalk
+from urbihw.platforms.nao.memory import MemoryLinks
+from urbihw.platforms.nao.micro_part import MICRO
+from urbihw.platforms.nao.module_part import MODULE
+from urbihw.platforms.nao.modules import SLOT as MODULES
+from urbihw.platforms.nao.modules import NaoModules
+from urbihw.platforms.nao.motor_control import SLOT as MOTOR
+from urbihw.platforms.nao.motor_control import NaoMotorControl
+from urbihw.platforms.nao.orders import SHARED_MOTORS
 from urbihw.platforms.nao.reading import SENSOR
+from urbihw.platforms.nao.sense_part import MEMORY_VALUES
+from urbihw.platforms.nao.service_slot import ServiceSlot
+from urbihw.platforms.nao.sound import OUTPUT_VOLUME, WORD_EVENT, NaoMicro, NaoSpeaker, NaoSpeech, NaoVoice
 from urbihw.platforms.nao.walk_part import WALK
+from urbihw.platforms.nao.watchdog_part import NAME as WATCHDOG
+from urbihw.platforms.nao.wholebody_part import EFFECTORS
 
 TREE: Final = "tree.u"
 """Builds the standard robot API, when the robot was found."""
-SHARED: Final[Mapping[str, str]] = {"RHipYawPitch": "LHipYawPitch"}
-"""Joints that have the motor of another one (fact sheet, section 6)."""
 
 
 class Nao(WiredRobot):
     """A Nao."""
 
     uname = "NaoRobot"
-    classes = (NaoJoint, NaoHand, NaoWalk, NaoLed, NaoSensor, NaoBumper, NaoBattery, NaoFsr)
+    classes = (
+        NaoJoint, NaoHand, NaoWalk, NaoLed, NaoSensor, NaoBumper, NaoBattery, NaoFsr, NaoModules, NaoMotorControl,
+        NaoSpeaker, NaoMicro, NaoVoice, NaoSpeech, NaoCamera,
+    )  # fmt: skip
 
     robot_name = "nao"
+    model_name = "Nao"
     family = "urbihw.platforms.nao.driver:NaoDriver"
 
-    model = reading("")
     services = reading()
+    volume = owned(math.nan)
     answered = event()
-    happened = event()
 
     def init(self) -> None:
         """Called by ``new``; nothing happens before ``open``."""
         super().init()
         self.joints: dict[str, NaoJoint] = {}
+        self.hands: dict[str, NaoHand] = {}
         self._sensors: list[Any] = []
         self._methods: Mapping[str, tuple[str, ...]] = {}
         self._count = 0
         self._built = self._complete = False
+        set_range(self.volume, 0.0, 100.0)
+
+    def open(self, settings: RobotSettings, opened: Opened) -> None:
+        """See ``WiredRobot``."""
+        self._settings = settings
+        super().open(settings, opened)
+
+    def configure(self, settings: RobotSettings) -> None:
+        """See ``WiredRobot``.  Raises BadConfig."""
+        super().configure(settings)
+        self._settings = settings
+        if self._built:
+            self.motor.configure(settings)
 
     def status(self) -> str:
         """See ``Robot``."""
@@ -67,29 +99,54 @@ class Nao(WiredRobot):
     def on_found(self, message: m.Found) -> None:
         """See ``WiredRobot``.  Comes again when the link is back; the objects are made once."""
         (info,) = message.devices
-        self.model.sense(info.model)
+        self.identify(name=info.name, model=info.model, serial=info.serial)
         self.services.sense(list(info.services))
         self._methods = info.methods
+        if WATCHDOG in info.services:
+            self.log.info("the robot has %s, which stops it when it does not hear us", WATCHDOG)
+        else:
+            self.log.info("the robot has no %s: a walk goes on when the connection is lost", WATCHDOG)
         if not self._built:
             self._build(info)
+            self._connect(info)
             path = Path(__file__).with_name(TREE)
-            self.host.run(path.read_text("latin-1"), str(path), self._has_tree)
+            self.host.run(path.read_text("latin-1"), TREE, self._has_tree)
             return
+        self._connect(info)
+        self.modules.offer_again()
+        self.motor.choose_again()
+        self.walk.send_steps()
         self.send_limits()
+
+    def _connect(self, info: NaoInfo) -> None:
+        """Read the settings of the services again, and follow what was followed before."""
+        for each in (self.voice, self.speech, self._volume):
+            each.connect(info.services)
+        self.camera.connect(info.services)
+        self.memory.connect()
 
     def _build(self, info: NaoInfo) -> None:
         self._built = True
         create, channel, motion = self.host.create, self.channel, self.motion
         for joint in info.joints:
-            device = SHARED.get(joint.name, joint.name)
-            if joint.name.endswith("Hand"):
-                made: NaoJoint = create(NaoHand, joint.name, channel, motion, joint, device, self._failed)
+            device = SHARED_MOTORS.get(joint.name, joint.name)
+            if joint.name in EFFECTORS:
+                hand = create(NaoHand, joint.name, channel, motion, joint, device, self._failed)
+                self.joints[joint.name] = self.hands[EFFECTORS[joint.name]] = hand
             else:
-                made = create(NaoJoint, joint.name, channel, motion, joint, device)
-            self.joints[joint.name] = made
+                self.joints[joint.name] = create(NaoJoint, joint.name, channel, motion, joint, device)
         for name in info.leds:
             create(NaoLed, name, channel, name)
+        create(NaoSpeaker, "speaker", channel, self.log)
+        self.camera = create(NaoCamera, "camera", channel, self.log, lambda: bool(self.link.sensed))
+        self.micro = create(NaoMicro, "micro", channel)
+        self.voice = create(NaoVoice, "tts", channel, self.log)
+        self.speech = create(NaoSpeech, "speech", channel, self.log)
+        self._volume = ServiceSlot(self, self.volume, OUTPUT_VOLUME, channel, self.log)
+        self.memory = MemoryLinks(self.host, channel, self.log)
         self.walk = create(NaoWalk, "naoWalk", channel, motion)
+        self.modules = create(NaoModules, MODULES, channel, self.log)
+        self.motor = create(NaoMotorControl, MOTOR, channel, self._settings)
         self._sensors = [create(kind, name, item) for name, (kind, item) in SENSOR_OBJECTS.items()]
         self._sensors += [create(NaoBattery, "battery"), create(NaoFsr, "fsr")]
 
@@ -109,7 +166,7 @@ class Nao(WiredRobot):
         """See ``WiredRobot``: the joints that have a motor of their own, and walking."""
         if not self._built:
             return {}
-        return {name: joint for name, joint in self.joints.items() if name not in SHARED} | {WALK: self.walk}
+        return {name: joint for name, joint in self.joints.items() if name not in SHARED_MOTORS} | {WALK: self.walk}
 
     # ---------------------------------------------------------------- what the worker says
 
@@ -126,15 +183,38 @@ class Nao(WiredRobot):
                     sensor.show(values, stamp)
             elif device == WALK:
                 self.walk.show(values, stamp)
+            elif device in self.hands:
+                self.hands[device].show(values, stamp)
+            elif device == CAMERA:
+                self.camera.show(values["picture"], stamp)
+            elif device == MICRO:
+                self.micro.show(values["val"], stamp)
+            elif device == MEMORY_VALUES:
+                self.memory.show(values, stamp)
 
     def on_happened(self, message: m.Happened) -> None:
-        """See ``WiredRobot``: an event of ALMemory."""
-        self.happened.emit(message.what, message.value)
+        """See ``WiredRobot``: an event of ALMemory, or a call of a module."""
+        if message.device == MODULE:
+            self.modules.handle(message)
+            return
+        if message.device == CAMERA and message.what == LOST:
+            self.camera.lost(str(message.value))
+            return
+        if message.what == WORD_EVENT:
+            self.speech.show(message.value)
+        self.memory.emit(message.what, message.value)
+
+    def on_refused(self, message: m.Refused) -> None:
+        """See ``WiredRobot``."""
+        if message.device == MOTORS and self._built:
+            self.motor.was_refused(message)
+        super().on_refused(message)
 
     def on_link_down(self, reason: str) -> None:
         """See ``WiredRobot``."""
         if self._built:
             self.walk.halted()
+            self.modules.cancel_all()
         if self._complete:
             # It walks on, but will be stopped when the link is back: no speed is kept.
             self.send("do (Mobility.of(robot)) { abort; xSpeed = 0; yawSpeed = 0 };")
@@ -176,9 +256,21 @@ class Nao(WiredRobot):
 
     @function
     def listen(self, key: str) -> int:
-        """Hear of an event of ALMemory from now on: ``happened`` has its key and value.  ``answered`` as above."""
+        """Listen to an event of ALMemory, for the Event of ``eventSlot``.  ``answered`` as above."""
         number = self._next()
-        self.channel.send_request("listen", key, self._answer(number))
+        self.memory.listen(key, self._answer(number))
+        return number
+
+    @function("eventSlot")
+    def event_slot(self, key: str) -> str:
+        """The slot of ``memoryEvents`` with the Event of an event that is listened to."""
+        return self.memory.event_slot(key)
+
+    @function("bindMemory")
+    def bind_memory(self, key: str, path: str) -> int:
+        """Let the variable ``path`` follow a place of ALMemory; it cannot be written.  ``answered`` as above."""
+        number = self._next()
+        self.memory.bind(key, path, self._answer(number))
         return number
 
     def _next(self) -> int:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, Final
 
 from urbihw.buses.errors import LinkGone
+from urbihw.buses.messages import FromWorker, Reply, Request
 from urbihw.buses.qi.session import Call
 from urbihw.platforms.nao import reading
 from urbihw.platforms.nao.exchange import Exchange
@@ -18,8 +19,19 @@ SLOW_CYCLES: Final = 5
 """Sensors and temperatures are read in each such cycle."""
 
 
+MEMORY_VALUES: Final = "memory"
+"""The device whose items are the keys of ALMemory that programs follow."""
+MOST_FOLLOWED: Final = 64
+
+
 class SensePart(Part):
-    """Values "angle", "stiffness", "temperature" of joints, and those of ``reading.SENSORS``."""
+    """Values "angle", "stiffness", "temperature" of joints, and those of ``reading.SENSORS``.
+
+    Request "follow" of a key of ALMemory: it is read in each cycle from now on, also on later sessions, and told as a
+    value of MEMORY_VALUES when it has changed.  The answer is a list with its value, an empty one if it has none yet.
+    """
+
+    verbs = frozenset({"follow"})
 
     def __init__(self, exchange: Exchange, orders: JointOrders) -> None:
         super().__init__(exchange)
@@ -27,6 +39,26 @@ class SensePart(Part):
         self._fast: Mapping[str, reading.Key] = {}
         self._all: Mapping[str, reading.Key] = {}
         self._cycle = 0
+        self._followed: list[str] = []
+        self._told: dict[str, Any] = {}
+
+    def begin(self) -> None:
+        """See ``Part``: NAOqi may have been restarted, so all that is followed is told again."""
+        self._told.clear()
+
+    def request(self, message: Request) -> list[FromWorker]:
+        """See ``Part``."""
+        key = str(message.device)
+        if key not in self._followed:
+            if len(self._followed) == MOST_FOLLOWED:
+                raise ValueError(f"{MOST_FOLLOWED} keys of ALMemory are followed: no more")
+            self._followed.append(key)
+        (value,) = self.exchange.ask(self.exchange.memory, "getListData", [key])
+        if value is not None and not reading.is_bounded(value):
+            self._followed.remove(key)
+            raise ValueError(f"the value of {key} is too long, or no value for programs")
+        self._told[key] = value
+        return [Reply(message.reply_id, True, [] if value is None else [value])]
 
     def show_first(self, found: Finding) -> None:
         """Take over what was found at the login, with its first values."""
@@ -43,10 +75,22 @@ class SensePart(Part):
             raise LinkGone(f"NAOqi does not tell what it measures: {problem}")
         keys = self._fast if self._cycle % SLOW_CYCLES else self._all
         self._cycle += 1
-        exchange.call("reading", exchange.memory, "getListData", list(keys), then=partial(self._show_answer, keys))
+        followed = tuple(self._followed)
+        then = partial(self._show_answer, keys, followed)
+        exchange.call("reading", exchange.memory, "getListData", [*keys, *followed], then=then)
 
-    def _show_answer(self, keys: Mapping[str, reading.Key], call: Call) -> None:
-        self._show(keys, call.value)
+    def _show_answer(self, keys: Mapping[str, reading.Key], followed: Sequence[str], call: Call) -> None:
+        values = call.value
+        if followed and isinstance(values, list):
+            self._show_followed(followed, values[len(keys) :])
+            values = values[: len(keys)]
+        self._show(keys, values)
+
+    def _show_followed(self, followed: Sequence[str], values: Sequence[Any]) -> None:
+        for key, value in zip(followed, values, strict=False):
+            if value is not None and value != self._told.get(key) and reading.is_bounded(value):
+                self._told[key] = value
+                self.exchange.values.setdefault(MEMORY_VALUES, {})[key] = value
 
     def _show(self, keys: Mapping[str, reading.Key], values: Any) -> None:
         ranges = {joint.name: joint for joint in self.exchange.info.joints}

@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Final
 
+from urbihw.buses.errors import BadValue
+from urbihw.buses.messages import FromWorker, Reply, Request
 from urbihw.buses.qi.session import Call
 from urbihw.platforms.nao.exchange import Exchange
 from urbihw.platforms.nao.part import Devices, Part
 
 WALK: Final = "walk"
 AXES: Final = ("x", "y", "yaw")
+FASTEST: Final[Mapping[str, float]] = {"x": 0.12, "y": 0.08, "yaw": 0.6}
+"""m/s and rad/s that NAOqi walks at most, about; it limits them itself too."""
 PLACE_CYCLES: Final = 5
 """The place of a robot that does not walk is read in each such cycle."""
 
 
 class WalkPart(Part):
-    """Targets "x", "y" (m/s), "yaw" (rad/s) of ``WALK``; values "x", "y" (m), "theta" (rad)."""
+    """Targets "x", "y" (m/s), "yaw" (rad/s) of ``WALK``; values "x", "y" (m), "theta" (rad); "write" of "config": the
+    foot-step parameters, names and values.
+    """
+
+    verbs = frozenset({"write"})
 
     def __init__(self, exchange: Exchange) -> None:
         super().__init__(exchange)
         self._speeds = dict.fromkeys(AXES, 0.0)
+        self._config: list[list[Any]] = []
         self._due = self._walks = False
         self._cycle = 0
 
@@ -47,10 +57,19 @@ class WalkPart(Part):
         self._due = False
         if any(self._speeds.values()):
             self._walks = True
-            exchange.call(WALK, exchange.motion, "move", *self._speeds.values())
+            steps = [self._config] if self._config else []
+            exchange.call(WALK, exchange.motion, "move", *self._speeds.values(), *steps)
         elif self._walks:
             self._walks = False
             exchange.call(WALK, exchange.motion, "stopMove")
+
+    def request(self, message: Request) -> list[FromWorker]:
+        """See ``Part``: the steps of the walk that goes on, too."""
+        if message.item != "config":
+            raise BadValue(f"walking has no setting {message.item}")
+        self._config = [[str(name), float(value)] for name, value in message.value]
+        self._due = self._due or self._walks
+        return [Reply(message.reply_id, True)]
 
     def read(self) -> None:
         """See ``Part``."""
@@ -75,6 +94,10 @@ class WalkPart(Part):
         if self._walks and (devices is None or WALK in devices):
             self._walks = False
             self.exchange.post_motion("stopMove")
+
+    def is_moving(self) -> bool:
+        """See ``Part``."""
+        return self._walks or self._due and any(self._speeds.values())
 
     def find_moving(self) -> list[Any]:
         """See ``Part``: whether somebody lets it walk."""

@@ -12,11 +12,11 @@ without a reply; (port, "i2c", (data, count)) returns the bytes read; (motor, "r
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from urbihw.buses.driver import Driver, no_stop
+from urbihw.buses.driver import Driver, ImpliedTarget, no_stop
 from urbihw.buses.errors import BadFrame, BadValue, BusError, BusTimeout, LinkGone, Unavailable
 from urbihw.buses.link import Port, byte_link
 from urbihw.buses.messages import (
@@ -210,13 +210,13 @@ class NxtDriver(Driver):
         telegram = request.value
         return request.device == BRICK and isinstance(telegram, bytes) and telegram[:1] in p.MOVING_OPCODES
 
-    def implied_targets(self, request: Request) -> Mapping[tuple[Any, str], Any]:
+    def implied_targets(self, request: Request) -> Iterable[ImpliedTarget]:
         """Return the power of a telegram that runs motors."""
         telegram = request.value
         if request.device != BRICK or not isinstance(telegram, bytes) or telegram[:1] != b"\x04" or len(telegram) < 3:
-            return {}
+            return ()
         power = int.from_bytes(telegram[2:3], "little", signed=True)
-        return {(port, "power"): power for port in p.outputs_of(b"\x00" + telegram)}
+        return [ImpliedTarget(port, "power", power) for port in p.outputs_of(b"\x00" + telegram)]
 
     def pose(self, device: Any, item: str) -> float | None:
         """Return the rotation count as last read, in degrees, for the goal of a motor."""

@@ -5,7 +5,7 @@ Targets (device, item):
     ("A", "coast")      any value: switch the motor off
     ("A", "goal")       degrees of the rotation count; the worker turns the motor there and holds
     (1, "mode")         (type, mode) of an input
-    ("brick", "tone")   (Hz, ms); with 0 ms until "silence"
+    ("brick", "tone")   (Hz, ms); with 0 ms until "silence"; a tone longer than one command is renewed
     ("brick", "silence")
 
 Positions are controlled here because an NXT motor accepts only powers.  The power is proportional to the remaining
@@ -28,7 +28,7 @@ MOST: Final = 75
 NEAR: Final = 3  # degrees
 
 LONGEST_TONE: Final = 65_535  # ms
-_RENEW = 60.0  # s, before the end of the longest tone
+_RENEW_S = 60.0  # before the end of the longest tone
 LOWEST_HZ, HIGHEST_HZ = 200, 14_000
 
 
@@ -41,7 +41,8 @@ class Motion:
         self._powers: dict[str, int | None] = {}
         self._goals: dict[str, float] = {}
         self._modes: list[bytes] = []
-        self._endless: int | None = None
+        # Frequency and end of a tone that is longer than one command.
+        self._long_tone: tuple[int, float] | None = None
         self._renew_at = math.inf
 
     def set_target(self, device: Any, item: str, value: Any) -> None:
@@ -66,7 +67,7 @@ class Motion:
         self._powers.clear()
         self._goals.clear()
         self._modes.clear()
-        self._endless = None
+        self._long_tone = None
         self._renew_at = math.inf
 
     def drop_goals(self, devices: Iterable[str]) -> None:
@@ -92,8 +93,8 @@ class Motion:
             else:
                 self._goals.pop(device, None)
                 yield from self._set_power(device, value if item == "power" else None)
-        if now >= self._renew_at and self._endless is not None:
-            yield from self._play_sound("tone", (self._endless, 0), now)
+        if now >= self._renew_at and self._long_tone is not None:
+            yield self._play_tone(*self._long_tone, now)
 
     def next_request(self) -> bytes | None:
         """Return the next telegram that requests a reply, or None."""
@@ -119,14 +120,21 @@ class Motion:
         yield p.coast(port) if power is None else p.run(port, power)
 
     def _play_sound(self, item: str, value: Any, now: float) -> Iterator[bytes]:
-        self._endless, self._renew_at = None, math.inf
         if item == "silence":
+            self._long_tone, self._renew_at = None, math.inf
             yield p.stop_sound()
             return
         frequency, milliseconds = value
-        if not milliseconds:
-            self._endless, self._renew_at = frequency, now + _RENEW
-        yield p.tone(frequency, milliseconds or LONGEST_TONE)
+        yield self._play_tone(frequency, now + milliseconds / 1000 if milliseconds else math.inf, now)
+
+    def _play_tone(self, frequency: int, end: float, now: float) -> bytes:
+        """Return the telegram of a tone until a time; one that is longer than a command is renewed before its end."""
+        left = (end - now) * 1000
+        if left <= LONGEST_TONE:
+            self._long_tone, self._renew_at = None, math.inf
+            return p.tone(frequency, max(1, round(left)))
+        self._long_tone, self._renew_at = (frequency, end), now + _RENEW_S
+        return p.tone(frequency, LONGEST_TONE)
 
 
 def _check_target(device: Any, item: str, value: Any) -> None:
@@ -138,7 +146,7 @@ def _check_target(device: Any, item: str, value: Any) -> None:
     elif device in p.INPUTS and item == "mode":
         sound = len(value) == 2 and all(0 <= part <= 255 for part in value)
     elif device == BRICK and item == "tone":
-        sound = LOWEST_HZ <= value[0] <= HIGHEST_HZ and 0 <= value[1] <= LONGEST_TONE
+        sound = LOWEST_HZ <= value[0] <= HIGHEST_HZ and 0 <= value[1] < math.inf
     elif (device in p.OUTPUTS and item == "coast") or (device == BRICK and item == "silence"):
         sound = True
     else:

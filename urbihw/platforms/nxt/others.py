@@ -8,14 +8,16 @@ from typing import Any, Final
 
 from urbihw.buses.errors import BadValue
 from urbihw.buses.messages import Reply
-from urbihw.kernel.uobject import Origin, UObject, event, function, reading
+from urbihw.kernel.uobject import NIL, Origin, UObject, event, function, reading
 from urbihw.platforms.nxt import protocol as p
-from urbihw.platforms.nxt.motion import HIGHEST_HZ, LONGEST_TONE, LOWEST_HZ
+from urbihw.platforms.nxt.motion import HIGHEST_HZ, LOWEST_HZ
 from urbihw.platforms.nxt.ports import Gauge, brick_of
 from urbihw.platforms.nxt.reading import BRICK
 from urbihw.platforms.nxt.sensors import octets
 
 BATTERY_PACE: Final = 1.0
+FOREVER_S: Final = 1e9
+"""Seconds beyond which a tone counts as endless."""
 
 
 class Battery(Gauge):
@@ -28,8 +30,8 @@ class Battery(Gauge):
     remain = reading(math.nan)
     voltage = reading(math.nan)
     # The brick does not measure capacity and current.
-    capacity = reading(math.nan)
-    current = reading(math.nan)
+    capacity = reading(NIL)
+    current = reading(NIL)
 
     def init(self) -> None:
         """``Battery.new``"""
@@ -56,14 +58,16 @@ class Beeper(UObject):
 
     @function
     def play(self, frequency: float, duration: float) -> None:
-        """Play a tone of 200..14000 Hz for some seconds, endless with 0; returns at once."""
+        """Play a tone of 200..14000 Hz for some seconds, endless with 0; returns at once (manual, chapter 24, Beeper).
+
+        Another place of that chapter says milliseconds; all examples and the class's own description are in seconds.
+        """
         if not LOWEST_HZ <= frequency <= HIGHEST_HZ:
             raise ValueError(f"a beep has {LOWEST_HZ} to {HIGHEST_HZ} Hz, not {frequency:g}")
-        longest = LONGEST_TONE / 1000
-        if math.isinf(duration):
+        if duration > FOREVER_S:
             duration = 0.0
-        if not 0 <= duration <= longest:
-            raise ValueError(f"a beep lasts up to {longest:g} s, or 0 for ever, not {duration:g} s")
+        if not duration >= 0:
+            raise ValueError(f"a beep lasts some seconds, or 0 for ever, not {duration:g} s")
         # A duration below 1 ms must not become 0, which is endless.
         milliseconds = max(1, round(duration * 1000)) if duration else 0
         self.brick.channel.set_target(BRICK, "tone", (round(frequency), milliseconds))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -43,6 +43,10 @@ from urbihw.platforms.nxt.sensors import (
 from urbihw.settings import BadSetting
 
 _DEVICES: Final = (Servo, UltraSonicSensor, SoundSensor, LightSensor, Switch, ColourSensor, I2CSensor, Battery, Beeper)
+_MANUAL_NAMES: Final = (
+    "wheelL", "wheelR", "claw", "decibel", "sonar", "light", "bumper", "battery", "beeper", "wheel", "answer",
+)  # fmt: skip
+"""The names that the manual's examples assign to without a ``var``."""
 _ASSIGNED = re.compile(rf"^[ \t]*(\w+)\s*=\s*(?:{'|'.join(kind.__name__ for kind in _DEVICES)})\s*\.\s*new\b", re.M)
 
 
@@ -52,9 +56,9 @@ class Nxt(Brick):
     classes = (*_DEVICES, Command, NxtOdometry, NxtPlanner)
 
     robot_name = "nxt"
+    model_name = "LEGO MINDSTORMS NXT"
     family = "urbihw.platforms.nxt.driver:NxtDriver"
 
-    brick_name = reading("", "name")
     address = reading("")
     firmware = reading("")
     wheelRadius = variable(WHEEL_RADIUS)
@@ -93,7 +97,7 @@ class Nxt(Brick):
             return "link down"
         motors = sum(isinstance(device, Servo) for device in self.ports)
         sensors = sum(isinstance(device, Sensor | I2CSensor) for device in self.ports)
-        return f'"{self.brick_name.sensed}", {_count(motors, "motor")}, {_count(sensors, "sensor")}'
+        return f'"{self.name_.sensed}", {_count(motors, "motor")}, {_count(sensors, "sensor")}'
 
     # ---------------------------------------------------------------- what urbiscript calls
 
@@ -156,7 +160,7 @@ class Nxt(Brick):
     def on_found(self, message: m.Found) -> None:
         """Show the brick's identification, and run the layout at the first connection."""
         (brick,) = message.devices
-        self.brick_name.sense(brick.name)
+        self.identify(name=brick.name, serial=brick.address)
         self.address.sense(brick.address)
         self.firmware.sense(brick.firmware)
         for device in self.ports:
@@ -237,16 +241,21 @@ class Nxt(Brick):
             self.answer_open(BadConfig(f"nxt: cannot load the layout {layout}: {error.strerror}"))
             return
         # The manual writes `wheelL = Servo.new("C");`, so names need no declaration.
-        for name in dict.fromkeys(_ASSIGNED.findall(text)):
+        self._declare_names(_ASSIGNED.findall(text))
+        self.host.run(text, layout, self._laid_out_as)
+
+    def _declare_names(self, names: Iterable[str]) -> None:
+        for name in names:
             if not self.host.has_slot(name):
                 self.host.put(name, None)
-        self.host.run(text, layout, self._laid_out_as)
 
     def _laid_out_as(self, problem: str) -> None:
         if problem:
             self.answer_open(BadConfig(f"nxt: the layout does not work: {problem}"))
             return
         self._layout_is_done = True
+        # Only now: a layout may declare them itself.
+        self._declare_names(_MANUAL_NAMES)
         self.send_limits()
         if self.is_complete():
             self.answer_open(None)

@@ -18,6 +18,7 @@ class ArcosRobot(WiredRobot):
 
     family = "urbihw.platforms.p3dx.driver:ArcosDriver"
     robot_name = "p3dx"
+    model_name = "Pioneer"
 
     def init(self) -> None:
         """Called by ``new``; nothing happens before ``open``."""

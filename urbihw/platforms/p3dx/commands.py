@@ -107,9 +107,16 @@ COMMANDS: Final[dict[str, Command]] = {
 
 DRIVING: Final = frozenset(
     {"OPEN", "CLOSE", "ENABLE", "MOVE", "ROTATE", "VEL", "HEAD", "DHEAD", "RVEL", "DCHEAD", "VEL2"}
-    | {"HOSTBAUD", "RESET", "LATVEL"}
+    | {"HOSTBAUD", "RESET", "LATVEL", "GRIPPER"}
 )
 """The commands that only the driver sends: it must know the commanded speeds and the state of the connection."""
+
+GRIPPER: Final = "gripper"
+"""The device of the gripper in the worker."""
+OPEN, CLOSE, HALT_PADDLES, UP, DOWN, HALT_LIFT, STORE, DEPLOY, HALT = 1, 2, 3, 4, 5, 6, 7, 8, 15
+"""The arguments of the command GRIPPER."""
+GRIPPER_HALTS: Final = frozenset({HALT_PADDLES, HALT_LIFT, HALT})
+"""Those that move nothing."""
 
 _LEAST_AND_MOST: Final = {NUMBER: (-LARGEST, LARGEST), WORD: (0, 0xFFFF)}
 

@@ -6,13 +6,28 @@ Slots are in SI units.  ``robot`` updates each part with measured values; writes
 from __future__ import annotations
 
 import math
-from typing import Any, Final, Protocol
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any, ClassVar, Final, Protocol
 
-from urbihw.kernel.uobject import EffectorDevice, Motion, UObject, event, function, number, owned, reading, set_range
+from urbihw.kernel.uobject import (
+    NIL,
+    EffectorDevice,
+    Motion,
+    UObject,
+    event,
+    function,
+    number,
+    owned,
+    reading,
+    set_range,
+)
 from urbihw.navigation.drive import Safety
-from urbihw.platforms.p3dx import camera
+from urbihw.platforms.p3dx.camera import Mechanics
 
 ROBOT: Final = "robot"
+MOST_RAMP: Final = 5.0
+"""m/s2 or rad/s2; the greatest ramp of a controller that does not tell its own."""
 
 
 class RobotCommands(Protocol):
@@ -113,7 +128,7 @@ class Wheel(UObject):
 
 
 class Sonar(UObject):
-    """One sonar: m to what it hears, 5 (about) when it hears nothing, nan while it is off."""
+    """One sonar: m to what it hears, inf when it hears nothing, nan while it is off."""
 
     uname = "P3dxSonar"
 
@@ -136,44 +151,85 @@ class Sonars(Switch):
         self.load.add_slot(ring, "load")
 
 
-class XSpeed(EffectorDevice):
-    """How fast the robot goes, m/s forward."""
+class AxisSpeed(EffectorDevice):
+    """A speed of the robot, and the ramps with which its controller changes it.
 
-    uname = "P3dxX"
+    ``acceleration`` and ``deceleration`` are settings of the controller (SETA, SETRA): they are sent when written, and
+    again after a new connection, since a controller that was reset has those of its flash memory.
+    """
 
     off_is_error = True
     speed = owned(0.0)
+    acceleration = owned(0.0)
+    deceleration = owned(0.0)
+
+    command: ClassVar[str]
+    """The command that sets the ramps: positive for the acceleration, negative for the deceleration."""
+    names: ClassVar[tuple[str, str, str]]
+    """CONFIGpac's names of the acceleration, the deceleration, and the greatest one."""
+    unit: ClassVar[float]
+    """m/s2 or rad/s2 per count of the command."""
 
     def init(self, robot: RobotCommands, fastest: float) -> None:
-        """``fastest`` in m/s."""
+        """``fastest`` in m/s or rad/s."""
         self._robot = robot
+        self._written: set[str] = set()
         self.guard(robot.motion, ROBOT, self.speed)
-        self.notify_change(self.speed, lambda: robot.set_speed(v=number(self.speed)))
+        self.notify_change(self.speed, self._order_speed)
         set_range(self.speed, -fastest, fastest)
+        for name in ("acceleration", "deceleration"):
+            self.notify_change(self.variables[name], partial(self._send_ramp, name))
 
     def explain_off(self) -> str:
         """Return why a speed does not drive the robot, "" if it does."""
         return self._robot.explain_off()
 
+    def update_ramps(self, config: Mapping[str, int | str]) -> None:
+        """Show the ramps of CONFIGpac at a new connection; those that were written are sent again instead."""
+        most = int(config[self.names[2]]) * self.unit or MOST_RAMP
+        for name, field in zip(("acceleration", "deceleration"), self.names, strict=False):
+            var = self.variables[name]
+            set_range(var, self.unit, most)
+            if name in self._written:
+                self._send_ramp(name)
+            else:
+                var.sense(int(config[field]) * self.unit)
 
-class YawSpeed(EffectorDevice):
-    """How fast the robot turns, rad/s to the left."""
+    def _order_speed(self) -> None:
+        raise NotImplementedError
+
+    def _send_ramp(self, name: str) -> None:
+        var = self.variables[name]
+        counts = max(1, round(number(var) / self.unit))
+        self._robot.command(self.command, counts if name == "acceleration" else -counts)
+        self._written.add(name)
+        var.sense(counts * self.unit)
+
+
+class XSpeed(AxisSpeed):
+    """How fast the robot goes, m/s forward; the ramps in m/s2."""
+
+    uname = "P3dxX"
+
+    command = "SETA"
+    names = ("trans_accel", "trans_decel", "trans_accel_top")
+    unit = 0.001
+
+    def _order_speed(self) -> None:
+        self._robot.set_speed(v=number(self.speed))
+
+
+class YawSpeed(AxisSpeed):
+    """How fast the robot turns, rad/s to the left; the ramps in rad/s2."""
 
     uname = "P3dxYaw"
 
-    off_is_error = True
-    speed = owned(0.0)
+    command = "SETRA"
+    names = ("rot_accel", "rot_decel", "rot_accel_top")
+    unit = math.radians(1)
 
-    def init(self, robot: RobotCommands, fastest: float) -> None:
-        """``fastest`` in rad/s."""
-        self._robot = robot
-        self.guard(robot.motion, ROBOT, self.speed)
-        self.notify_change(self.speed, lambda: robot.set_speed(w=number(self.speed)))
-        set_range(self.speed, -fastest, fastest)
-
-    def explain_off(self) -> str:
-        """Return why a speed does not turn the robot, "" if it does."""
-        return self._robot.explain_off()
+    def _order_speed(self) -> None:
+        self._robot.set_speed(w=number(self.speed))
 
 
 class Battery(UObject):
@@ -183,8 +239,9 @@ class Battery(UObject):
 
     voltage = reading(math.nan)
     remain = reading(math.nan)
-    capacity = reading(math.nan)
-    current = reading(math.nan)
+    # The controller measures neither.
+    capacity = reading(NIL)
+    current = reading(NIL)
     charging = reading("unknown")
     low = event()
 
@@ -212,7 +269,10 @@ class Battery(UObject):
 
 
 class Camera(Switch):
-    """The camera's mechanics: a Sony EVI-D30 on AUX1.  It reports nothing, so slots read the last command."""
+    """The camera's mechanics, on AUX1.  It reports nothing, so slots read the last command.
+
+    ``load`` 1 makes it ready; orders before that are refused.
+    """
 
     uname = "P3dxCamera"
 
@@ -226,36 +286,66 @@ class Camera(Switch):
     xfov = reading(math.nan)
     yfov = reading(math.nan)
 
-    def init(self, robot: RobotCommands) -> None:  # type: ignore[override]
+    def init(self, robot: RobotCommands, mechanics: Mechanics) -> None:  # type: ignore[override]
         """Nothing moves before ``load`` is 1."""
         super().init()
         self._robot = robot
+        self._mechanics = mechanics
+        self._waiting: dict[str, list[bytes]] = {}
+        self._timer = 0
         self.notify_change(self.load, self._connect)
         for var in (self.yaw, self.pitch):
             self.notify_change(var, self._send_direction)
         self.notify_change(self.zoom, self._send_zoom)
-        set_range(self.yaw, -camera.PAN_MOST, camera.PAN_MOST)
-        set_range(self.pitch, -camera.TILT_MOST, camera.TILT_MOST)
+        set_range(self.yaw, -mechanics.pan, mechanics.pan)
+        set_range(self.pitch, *mechanics.tilt)
         set_range(self.zoom, 0.0, 1.0)
 
     def _connect(self) -> None:
         on = number(self.load) != 0
+        self._waiting.clear()
         if on:
-            self._robot.command("TTY2", camera.INIT)
+            self._send_later("connect", self._mechanics.connect())
         self.load.sense(float(on))
 
     def _send_direction(self) -> None:
         yaw, pitch = number(self.yaw), number(self.pitch)
-        self._send_command(camera.pan_tilt(yaw, pitch))
+        self._check_connected()
+        self._send_later("look", self._mechanics.look(yaw, pitch))
         self.yaw.sense(yaw)
         self.pitch.sense(pitch)
 
     def _send_zoom(self) -> None:
         zoom = number(self.zoom)
-        self._send_command(camera.zoom(zoom))
+        self._check_connected()
+        self._send_later("zoom", self._mechanics.zoom(zoom))
         self.zoom.sense(zoom)
 
-    def _send_command(self, data: bytes) -> None:
+    def _check_connected(self) -> None:
         if not self.load.sensed:
             raise ValueError("the camera is not connected; set its load to 1 first")
-        self._robot.command("TTY2", data)
+
+    def _send_later(self, order: str, packets: Sequence[bytes]) -> None:
+        """Send the packets of an order, with the camera's pause between two; they replace older ones of the order."""
+        self._waiting[order] = list(packets)
+        if not self._timer:
+            self._send_next()
+
+    def _send_next(self) -> None:
+        if self._timer:
+            self.remove_timer(self._timer)
+            self._timer = 0
+        while self._waiting:
+            order = next(iter(self._waiting))
+            packets = self._waiting[order]
+            try:
+                self._robot.command("TTY2", packets.pop(0))
+            except ValueError:
+                self._waiting.clear()
+                self.load.sense(0.0)
+                raise
+            if not packets:
+                del self._waiting[order]
+            if self._mechanics.gap:
+                self._timer = self.set_timer(self._mechanics.gap, self._send_next)
+                return

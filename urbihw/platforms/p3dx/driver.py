@@ -5,11 +5,13 @@ Devices and their items, all raw:
     robot     x y theta (counted on beyond their wrapping), left right battery stall flags compass ... and what the tail
               of a SIP holds; targets: vel (mm/s), rvel (deg/s)
     sonar     "0" to "31": the readings of those that fired
+    gripper   its actions are requests (below); its state is an item of the robot
     encoder io gyro joystick gripper battery aux1 aux2: their packets, sent while watched
     laser     ranges (mm, right to left) of MobileSim's laser, sent while watched
 
-Requests: "write" of ("robot", "enable") and ("robot", "sonar") answers when the flags show it; "write" of ("command",
-name) sends any command of ``commands`` that does not drive; "read" gives the latest value of an item.
+Requests: "write" of ("robot", "enable") and ("robot", "sonar") answers when the flags show it; "write" of ("gripper",
+"action") moves or halts the gripper; "write" of ("command", name) sends any command of ``commands`` that does not
+drive; "read" gives the latest value of an item.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from urbihw.buses.errors import BadFrame, BadValue, LinkGone
 from urbihw.buses.link import Link, Port, byte_link
 from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, Request, Samples, Targets, Watch
 from urbihw.platforms.p3dx import packets, sip
-from urbihw.platforms.p3dx.commands import DRIVING, encode
+from urbihw.platforms.p3dx.commands import DRIVING, GRIPPER, GRIPPER_HALTS, HALT, encode
 from urbihw.platforms.p3dx.handshake import Handshake
 from urbihw.platforms.p3dx.options import Options
 from urbihw.platforms.p3dx.protocol import LARGEST, Framer
@@ -62,6 +64,7 @@ class ArcosDriver(Driver):
         self._speeds = {"vel": SetPoint("VEL"), "rvel": SetPoint("RVEL")}
         self._queue: deque[bytes] = deque()
         self._switches: list[FlagSwitch] = []
+        self._has_gripped = False
         self._failed: list[FromWorker] = []
         self._watched: set[str] = set()
         self._latest: Values = {}
@@ -275,6 +278,10 @@ class ArcosDriver(Driver):
             self._switches = [switch for switch in self._switches if switch.mask != mask]
             self._switches.append(FlagSwitch(message.reply_id, encode(name, wanted), mask, wanted))
             return [Reply(switch.reply_id, False, error="it was overtaken by another one") for switch in overtaken]
+        if message.verb == "write" and message.device == GRIPPER:
+            self._has_gripped = True
+            self._queue.append(encode("GRIPPER", message.value))
+            return [Reply(message.reply_id, True)]
         if message.verb == "write" and message.device == COMMAND:
             if message.item in DRIVING:
                 raise BadValue(f"{message.item} is sent by the driver only: use the slots that drive the robot")
@@ -287,13 +294,21 @@ class ArcosDriver(Driver):
         return device == ROBOT and bool(value)
 
     def request_moves(self, request: Request) -> bool:
-        """Always False: no request drives, and motors that are switched on stand still."""
-        return False
+        """True for the gripper: no other request moves, and motors that are switched on stand still."""
+        return request.device == GRIPPER and request.verb == "write" and request.value not in GRIPPER_HALTS
 
     def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
-        """Send STOP at once, and zero speeds in the next ticks: nothing is acknowledged.  Raises LinkGone."""
+        """Send STOP at once, and zero speeds in the next ticks: nothing is acknowledged.  Raises LinkGone.
+
+        A gripper that was moved through this driver is halted.
+        """
         link = self._link
         if link is None:
+            return
+        if self._has_gripped and (devices is None or GRIPPER in devices):
+            link.write(encode("GRIPPER", HALT))
+            self._sent_at = link.clock.now()
+        if devices is not None and ROBOT not in devices:
             return
         for speed in self._speeds.values():
             speed.halt()

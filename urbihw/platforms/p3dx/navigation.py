@@ -4,20 +4,42 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import Final, Protocol
 
-from urbihw.navigation.base import Worker
+from urbihw.kernel.uobject import Motion
+from urbihw.navigation.base import Log, Worker
 from urbihw.navigation.navigator import Navigator
 from urbihw.navigation.odometry import Odometry
+from urbihw.navigation.pilot import Pilot, Wheels
 from urbihw.navigation.sicklaser import SickLaser
+from urbihw.platforms.p3dx.factors import Factors
 from urbihw.platforms.p3dx.options import SIMULATED
 
 SIMULATED_RANGE: Final = 32.0
 """m; the reading of MobileSim's laser without an echo."""
 
 
+class Carriage(Wheels, Protocol):
+    """The robot as the pilot sees it."""
+
+    factors: Factors
+
+
 class P3dxOdometry(Odometry):
     """``P3dx.body.odometry``"""
+
+
+class P3dxPilot(Pilot):
+    """The pilot of the robot, whose size its subclass tells."""
+
+    def __init__(self, robot: Carriage, odometry: Odometry, motion: Motion, log: Log) -> None:
+        super().__init__(robot, odometry, motion, log)
+        self._robot = robot
+
+    @property
+    def radius(self) -> float:
+        """Distance in m from the middle to the farthest edge: the option, or that of the subclass."""
+        return self._robot.navigation.radius or self._robot.factors.radius
 
 
 class P3dxPlanner(Navigator):

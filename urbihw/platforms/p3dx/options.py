@@ -9,29 +9,39 @@ from typing import Final
 from urbihw import buses
 from urbihw.buses.errors import BadUrl, Unavailable
 from urbihw.buses.link import Context
-from urbihw.navigation.options import NavigationOptions
+from urbihw.navigation.options import DrivenBaseOptions
+from urbihw.platforms.p3dx.camera import CAMERAS
 from urbihw.platforms.p3dx.factors import FACTORS
-from urbihw.settings import TEXT, Mistake, choice, setting
+from urbihw.settings import TEXT, Mistake, choice, number, setting
 
 HOST_BAUDS: Final = {9600: 0, 19200: 1, 38400: 2, 57600: 3, 115200: 4}
 """Speed of the line -> argument of HOSTBAUD."""
+FUSED: Final = "fused"
+SHOWN: Final = "shown"
 SIMULATED: Final = "sim"
 """In place of a url: the laser of MobileSim, whose scans come with the robot's packets."""
 
 
 @dataclass(frozen=True)
-class Options(NavigationOptions):
+class Options(DrivenBaseOptions):
     """The options, beside those of navigation.
 
     Attributes:
+        radius: as for every base; 0 for that of the subclass.
         subclass: whose conversion factors to use (see ``factors``), "" for what the robot says.
         laser: url of the laser's line, "sim" for the one of MobileSim, "" for what the robot's url says (``?laser=``).
         host_baud: ask the controller for this speed after connecting (0: stay); only with a firmware that allows it.
+        camera_model: the camera on AUX1: "evi-d30" (Sony) or "vc-c4" (Canon).
+        gyro: "fused": a gyro that only reports gives the heading of the odometry; "shown": it does not.
     """
 
+    radius: float = setting(0.0, number(0.0, 3.0, " m"))
     subclass: str = setting("", choice("", *FACTORS))
     laser: str = setting("", TEXT, in_url=True)
     host_baud: int = setting(0, choice(0, *HOST_BAUDS))
+
+    camera_model: str = setting("evi-d30", choice(*CAMERAS))
+    gyro: str = setting(FUSED, choice(FUSED, SHOWN))
 
     def clashes(self) -> Iterator[Mistake]:
         """Yield a laser url that no bus accepts."""

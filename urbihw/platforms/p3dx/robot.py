@@ -13,18 +13,32 @@ from typing import Any
 from urbihw.buses import messages as m
 from urbihw.buses.errors import BadUrl
 from urbihw.buses.link import split_parameters
-from urbihw.kernel.uobject import BadConfig, NotReady, Opened, RobotSettings, finite_number, function, reading
-from urbihw.navigation.drive import Drive, Motion, State
+from urbihw.kernel.uobject import (
+    BadConfig,
+    NotReady,
+    Opened,
+    Origin,
+    RobotSettings,
+    finite_number,
+    function,
+    number,
+    reading,
+)
+from urbihw.navigation.drive import Drive, Limits, State
 from urbihw.navigation.frames import Point
 from urbihw.platforms.base import LimitedDevice, LimitNamer, LimitTable
 from urbihw.platforms.limits import DeviceLimits, whole_counts
 from urbihw.platforms.p3dx import sip
 from urbihw.platforms.p3dx.arcos import ArcosRobot
+from urbihw.platforms.p3dx.camera import CAMERAS
+from urbihw.platforms.p3dx.commands import GRIPPER
 from urbihw.platforms.p3dx.devices import Battery, Body, Camera, Sonar, Sonars, Wheel, XSpeed, YawSpeed
 from urbihw.platforms.p3dx.factors import ANGLE, FACTORS, NO_ECHO, SONARS, Factors, factors_of
+from urbihw.platforms.p3dx.gripper import Gripper
+from urbihw.platforms.p3dx.gyro import HOST_READS, Gyro
 from urbihw.platforms.p3dx.handshake import RobotInfo
-from urbihw.platforms.p3dx.navigation import P3dxLaser, P3dxOdometry, P3dxPlanner, laser_url
-from urbihw.platforms.p3dx.options import Options
+from urbihw.platforms.p3dx.navigation import P3dxLaser, P3dxOdometry, P3dxPilot, P3dxPlanner, laser_url
+from urbihw.platforms.p3dx.options import FUSED, Options
 from urbihw.settings import BadSetting
 
 ROBOT, SONAR = "robot", "sonar"
@@ -38,45 +52,61 @@ class P3dx(ArcosRobot):
 
     uname = "P3dxRobot"
     classes = (
-        Body, Wheel, P3dxOdometry, Sonar, Sonars, P3dxLaser, Camera, XSpeed, YawSpeed, Battery, P3dxPlanner,
+        Body, Wheel, P3dxOdometry, Sonar, Sonars, P3dxLaser, Camera, XSpeed, YawSpeed, Battery, P3dxPlanner, Gripper,
+        Gyro,
     )  # fmt: skip
 
     robotType = reading("")
-    name_ = reading("", "name")
-    model = reading("")
-    serial = reading("")
     firmware = reading("")
 
     def init(self) -> None:
         """Called by ``new``; nothing happens before ``open``."""
         super().init()
-        self.drive = Drive(self._motion_ended)
         self.options = Options()
         self.factors: Factors = FACTORS["p3dx-sh"]
-        self.state = State(0.0, 0.0, 0.0)
         self._parts = False
         self._last: tuple[float, float, float] | None = None
         self._motors = self._motors_wanted = False
         self._sent_speeds = (0, 0)
-        self._origin = self.motion.own()
         self._by_hand = False
+        self.gripper: Gripper | None = None
+        self.gyro: Gyro | None = None
+        self._fuses_gyro = False
 
-    # ---------------------------------------------------------------- the interface for the navigator, without motions
+    # ---------------------------------------------------------------- the interface for the pilot
 
-    @property
-    def scanner(self) -> P3dxLaser:
-        """The laser, for ``navigation.base.Base``."""
-        return self.laser
+    devices: tuple[Hashable, ...] = (ROBOT,)
+    """What moves the base, for ``navigation.pilot.Wheels``."""
 
     @property
     def navigation(self) -> Options:
-        """The options of the navigation, for ``navigation.base.Base``."""
+        """The options of the navigation, for ``navigation.pilot.Wheels``."""
         return self.options
 
     @property
-    def radius(self) -> float:
-        """Radius of the robot in m, for ``navigation.base.Base``."""
-        return self.factors.radius
+    def drive(self) -> Drive:
+        """The limits, the safety distances and the current motion."""
+        return self.pilot.drive
+
+    def update_limits(self, limits: Limits) -> None:
+        """Write the limits of the controller, and the decelerations that are set now."""
+        limits.fastest, limits.fastest_turn = self._fastest
+        limits.braking = number(self.x.deceleration) or limits.braking
+        limits.braking_turn = number(self.yaw.deceleration) or limits.braking_turn
+
+    def order_speeds(self, v: float, w: float, origin: Origin) -> None:
+        """Send speeds, m/s and rad/s; nothing while the motors are off.
+
+        A speed that is not 0 is sent each time: the robot may have refused it while its motors were off.
+        """
+        if not self._motors:
+            self._sent_speeds = (0, 0)
+            return
+        wanted = round(v / self.factors.speed), round(math.degrees(w))
+        for item, new, old in zip(("vel", "rvel"), wanted, self._sent_speeds, strict=True):
+            if new or new != old:
+                self.channel.set_target(ROBOT, item, new, origin)
+        self._sent_speeds = wanted
 
     # ---------------------------------------------------------------- opening and closing
 
@@ -119,8 +149,12 @@ class P3dx(ArcosRobot):
         """Identify the robot; at the first connection, make its parts and build the tree."""
         (info,) = message.devices
         self._identify(info)
-        if not self._parts:
+        if self._parts:
+            self.x.update_ramps(info.config)
+            self.yaw.update_ramps(info.config)
+        else:
             self._make_parts(info)
+            self._make_extras(info.config)
             self.host.run("P3dx.assemble();", "p3dx.u", self._on_tree_built)
 
     def _identify(self, info: RobotInfo) -> None:
@@ -131,38 +165,40 @@ class P3dx(ArcosRobot):
                 info.subclass,
             )
         config = info.config
-        identity = {"robotType": info.kind, "name": info.name, "model": info.subclass}
-        for slot, value in (identity | {"serial": config["serial"], "firmware": config["firmware"]}).items():
-            self.variables[slot].sense(str(value))
-        limits, factors = self.drive.limits, self.factors
-        limits.fastest = min(factors.fastest, int(config["trans_vel_max"]) / 1000 or factors.fastest)
-        limits.fastest_turn = min(
-            factors.fastest_turn, math.radians(int(config["rot_vel_max"])) or factors.fastest_turn
-        )
-        limits.braking = int(config["trans_decel"]) / 1000 or limits.braking
-        limits.braking_turn = math.radians(int(config["rot_decel"])) or limits.braking_turn
+        self.identify(name=info.name, model=info.subclass, serial=str(config["serial"]))
+        self.robotType.sense(str(info.kind))
+        self.firmware.sense(str(config["firmware"]))
+        factors = self.factors
+        fastest = int(config["trans_vel_max"]) / 1000 or factors.fastest
+        fastest_turn = math.radians(int(config["rot_vel_max"])) or factors.fastest_turn
+        self._fastest = min(factors.fastest, fastest), min(factors.fastest_turn, fastest_turn)
         self._bumpers = int(config["front_bumps"]), int(config["rear_bumps"])
 
     def _make_parts(self, info: RobotInfo) -> None:
-        create, limits, config = self.host.create, self.drive.limits, info.config
+        create, config = self.host.create, info.config
+        self.odometry = create(P3dxOdometry)
+        self.pilot = P3dxPilot(self, self.odometry, self.motion, self.log)
         simulator = config["serial"] in _SIMULATORS or info.name in _SIMULATORS
         laser = laser_url(self.options.laser, simulator=simulator)
         self.body = create(Body, None, self, self.drive.safety)
         self.wheels = create(Wheel), create(Wheel)
-        self.odometry = create(P3dxOdometry)
         self.sonar_ring = create(Sonars, None, self)
         self.sonars = [create(Sonar) for _ in SONARS]
         self.laser = create(
             P3dxLaser, None, laser, self.factors.laser_x, self.start_worker, self._watch_laser, self.offset
         )
         self.laser.log = self.log
-        self.camera = create(Camera, None, self)
-        self.x = create(XSpeed, None, self, limits.fastest)
-        self.yaw = create(YawSpeed, None, self, limits.fastest_turn)
+        self.camera = create(Camera, None, self, CAMERAS[self.options.camera_model]())
+        self.x = create(XSpeed, None, self, self._fastest[0])
+        self.yaw = create(YawSpeed, None, self, self._fastest[1])
+        self.x.update_ramps(config)
+        self.yaw.update_ramps(config)
+        self.update_limits(self.drive.limits)
         self.battery = create(
             Battery, None, int(config["low_battery"]) / 10, int(config["shutdown_volts"]) / 10
         )
-        self.planner = create(P3dxPlanner, None, self)
+        self.pilot.scanner = self.laser
+        self.planner = self.pilot.planner = create(P3dxPlanner, None, self.pilot)
         parts = {"bodyPart": self.body, "odometryPart": self.odometry, "sonarSwitch": self.sonar_ring}
         parts |= {"laserPart": self.laser, "cameraPart": self.camera, "xPart": self.x, "yawPart": self.yaw}
         parts |= {"leftWheel": self.wheels[0], "rightWheel": self.wheels[1], "batteryPart": self.battery}
@@ -176,6 +212,17 @@ class P3dx(ArcosRobot):
         ):  # fmt: skip
             var.add_slot(self.face, name)
         self._parts = True
+
+    def _make_extras(self, config: Mapping[str, int | str]) -> None:
+        """Make the parts that the controller says it has: gripper and gyro."""
+        if config["gripper"]:
+            self.gripper = self.host.create(Gripper, None, self)
+            self.put_slot("gripperPart", self.gripper)
+        if config["gyro_type"]:
+            self.gyro = self.host.create(Gyro)
+            self._fuses_gyro = config["gyro_type"] == HOST_READS and self.options.gyro == FUSED
+            self.put_slot("gyroPart", self.gyro)
+            self._watch("gyro", 0.0)
 
     @function("sonarPart")
     def sonar_part(self, index: int) -> Sonar:
@@ -193,6 +240,9 @@ class P3dx(ArcosRobot):
             self.wait_for_readings()
 
     _complete = False
+    _is_still = True
+    _has_fused = False
+    """The gyro has turned the odometry: from then on it is no longer the controller's."""
 
     def is_complete(self) -> bool:
         """Return whether the tree is built and the robot has reported once."""
@@ -210,13 +260,13 @@ class P3dx(ArcosRobot):
                 self._update_pose(values, stamp)
             elif device == SONAR:
                 self._update_sonars(values, stamp)
+            elif device == "gyro" and self.gyro is not None and "rate" in values:
+                self.store_packet(device, values)
+                self.gyro.add_packet(values["rate"], values["temperature"], stamp, still=self._is_still)
             elif device == "laser":
                 self.laser.show_simulated_scan(values["ranges"], stamp)
             else:
                 self.store_packet(device, values)
-        if ROBOT in message.values:
-            self._send_speeds()
-            self.planner.pose_changed()
 
     def _update_pose(self, values: Mapping[str, Any], stamp: float) -> None:
         factors = self.factors
@@ -229,15 +279,24 @@ class P3dx(ArcosRobot):
         w = (right - left) / 2 / factors.half_track if rotation is None else math.radians(rotation / 10)
         v = (left + right) / 2
         stalled = bool(values["stall"] & 0x0101)
-        self.state = State(stamp, v, w, self._clearance(FRONT), self._clearance(REAR), stalled)
-        self.odometry.show_pose(x, y, heading, way, heading - old[2], stamp)
+        self._is_still = v == 0 and left == right
+        turned = self.gyro.take_angle(stamp) if self.gyro is not None and self._fuses_gyro else None
+        if turned is not None:
+            self._has_fused = True
+        if self._has_fused:
+            self.odometry.add_way(way, heading - old[2] if turned is None else turned, stamp)
+        else:
+            self.odometry.show_pose(x, y, heading, way, heading - old[2], stamp)
         for wheel, speed in zip(self.wheels, (left, right), strict=True):
             wheel.speed.sense(speed, stamp)
         self.x.speed.sense(v, stamp)
         self.yaw.speed.sense(w, stamp)
         self.battery.update_values(dict(values), stamp)
+        if self.gripper is not None:
+            self.gripper.show_state(values["gripper"], stamp)
         self._update_flags(values["flags"])
         self._update_contacts(values, stalled)
+        self.pilot.show_state(State(stamp, v, w, self._clearance(FRONT), self._clearance(REAR), stalled))
 
     def _update_flags(self, flags: int) -> None:
         motors = bool(flags & sip.MOTORS_ON)
@@ -264,7 +323,8 @@ class P3dx(ArcosRobot):
         for number_, value in values.items():
             index = int(number_)
             if index < len(sonars):
-                sonars[index].val.sense(value * unit, stamp)
+                distance = value * unit
+                sonars[index].val.sense(distance if distance < NO_ECHO else math.inf, stamp)
 
     def _clearance(self, sonars: range) -> float:
         """Return the distance in m to the nearest obstacle on one side; nan (a sonar that is off) counts as far."""
@@ -293,6 +353,10 @@ class P3dx(ArcosRobot):
             self.body.load.sense(0.0)
             self.sonar_ring.load.sense(0.0)
             self._clear_sonars()
+            if self.gripper is not None:
+                self.gripper.forget_state()
+            if self.gyro is not None:
+                self.gyro.restart()
             for speed in (self.x.speed, self.yaw.speed, self.wheels[0].speed, self.wheels[1].speed):
                 speed.sense(0.0)
 
@@ -356,10 +420,12 @@ class P3dx(ArcosRobot):
     def _set_speeds(self, v: float | None, w: float | None) -> None:
         if v or w:
             self.check_motors()
-        self._origin = self.motion.admit(ROBOT)
-        self.planner.cancel()
-        self.drive.set(v, w)
-        self._send_speeds()
+        self.pilot.set_speeds(v, w)
+
+    def order_gripper(self, code: int, origin: Origin) -> None:
+        """Send an action of the gripper.  Raises ValueError while the link is down."""
+        self.check_link()
+        self.channel.write(GRIPPER, "action", code, self.warn_on_failure("gripper"), origin)
 
     def check_motors(self) -> None:
         """Raise ValueError while the motors are off."""
@@ -371,46 +437,15 @@ class P3dx(ArcosRobot):
         on = self._motors or self._motors_wanted
         return "" if on else "the motors are off; switch them on first: P3dx.body.load = 1"
 
-    def begin_motion(self, motion: Motion) -> None:
-        """Start a motion of the navigator."""
-        self.drive.start(motion)
-        self._send_speeds()
-
     def halt(self, why: str) -> None:
         """End all motion and cancel the planned path."""
-        self.planner.cancel()
-        self.drive.halt(why)
-        self._send_speeds()
-
-    def _send_speeds(self) -> None:
-        """Send the speeds that the drive computes now; nothing while the motors are off."""
-        if not self._motors:
-            self._sent_speeds = (0, 0)
-            return
-        if not self.motion.is_live(self._origin):
-            # The motion belongs to an older epoch, or to a client that has disconnected.
-            self._origin = self.motion.own()
-            self.drive.halt(self.motion.reason)
-        v, w = self.drive.step(self.state)
-        wanted = round(v / self.factors.speed), round(math.degrees(w))
-        for item, new, old in zip(("vel", "rvel"), wanted, self._sent_speeds, strict=True):
-            if new or new != old:
-                self.channel.set_target(ROBOT, item, new, self._origin)
-        self._sent_speeds = wanted
-
-    def claim_motion(self) -> None:
-        """Take the motion over for the running statement; raises if it may not move the robot."""
-        self._origin = self.motion.admit(ROBOT)
+        self.pilot.stop_following(why)
 
     def on_halt(self, reason: str, devices: tuple[Hashable, ...] | None = None) -> None:
         """Cancel the planner's path and the motion of the drive."""
-        if self._parts:
-            self.planner.cancel()
-            self.drive.halt(reason)
+        if self._parts and (devices is None or ROBOT in devices):
             self._sent_speeds = (0, 0)
-
-    def _motion_ended(self, motion: Motion, how: str) -> None:
-        self.planner.motion_ended(motion, how)
+            self.pilot.drop_orders(reason)
 
     # ---------------------------------------------------------------- what urbiscript calls
 

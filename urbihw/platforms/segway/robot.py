@@ -39,9 +39,10 @@ class Segway(WiredRobot):
     classes = (RMP, SegwayOdometry, SegwayPlanner)
 
     robot_name = "segway"
+    model_name = "Segway RMP"
     family = "urbihw.platforms.segway.driver:RmpDriver"
 
-    model = reading("200")
+    rmpModel = reading("200")
     build = reading(0.0)
     state = reading("lost")
     lost = event()
@@ -68,7 +69,8 @@ class Segway(WiredRobot):
         self._wanted = _safe(settings)
         super().open(self._wanted, opened)
         self.options = Options.of(settings.options)
-        self.model.sense(self.options.model)
+        self.rmpModel.sense(self.options.model)
+        self.identify(model=f"{self.model_name} {self.options.model}")
         self.channel.watch(BASE, (), 1 / self._wanted.rate)
         self.set_timer(ALIVE, self._send_heartbeat)
 
@@ -85,7 +87,7 @@ class Segway(WiredRobot):
         if self.state.sensed != "ok":
             return "base lost"
         volts = f", {self._raw['battery'] / 4:.0f} V" if "battery" in self._raw else ""
-        return f"RMP {self.model.sensed}{volts}" + self.rate_words()
+        return f"RMP {self.rmpModel.sensed}{volts}" + self.rate_words()
 
     # ---------------------------------------------------------------- what urbiscript calls
 
@@ -186,7 +188,7 @@ class Segway(WiredRobot):
         if not self._built:
             self._built = True
             path = Path(__file__).with_name(TREE)
-            self.host.run(path.read_text("latin-1"), str(path), self._has_tree)
+            self.host.run(path.read_text("latin-1"), path.name, self._has_tree)
 
     def _has_tree(self, problem: str) -> None:
         self.send_limits()

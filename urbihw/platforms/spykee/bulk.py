@@ -1,7 +1,8 @@
-"""What is sent in many pieces: music files, and sound for the loudspeaker; no I/O.
+"""Data that is sent in many pieces: music files, and sound for the loudspeaker; no I/O.
 
-Behind bulk data in the system's buffers a stop would wait.  So pieces are small, leave only while the link takes them
-at once (``Link.is_writable``), at most so many in a tick, and sound no earlier than the robot needs it.
+A stop would wait behind bulk data in the buffers of the system.  So pieces are small, are sent only while the link
+accepts them at once (``Link.is_writable``), with a maximum for each tick, and sound not earlier than the robot needs
+it.
 """
 
 from __future__ import annotations
@@ -13,19 +14,19 @@ from urbihw.buses.messages import FromWorker, Reply
 from urbihw.platforms.spykee import protocol as p
 
 CHUNK_BYTES: Final = 4096
-"""Of a music file, in a packet."""
+"""Bytes of a music file in a packet."""
 PIECE_BYTES: Final = 4000
-"""Of sound in a packet: 1/8 s, as the robot's own."""
+"""Maximum bytes of sound in a packet: 1/8 s, as in packets of the robot."""
 LEAD_S: Final = 0.3
 """Seconds by which sound is sent ahead of its time, to outlive a delay of the network."""
 END_S: Final = 0.5
 """Seconds after the end of the sound when its stream is switched off."""
 WAITING: Final = 16
-"""Pieces of sound that may wait: two seconds."""
+"""Maximum number of pieces of sound that wait: two seconds."""
 
 
 def seconds_of(pcm: bytes) -> float:
-    """How long so many bytes sound."""
+    """The duration of sound, in seconds."""
     return len(pcm) / (2 * p.SOUND_RATE)
 
 
@@ -40,19 +41,19 @@ class Uploads:
         """Whether there is anything to send."""
         return bool(self._chunks)
 
-    def add(self, reply_id: int, flags: int, data: bytes) -> None:
-        """One more chunk."""
+    def add_chunk(self, reply_id: int, flags: int, data: bytes) -> None:
+        """Queue a chunk."""
         self._chunks.append((reply_id, p.upload(flags, data)))
 
-    def next(self) -> tuple[bytes, list[FromWorker]] | None:
-        """The packet to send now, and what to answer then."""
+    def next_packet(self) -> tuple[bytes, list[FromWorker]] | None:
+        """The packet to send now, and the replies for it; None if there is none."""
         if not self._chunks:
             return None
         reply_id, data = self._chunks.popleft()
         return data, [Reply(reply_id, True)]
 
-    def drop(self, reason: str) -> list[FromWorker]:
-        """Give up what waits."""
+    def cancel_all(self, reason: str) -> list[FromWorker]:
+        """Drop all that waits; returns the error replies."""
         gone = [Reply(reply_id, False, error=reason) for reply_id, _ in self._chunks]
         self._chunks.clear()
         return [*gone]
@@ -71,8 +72,8 @@ class SoundOut:
         """Whether there is anything to send, now or later."""
         return bool(self._pieces) or self._on
 
-    def add(self, reply_id: int, pcm: bytes) -> str:
-        """One more piece; why not, or ""."""
+    def add_piece(self, reply_id: int, pcm: bytes) -> str:
+        """Queue a piece.  Returns the reason if that is refused, else ""."""
         if len(self._pieces) >= WAITING:
             return "the loudspeaker has more to play than it can keep"
         if len(pcm) > PIECE_BYTES or len(pcm) % 2:
@@ -80,8 +81,8 @@ class SoundOut:
         self._pieces.append((reply_id, pcm))
         return ""
 
-    def next(self, now: float) -> tuple[bytes, list[FromWorker]] | None:
-        """The packets to send now, and what to answer then."""
+    def next_packet(self, now: float) -> tuple[bytes, list[FromWorker]] | None:
+        """The packets to send at this time, and the replies for them; None if there are none."""
         if self._pieces and now >= self._ends - LEAD_S:
             reply_id, pcm = self._pieces.popleft()
             switch = b"" if self._on else _switch(True)
@@ -93,14 +94,14 @@ class SoundOut:
             return _switch(False), []
         return None
 
-    def drop(self, reason: str) -> list[FromWorker]:
-        """Give up what waits."""
+    def cancel_all(self, reason: str) -> list[FromWorker]:
+        """Drop all that waits; returns the error replies."""
         gone = [Reply(reply_id, False, error=reason) for reply_id, _ in self._pieces]
         self._pieces.clear()
         return [*gone]
 
-    def restart(self) -> None:
-        """A fresh connection: the stream is off."""
+    def reset(self) -> None:
+        """Start with a new connection, on which the stream is off."""
         self._on, self._ends = False, 0.0
 
 

@@ -1,6 +1,6 @@
-"""How fast a robot really goes at full speed, measured by its owner, kept in a file from one run to the next.
+"""The speeds of a robot at full power, measured by its owner, kept in a file.
 
-A Spykee measures no way, so ``robot.go`` and ``robot.turn`` run the tracks for a time; that is as right as these two
+A Spykee measures no distance: ``robot.go`` and ``robot.turn`` run the tracks for a time that is computed from these two
 numbers.  The file holds them as JSON for each robot, by its identifier.
 """
 
@@ -16,7 +16,7 @@ from typing import Final
 
 FILE: Final = "spykee-calibration.json"
 LEAST, MOST = 0.2, 5.0
-"""By how much a calibration may change a number; a slip of the pen is beyond."""
+"""Limits of the factor by which a calibration may change a number; a typing error is outside."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,20 +27,20 @@ class Calibration:
     turn: float
 
     def tracks(self, x: float, yaw: float) -> tuple[float, float]:
-        """What the tracks must be for a speed ahead (m/s) and to the left (rad/s): left and right, -100..100.
+        """The speeds of the tracks (left, right; -100..100) for a speed ahead (m/s) and to the left (rad/s).
 
-        What the robot cannot do is scaled, so that the way keeps its shape.
+        Speeds beyond the maximum are scaled together, so that the path keeps its shape.
         """
         left, right = x / self.speed - yaw / self.turn, x / self.speed + yaw / self.turn
         scale = 100 / max(1.0, abs(left), abs(right))
         return left * scale, right * scale
 
     def after_going(self, asked: float, went: float) -> Calibration:
-        """With the speed for which what was asked would have been what happened.  Raises ValueError."""
+        """The calibration with which ``robot.go(asked)`` would have been right.  Raises ValueError."""
         return replace(self, speed=self.speed * _ratio(asked, went))
 
     def after_turning(self, asked: float, turned: float) -> Calibration:
-        """The same for a turn.  Raises ValueError."""
+        """The calibration with which ``robot.turn(asked)`` would have been right.  Raises ValueError."""
         return replace(self, turn=self.turn * _ratio(asked, turned))
 
 
@@ -52,7 +52,7 @@ def _ratio(asked: float, found: float) -> float:
 
 
 def calibration_file(option: str, environment: Mapping[str, str] = os.environ) -> Path:
-    """Where calibrations are kept: the file of the settings, or one in the folder of the service or of the user."""
+    """The file of calibrations: that of the settings, or one in the folder of the service or of the user."""
     if option:
         return Path(option)
     if environment.get("STATE_DIRECTORY"):
@@ -62,7 +62,7 @@ def calibration_file(option: str, environment: Mapping[str, str] = os.environ) -
 
 
 def load(path: Path, uid: str, default: Calibration) -> Calibration:
-    """The calibration of a robot; the default if there is none.  Raises ValueError for a file that cannot be meant."""
+    """The calibration of a robot; the default if there is none.  Raises ValueError for a damaged file."""
     try:
         row = _read(path).get(uid)
         return default if row is None else Calibration(_positive(row["speed"]), _positive(row["turn"]))
@@ -71,7 +71,7 @@ def load(path: Path, uid: str, default: Calibration) -> Calibration:
 
 
 def save(path: Path, uid: str, calibration: Calibration) -> None:
-    """Keep the calibration of a robot.  Raises ValueError, OSError."""
+    """Write the calibration of a robot.  Raises ValueError, OSError."""
     rows = _read(path)
     rows[uid] = {"speed": calibration.speed, "turn": calibration.turn}
     path.parent.mkdir(parents=True, exist_ok=True)

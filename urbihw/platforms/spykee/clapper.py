@@ -20,7 +20,7 @@ QUIET_S: Final = 0.03
 """Seconds below the threshold after which a sound is over."""
 
 SHOWN_S: Final = 0.05
-"""Seconds for which ``val`` is the number: who hears of the change reads it a moment later."""
+"""Seconds for which ``val`` is the number: a handler of the change reads it a moment later."""
 
 
 class Counter:
@@ -34,15 +34,15 @@ class Counter:
         self._began: float | None = None
         self._loud_at = 0.0
 
-    def hear(self, loudness: float) -> int:
-        """One block; the number of claps of the sequence that ends with it, or 0."""
+    def add_block(self, loudness: float) -> int:
+        """Add a block; returns the number of claps of the sequence that ends with it, or 0."""
         self._now += BLOCK_S
         if loudness >= self._threshold:
             self._loud_at = self._now
             if self._began is None:
                 self._began = self._now
         elif self._began is not None and self._now - self._loud_at >= QUIET_S:
-            self._over(self._began)
+            self._end_sound(self._began)
             self._began = None
         waits = self._began is None and self._now - self._last > self._most
         if self._count and (waits or self._now - self._first > self._longest):
@@ -50,8 +50,8 @@ class Counter:
             return count
         return 0
 
-    def _over(self, began: float) -> None:
-        """A sound is over: a clap, if it was short and no echo of the one before."""
+    def _end_sound(self, began: float) -> None:
+        """Count a sound that has ended as a clap if it was short and is no echo of the clap before."""
         if self._loud_at - began >= self._least or (self._count and began - self._last < self._least):
             return
         if not self._count:
@@ -76,9 +76,9 @@ class Clapper(UObject):
         if not 0 < threshold <= 1 or not 0 < least < most <= longest:
             raise ValueError("expected a threshold up to 1, then rising times in ms, as in 0.2, 200, 800, 4000")
         self._counter = Counter(threshold, least / 1000, most / 1000, longest / 1000)
-        self.notify_change(self.var(source), self._heard)
+        self.notify_change(self.var(source), self._count_claps)
 
-    def _heard(self, sound: USound) -> None:
+    def _count_claps(self, sound: USound) -> None:
         if (sound.bits, sound.channels) != (16, 1) or not sound.rate:
             return
         samples = array.array("h")
@@ -88,11 +88,11 @@ class Clapper(UObject):
         size = max(1, round(sound.rate * BLOCK_S))
         for at in range(0, len(samples), size):
             block = samples[at : at + size]
-            count = self._counter.hear(max(max(block), -min(block)) / 32768)
+            count = self._counter.add_block(max(max(block), -min(block)) / 32768)
             if count:
-                self._tell(count)
+                self._show_count(count)
 
-    def _tell(self, count: int) -> None:
+    def _show_count(self, count: int) -> None:
         self.val.sense(float(count))
         timer = 0
 

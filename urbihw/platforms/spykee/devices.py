@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from urbihw.buses import messages as m
-from urbihw.kernel.uobject import EffectorDevice, Motion, UObject, number, owned, reading, set_range
+from urbihw.kernel.uobject import NIL, EffectorDevice, Motion, UObject, number, owned, reading, set_range
 from urbihw.platforms.base import LimitNamer, LimitTable
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.limits import DeviceLimits, whole_counts
@@ -16,14 +16,14 @@ from urbihw.platforms.spykee import protocol as p
 class SpykeeTrack(EffectorDevice):
     """A track: ``val`` is its speed, -100 (backward) to 100.
 
-    The robot measures none, so what is read is what was ordered; 0 after a stop.
+    The robot measures no speed: the value read is the one ordered, 0 after a stop.
     """
 
     val = owned(0.0)
 
-    def init(self, channel: DeviceChannel, motion: Motion, name: str) -> None:
-        """Speak to the worker through ``channel``; ``motion`` is who may move the robot."""
-        self._channel, self._name = channel, name
+    def init(self, channel: DeviceChannel, motion: Motion, name: str, is_docked: Callable[[], bool]) -> None:
+        """Connect to the worker through ``channel``; ``motion`` decides who may move the robot."""
+        self._channel, self._name, self._is_docked = channel, name, is_docked
         set_range(self.val, -p.FULL, p.FULL)
         self._guard = self.guard(motion, name, self.val)
         self.notify_change(self.val, self._write)
@@ -33,8 +33,14 @@ class SpykeeTrack(EffectorDevice):
         self._channel.set_target(self._name, "speed", round(speed), self._guard.origin)
         self.val.sense(speed)
 
-    def halted(self) -> None:
-        """It stands, whatever it was told."""
+    def explain_off(self) -> str:
+        """The warning for a client that drives a robot on its dock."""
+        if not self._is_docked() or self.requested.sensed == 0:
+            return ""
+        return "the robot is on its dock: it does not drive before Spykee.chargeStop"
+
+    def show_stop(self) -> None:
+        """Show that the track stands."""
         self.val.sense(0.0)
 
     def limits_in_counts(self, limits: DeviceLimits, named: LimitNamer) -> tuple[LimitTable, Sequence[m.Threshold]]:
@@ -55,7 +61,7 @@ class SpykeeLed(UObject):
     val = owned(0.0)
 
     def init(self, channel: DeviceChannel, name: str) -> None:
-        """Speak to the worker through ``channel``."""
+        """Connect to the worker through ``channel``."""
         self._channel, self._name = channel, name
         set_range(self.val, 0.0, 1.0)
         self.notify_change(self.val, self._write)
@@ -69,19 +75,19 @@ class SpykeeLed(UObject):
 class SpykeeBattery(UObject):
     """The battery: ``remain`` is a share of 1, the last one that was known while it charges.
 
-    The robot measures neither capacity (A h) nor current (A) nor voltage (V).
+    The robot measures neither capacity (A h) nor current (A) nor voltage (V): they are nil.
     """
 
     remain = reading(math.nan)
     charging = reading(False)
-    capacity = reading(math.nan)
-    current = reading(math.nan)
-    voltage = reading(math.nan)
+    capacity = reading(NIL)
+    current = reading(NIL)
+    voltage = reading(NIL)
 
     def init(self) -> None:
-        """Made by the robot."""
+        """Nothing to set up: the robot creates the battery."""
 
-    def show(self, level: int, stamp: float) -> None:
+    def show_level(self, level: int, stamp: float) -> None:
         """Show a level as the robot sends it: percent, negative while it charges."""
         self.charging.sense(level < 0, stamp)
         if level >= 0:

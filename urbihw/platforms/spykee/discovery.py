@@ -1,4 +1,4 @@
-"""Which Spykees are there: a question by UDP on all interfaces, and the answers (fact sheet, section 2)."""
+"""The search for Spykees: a question by UDP on all interfaces, and the answers (fact sheet, section 2)."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class FoundRobot:
 
 
 def broadcast_addresses() -> list[str]:
-    """Where a datagram reaches all neighbours: the address of each interface that has one, and that for all."""
+    """The broadcast addresses of all interfaces that have one, and the general one."""
     found = [_LOOPBACK_BROADCAST]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         # Not if_nameindex, which needs a netlink socket: the unit of the service allows none.
@@ -92,7 +92,7 @@ def search(
 
 
 def _ask(asker: socket.socket, where: Iterable[str], port: int) -> None:
-    """Put the question; fails only if it can be put nowhere."""
+    """Send the question to all addresses.  Raises OSError only if all fail."""
     problem: OSError | None = None
     sent = False
     for address in where:

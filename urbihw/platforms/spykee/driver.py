@@ -1,4 +1,4 @@
-"""The worker's half of a Spykee: logs in, sends wanted speeds again and again, takes in what the robot says.
+"""The driver of a Spykee in the worker: logs in, sends the speeds periodically, reads the packets of the robot.
 
 Devices and their items:
 
@@ -13,7 +13,7 @@ Requests: "write" of ("engine", "move") one of UNDOCK, DOCK, CANCEL; of ("play",
 "read" of ("config", ""), ("networks", ""), ("log", ""), answered when the robot does.  Events (``Happened``): ("dock",
 "docked"), ("dock", "undocked"), ("music", "ended").
 
-Pictures and sound are values like others: where the daemon does not read, newer ones take the place of older ones.
+Pictures and sound are samples: while the daemon does not read them, newer ones replace older ones.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ STREAMS: Final[Mapping[str, int]] = {CAMERA: p.CAMERA, MICRO: p.MICROPHONE}
 ANSWER_TIMEOUT_S: Final = 3.0
 """Seconds to wait for configuration, networks or log."""
 PIECES: Final = 8
-"""Of sound that are kept while the daemon does not read: a second."""
+"""Pieces of sound that are kept while the daemon does not read: a second."""
 PACKETS_PER_TICK: Final = 2
-"""Of bulk data."""
+"""Maximum packets of bulk data in a tick."""
 _READ_BYTES: Final = 65536
 _QUESTIONS: Final = {"config": p.CONFIGURATION, "networks": p.NETWORKS, "log": p.LOG}
 _READERS: Final[Mapping[int, Callable[[bytes], Any]]] = {
@@ -72,10 +72,10 @@ class SpykeeDriver(Driver):
         self._switches: list[bytes] = []
         self._uploads = Uploads()
         self._sound = SoundOut()
-        # What came behind the login, in the same piece.
+        # Packets that came with the last one of the login.
         self._early: list[tuple[int, bytes]] = []
         # (kind of the answer, request, until when) of each question.
-        self._asked: list[tuple[int, int, float]] = []
+        self._questions: list[tuple[int, int, float]] = []
         self._owed: list[FromWorker] = []
         self._piece = 0
         self._frames_dropped = 0
@@ -91,8 +91,8 @@ class SpykeeDriver(Driver):
         """Log in.  Raises Unavailable, BadUrl."""
         link = byte_link(port)
         self._framer = p.Framer()
-        self._tracks.forget()
-        self._sound.restart()
+        self._tracks.reset()
+        self._sound.reset()
         self._searching = False
         self._frames_dropped = self._unreadable = 0
         info, self._early = log_in(link, self._framer, self._options.user, self._options.password)
@@ -105,25 +105,25 @@ class SpykeeDriver(Driver):
         return [Found((info,)), Samples(now, {POWER: {"level": info.power}}, {POWER: now})]
 
     def detach(self) -> None:
-        """The port is gone: nothing that was to be done survives it but the watches."""
+        """Release the port, which is closed: all requests fail, and only the watches and the lights stay."""
         self._link = None
-        self._tracks.forget()
+        self._tracks.reset()
         self._searching = False
-        self._owed += self._drop_all("the link went down")
+        self._owed += self._cancel_all("the link went down")
 
-    def _drop_all(self, reason: str) -> list[FromWorker]:
-        asked, self._asked = self._asked, []
+    def _cancel_all(self, reason: str) -> list[FromWorker]:
+        asked, self._questions = self._questions, []
         gone: list[FromWorker] = [Reply(reply_id, False, error=reason) for _, reply_id, _ in asked]
-        return gone + self._uploads.drop(reason) + self._sound.drop(reason)
+        return gone + self._uploads.cancel_all(reason) + self._sound.cancel_all(reason)
 
     def errors(self) -> dict[str, int]:
-        """Pictures that were left out because a newer one had come, and packets that made no sense."""
+        """Count pictures that were skipped because a newer one had come, and packets that could not be read."""
         return {"skipped": self._frames_dropped, "unreadable": self._unreadable}
 
     # ---------------------------------------------------------------- one tick
 
     def tick(self, now: float, meanwhile: Callable[[], None], urgent: Callable[[], bool] = no_stop) -> list[FromWorker]:
-        """Take in what has come, send what is due.  Raises LinkGone."""
+        """Read the packets that have come, send what is due.  Raises LinkGone."""
         link = self._link
         news, self._owed = self._owed, []
         if link is None:
@@ -131,35 +131,35 @@ class SpykeeDriver(Driver):
         values: dict[Any, dict[str, Any]] = {}
         data = link.read(_READ_BYTES, now)
         if data or self._early:
-            news += self._take_in(data, values, link)
-        move = self._tracks.packet(now)
+            news += self._read_packets(data, values, link)
+        move = self._tracks.next_packet(now)
         if move is not None:
             link.write(move)
         if self._switches:
             switches, self._switches = self._switches, []
             link.write(b"".join(switches))
         news += self._send_bulk(link, now, urgent)
-        late = [row for row in self._asked if now > row[2]]
-        self._asked = [row for row in self._asked if row not in late]
+        late = [row for row in self._questions if now > row[2]]
+        self._questions = [row for row in self._questions if row not in late]
         news += [Reply(reply_id, False, error="the robot did not answer") for _, reply_id, _ in late]
         if values:
             news.append(Samples(now, values, dict.fromkeys(values, now)))
         return news
 
     def _send_bulk(self, link: Link, now: float, urgent: Callable[[], bool]) -> list[FromWorker]:
-        """Send what may leave now of music and sound; what to answer.  Raises LinkGone."""
+        """Send the music and sound that may leave now; returns the replies.  Raises LinkGone."""
         news: list[FromWorker] = []
         for _ in range(PACKETS_PER_TICK if self._sound.busy or self._uploads.busy else 0):
             if urgent() or not link.is_writable():
                 break
-            piece = self._sound.next(now) or self._uploads.next()
+            piece = self._sound.next_packet(now) or self._uploads.next_packet()
             if piece is None:
                 break
             link.write(piece[0])
             news += piece[1]
         return news
 
-    def _take_in(self, data: bytes, values: dict[Any, dict[str, Any]], link: Link) -> list[FromWorker]:
+    def _read_packets(self, data: bytes, values: dict[Any, dict[str, Any]], link: Link) -> list[FromWorker]:
         news: list[FromWorker] = []
         try:
             packets = self._early + self._framer.feed(data)
@@ -178,13 +178,13 @@ class SpykeeDriver(Driver):
                     values.setdefault(MICRO, {})[f"piece{self._piece % PIECES}"] = piece
             else:
                 try:
-                    news += self._take(kind, payload, values)
+                    news += self._handle_packet(kind, payload, values)
                 except BadFrame:
                     self._unreadable += 1
         return news
 
-    def _take(self, kind: int, payload: bytes, values: dict[Any, dict[str, Any]]) -> list[FromWorker]:
-        """A packet that is neither picture nor sound.  Raises BadFrame."""
+    def _handle_packet(self, kind: int, payload: bytes, values: dict[Any, dict[str, Any]]) -> list[FromWorker]:
+        """Process a packet that is neither picture nor sound.  Raises BadFrame."""
         if kind == p.POWER:
             values[POWER] = {"level": p.read_power(payload)}
         elif kind == p.ENGINE and payload[:1] == bytes([p.IS_DOCKED]):
@@ -199,8 +199,8 @@ class SpykeeDriver(Driver):
         elif kind == p.STOP:
             return [Happened("music", "ended")]
         elif kind in _READERS:
-            answered = [row for row in self._asked if row[0] == kind]
-            self._asked = [row for row in self._asked if row[0] != kind]
+            answered = [row for row in self._questions if row[0] == kind]
+            self._questions = [row for row in self._questions if row[0] != kind]
             value = _READERS[kind](payload)
             return [Reply(reply_id, True, value) for _, reply_id, _ in answered]
         return []
@@ -208,12 +208,12 @@ class SpykeeDriver(Driver):
     # ---------------------------------------------------------------- what the parent wants
 
     def targets(self, message: Targets) -> list[FromWorker]:
-        """Speeds of tracks, which are forgotten without a robot, and lights, which are not."""
+        """Accept speeds of tracks, which are dropped without a link, and lights, which are kept."""
         refused: list[FromWorker] = []
         for (device, item), value in message.values.items():
             if device in TRACKS and item == "speed" and isinstance(value, int) and abs(value) <= p.FULL:
                 if self._link is not None:
-                    self._tracks.set(device, value)
+                    self._tracks.set_speed(device, value)
             elif device in p.LEDS and item == "on" and value in (0, 1):
                 self._leds[device] = value
                 if self._link is not None:
@@ -247,26 +247,26 @@ class SpykeeDriver(Driver):
         match message.verb, message.device, message.item:
             case "read", ("config" | "networks" | "log") as what, _:
                 kind = _QUESTIONS[what]
-                if all(row[0] != kind for row in self._asked):
+                if all(row[0] != kind for row in self._questions):
                     link.write(p.packet(kind))
-                self._asked.append((kind, message.reply_id, link.clock.now() + ANSWER_TIMEOUT_S))
+                self._questions.append((kind, message.reply_id, link.clock.now() + ANSWER_TIMEOUT_S))
                 return []
             case "write", "file", "chunk":
                 flags, data = message.value
-                self._uploads.add(message.reply_id, flags, data)
+                self._uploads.add_chunk(message.reply_id, flags, data)
                 return []
             case "write", "speaker", "piece":
-                error = self._sound.add(message.reply_id, message.value)
+                error = self._sound.add_piece(message.reply_id, message.value)
                 return [Reply(message.reply_id, False, error=error)] if error else []
             case "write", "speaker", "flush":
-                return [*self._sound.drop("it was stopped"), Reply(message.reply_id, True)]
+                return [*self._sound.cancel_all("it was stopped"), Reply(message.reply_id, True)]
             case "write", "config", key:
                 link.write(p.pair(key, message.value))
             case "write", "engine", "move" if message.value in (p.UNDOCK, p.DOCK, p.CANCEL):
                 self._searching = message.value == p.DOCK
                 if message.value != p.CANCEL:
-                    # A move that came behind the order, a zero too, would end it.
-                    self._tracks.forget()
+                    # A move after this request would end it, also one with speed 0.
+                    self._tracks.reset()
                 link.write(p.packet(p.ENGINE, bytes([message.value])))
             case "write", "play", "sound" if message.value in p.SOUNDS or message.value == p.MUSIC:
                 link.write(p.packet(p.PLAY, bytes([message.value])))
@@ -291,7 +291,7 @@ class SpykeeDriver(Driver):
             self._searching = False
             link.write(p.packet(p.ENGINE, bytes([p.CANCEL])))
         now = link.clock.now()
-        move = self._tracks.packet(now)
+        move = self._tracks.next_packet(now)
         if move is not None:
             link.write(move)
 
@@ -308,16 +308,16 @@ class SpykeeDriver(Driver):
         self._stop_all()
 
     def _stop_all(self) -> None:
-        # Who logged in before may have sent it to its dock; this connection does not know.
+        # An earlier client may have sent it to its dock.
         self._searching = not self._docked
         self.safe_stop()
 
     def moves(self, device: Any, item: str, value: Any) -> bool:
-        """A speed other than zero does."""
+        """True for a speed other than zero."""
         return device in TRACKS and bool(value)
 
     def request_moves(self, request: Request) -> bool:
-        """To look for the dock, and to leave it."""
+        """True for the search for the dock, and for leaving it."""
         return request.device == ENGINE and request.value in (p.UNDOCK, p.DOCK)
 
 

@@ -15,7 +15,7 @@ from typing import Final
 from urbihw.buses.errors import BadFrame, BadValue
 
 PORT: Final = 9000
-"""Of discovery (UDP) and of control (TCP)."""
+"""The port of discovery (UDP) and of control (TCP)."""
 
 # Types of packets (section 4).
 AUDIO, VIDEO, POWER, LED, MOVE, FILE, PLAY, STOP, VOLUME = range(1, 10)
@@ -53,12 +53,12 @@ def packet(kind: int, payload: bytes = b"") -> bytes:
 
 
 def move(left: int, right: int) -> bytes:
-    """Let the tracks run, -100..100 each, forward positive."""
+    """The packet that sets the speeds of the tracks, -100..100 each, forward positive."""
     return packet(MOVE, struct.pack("bb", left, right))
 
 
 def login(user: str, password: str) -> bytes:
-    """Ask to be let in.  Raises BadValue for what has no room or no such letters; the message has no password."""
+    """The login request.  Raises BadValue for texts that are too long or outside ISO-8859-1, without the password."""
     try:
         fields = [text.encode("latin-1") for text in (user, password)]
     except UnicodeEncodeError:
@@ -74,7 +74,10 @@ def upload(flags: int, data: bytes) -> bytes:
 
 
 def pair(key: str, value: str) -> bytes:
-    """Write a row of the configuration.  Raises BadValue for what cannot be told from the signs between rows."""
+    """The packet that writes a row of the configuration.
+
+    Raises BadValue for a key or value with a separator of the rows: the protocol has no known way to escape one.
+    """
     if not key or any(sign in text for text in (key, value) for sign in "&=\r\n\0"):
         raise BadValue("a key has at least one letter, and keys and values have none of & = and line ends")
     try:
@@ -85,7 +88,8 @@ def pair(key: str, value: str) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """What a robot says of itself when it lets somebody in: three names, the first its identifier; its firmware."""
+    """The content of a login reply: three names, of which the first is the identifier, and the version of the firmware.
+    """
 
     names: tuple[str, str, str]
     firmware: str
@@ -93,7 +97,7 @@ class Identity:
 
 
 def read_login_reply(payload: bytes) -> Identity | None:
-    """Whom the reply is from; None if it refuses, which shows in its being too short (section 5)."""
+    """The content of a login reply; None for a refusal, whose payload is shorter than 8 bytes (section 5)."""
     if len(payload) < 8:
         return None
     texts, at = [], 1
@@ -131,7 +135,7 @@ def read_log(payload: bytes) -> list[str]:
 
 
 class Framer:
-    """Makes packets of the bytes that come."""
+    """Cuts the received bytes into packets."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
@@ -139,7 +143,7 @@ class Framer:
     def feed(self, data: bytes) -> list[tuple[int, bytes]]:
         """The packets, as (type, payload), that are complete with these bytes.
 
-        Raises BadFrame when a packet does not begin where one must: there is no way back into the stream.
+        Raises BadFrame when the bytes at the place of a header are none: the stream cannot be synchronised again.
         """
         buffer = self._buffer
         buffer += data
@@ -164,7 +168,7 @@ _ANSWER: Final = b"DSCV\x02"
 
 
 def read_discovery(data: bytes) -> dict[str, str] | None:
-    """The fields of an answer, of which ``uid`` is the identifier; None for anything else, as one's own question."""
+    """The fields of an answer, of which ``uid`` is the identifier; None for any other datagram, such as a question."""
     if len(data) < 6 or not data.startswith(_ANSWER) or len(data) < 6 + data[5]:
         return None
     fields = (field.partition("=") for field in data[6 : 6 + data[5]].decode("latin-1").split(","))

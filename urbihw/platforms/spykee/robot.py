@@ -24,11 +24,12 @@ from urbihw.kernel.uobject import (
 )
 from urbihw.platforms.base import LimitedDevice, WiredRobot
 from urbihw.platforms.spykee import protocol as p
-from urbihw.platforms.spykee.audio import SpykeeMp3, SpykeeSpeaker
+from urbihw.platforms.spykee.audio import SpykeeSpeaker
 from urbihw.platforms.spykee.calibration import Calibration, calibration_file, load, save
 from urbihw.platforms.spykee.clapper import Clapper
 from urbihw.platforms.spykee.devices import SpykeeBattery, SpykeeLed, SpykeeTrack
 from urbihw.platforms.spykee.driver import CAMERA, ENGINE, MICRO, POWER, TRACKS
+from urbihw.platforms.spykee.mp3 import SpykeeMp3
 from urbihw.platforms.spykee.options import Options
 from urbihw.platforms.spykee.session import RobotInfo
 from urbihw.platforms.spykee.streams import SpykeeCamera, SpykeeMicro
@@ -45,6 +46,7 @@ class Spykee(WiredRobot):
     classes = (SpykeeTrack, SpykeeLed, SpykeeBattery, SpykeeCamera, SpykeeMicro, SpykeeSpeaker, SpykeeMp3, Clapper)
 
     robot_name = "spykee"
+    model_name = "Spykee"
     family = "urbihw.platforms.spykee.driver:SpykeeDriver"
 
     power = reading(0.0)
@@ -74,17 +76,17 @@ class Spykee(WiredRobot):
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
         """Read the options, then start the worker."""
-        self._take_options(settings)
+        self._read_options(settings)
         super().open(settings, opened)
 
     def configure(self, settings: RobotSettings) -> None:
         """Apply new options and settings, and load the calibration again."""
-        self._take_options(settings)
+        self._read_options(settings)
         super().configure(settings)
         if self._built:
             self._load_calibration()
 
-    def _take_options(self, settings: RobotSettings) -> None:
+    def _read_options(self, settings: RobotSettings) -> None:
         try:
             self._options = Options.of(settings.options)
         except BadSetting as error:
@@ -103,19 +105,20 @@ class Spykee(WiredRobot):
         """Make the objects at the first connection; after each later one, restart the sound stream."""
         (info,) = message.devices
         self._identify(info)
-        # A robot that was off has forgotten it.
+        # A robot that was switched off has lost its volume.
         self._send_volume(self._options.volume if not self._built else int(self.volume.sensed))
         if not self._built:
             self._build()
             path = Path(__file__).with_name(TREE)
-            self.host.run(path.read_text("latin-1"), str(path), self._has_tree)
+            self.host.run(path.read_text("latin-1"), path.name, self._has_tree)
             return
-        self.micro.restart()
+        self.micro.reset_numbers()
         self.send_limits()
 
     def _identify(self, info: RobotInfo) -> None:
         self.uid.sense(info.uid)
         self.robotName.sense(info.name)
+        self.identify(name=info.name, serial=info.uid)
         self.firmware.sense(info.firmware)
         self.onDock.sense(info.docked)
         self._load_calibration()
@@ -123,7 +126,9 @@ class Spykee(WiredRobot):
     def _build(self) -> None:
         self._built = True
         create, channel = self.host.create, self.channel
-        self.tracks = [create(SpykeeTrack, name, channel, self.motion, name) for name in TRACKS]
+        self.tracks = [
+            create(SpykeeTrack, name, channel, self.motion, name, lambda: bool(self.onDock.sensed)) for name in TRACKS
+        ]
         for name in p.LEDS:
             create(SpykeeLed, name, channel, name)
         self.camera = create(SpykeeCamera, "camera", channel)
@@ -157,9 +162,9 @@ class Spykee(WiredRobot):
         for device, values in message.values.items():
             stamp = message.times[device] + self.offset
             if device == CAMERA:
-                self.camera.show(values["image"], stamp)
+                self.camera.show_picture(values["image"], stamp)
             elif device == MICRO:
-                self.micro.show(values, stamp)
+                self.micro.show_sound(values, stamp)
             elif device == POWER:
                 self._show_power(values["level"], stamp)
 
@@ -167,7 +172,7 @@ class Spykee(WiredRobot):
         self._measured = True
         self.power.sense(float(level), stamp)
         self.charging.sense(level < 0, stamp)
-        self.battery.show(level, stamp)
+        self.battery.show_level(level, stamp)
 
     def on_happened(self, message: m.Happened) -> None:
         """Show docking and undocking, and the end of the music."""
@@ -176,7 +181,7 @@ class Spykee(WiredRobot):
             self.onDock.sense(docked)
             (self.docked if docked else self.undocked).emit()
         elif self._built:
-            self.mp3.has_ended()
+            self.mp3.file_ended()
 
     def on_link_down(self, reason: str) -> None:
         """End the music and the movements: without a link, their progress is unknown."""
@@ -184,7 +189,7 @@ class Spykee(WiredRobot):
             self.mp3.link_down()
             self._halt_tracks(None)
             if self._complete:
-                # A movement that is reckoned by time alone knows no more where it is.
+                # A movement is computed from the time alone, so its position is unknown now.
                 self.send("Mobility.of(robot).abort;")
 
     def on_halt(self, reason: str, devices: tuple[Hashable, ...] | None = None) -> None:
@@ -195,23 +200,23 @@ class Spykee(WiredRobot):
     def _halt_tracks(self, devices: tuple[Hashable, ...] | None) -> None:
         for name, track in zip(TRACKS, self.tracks, strict=True):
             if devices is None or name in devices:
-                track.halted()
+                track.show_stop()
 
     # ---------------------------------------------------------------- what urbiscript calls
 
     @function("findBase")
     def find_base(self) -> None:
-        """Let the robot look for its base and station on it."""
+        """Make the robot search for its base and station on it."""
         self._move_by_itself(p.DOCK)
 
     @function("cancelFindBase")
     def cancel_find_base(self) -> None:
-        """Let it look for its base no longer."""
+        """Abort the search for the base."""
         self.channel.write(ENGINE, "move", p.CANCEL, self._warn("cancelFindBase"))
 
     @function("chargeStop")
     def charge_stop(self) -> None:
-        """Let the robot stop charging and drive off its charging station."""
+        """Make the robot stop charging and leave its charging station."""
         self._move_by_itself(p.UNDOCK)
 
     def _move_by_itself(self, order: int) -> None:
@@ -228,17 +233,17 @@ class Spykee(WiredRobot):
 
     @function("tracksFor")
     def tracks_for(self, x: float, yaw: float) -> list[float]:
-        """Left and right, -100..100, for a speed ahead (m/s) and to the left (rad/s)."""
+        """The speeds of the tracks (left, right; -100..100) for a speed ahead (m/s) and to the left (rad/s)."""
         return list(self._calibration.tracks(finite_number(x), finite_number(yaw)))
 
     @function("calibrateGo")
     def calibrate_go(self, asked: float, went: float) -> None:
-        """``robot.go(asked)`` went so many m: be right the next time, and after a restart."""
+        """Calibrate: ``robot.go(asked)`` went ``went`` m; kept in a file.  Raises ValueError."""
         self._calibrate(self._calibration.after_going(asked, went))
 
     @function("calibrateTurn")
     def calibrate_turn(self, asked: float, turned: float) -> None:
-        """``robot.turn(asked)`` turned it by so many rad: be right the next time, and after a restart."""
+        """Calibrate: ``robot.turn(asked)`` turned by ``turned`` rad; kept in a file.  Raises ValueError."""
         self._calibrate(self._calibration.after_turning(asked, turned))
 
     def _calibrate(self, calibration: Calibration) -> None:
@@ -265,8 +270,10 @@ class Spykee(WiredRobot):
 
     @function("requestInfo")
     def request_info(self, what: str) -> int:
-        """Ask the robot for its "config", its "networks" or its "log"; ``answered`` then has this number, the answer,
-        and why there is none."""
+        """Request the "config", the "networks" or the "log" of the robot.
+
+        Returns a number; the event ``answered`` is emitted with it, the answer, and the error ("" for none).
+        """
         return self._request(lambda done: self.channel.read(what, "", done))
 
     @function("requestWrite")

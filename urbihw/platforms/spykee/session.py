@@ -1,7 +1,7 @@
-"""Getting in: login, its reply, the first level of the battery.  A robot that is told to move before those hangs up.
+"""The login: request, reply, first level of the battery.  A robot that gets a move before those closes the connection.
 
-A refusal is told from silence, for one is mended by other settings and the other by a switch.  Source: fact sheet,
-section 5.
+The errors tell a refusal from silence: the settings of the user can be wrong, or the robot switched off.  Source: fact
+sheet, section 5.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ REPLY_TIMEOUT_S: Final = 2.0
 
 @dataclass(frozen=True, slots=True)
 class RobotInfo:
-    """The robot as ``Found`` tells of it; ``power`` is raw."""
+    """The robot as ``Found`` reports it; ``power`` is raw: percent, or negative while it charges."""
 
     uid: str
     name: str
@@ -31,9 +31,9 @@ class RobotInfo:
 
 
 def log_in(link: Link, framer: p.Framer, user: str, password: str) -> tuple[RobotInfo, list[tuple[int, bytes]]]:
-    """Log in, and wait until the robot may be told to move: who it is, and what else it has said behind that.
+    """Log in, and wait until the robot accepts moves.
 
-    Raises Unavailable.
+    Returns the description of the robot, and the packets that came after the level of the battery.  Raises Unavailable.
     """
     where = link.url.text
     packets: list[tuple[int, bytes]] = []

@@ -1,4 +1,4 @@
-"""What comes as a stream: the camera and the microphone.  Each is on while somebody reads or follows its ``val``."""
+"""The devices with a stream: the camera and the microphone.  Each is on while somebody reads or follows its ``val``."""
 
 from __future__ import annotations
 
@@ -6,51 +6,27 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar, Final
 
-from urbihw.kernel.uobject import UBinary, UImage, UObject, USound, reading
+from urbihw.kernel.uobject import UImage, USound, reading
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.spykee.protocol import SOUND_RATE
+from urbihw.platforms.streamed import Streamed
 
-LINGER_S: Final = 3.0
-"""Seconds after the last reading for which a stream goes on."""
-LOOK_PERIOD_S: Final = 0.25
-"""Seconds between two looks whether anybody follows."""
 WIDTH, HEIGHT = 320, 240
 _FRAME_HEADERS: Final = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 """Markers of a JPEG behind which its size stands."""
 
 
-class Streamed(UObject):
-    """A device whose ``val`` comes as a stream; ``on`` is whether it does now."""
+class SpykeeStream(Streamed):
+    """A stream of the robot, watched in the worker under the name ``stream``."""
 
     stream: ClassVar[str]
-    nothing: ClassVar[UBinary]
-    """What ``val`` is before anything has come."""
 
-    val = reading()
-    on = reading(False)
-
-    def init(self, channel: DeviceChannel) -> None:
-        """Speak to the worker through ``channel``."""
-        self._channel = channel
-        self._read_at = -math.inf
-        self.val.sense(self.nothing)
-        self.notify_access(self.val, self._read)
-        self.set_timer(LOOK_PERIOD_S, self._look)
-
-    def _read(self) -> None:
-        self._read_at = self.host.now()
-        self._switch(True)
-
-    def _look(self) -> None:
-        self._switch(self.val.has_subscribers or self.host.now() - self._read_at < LINGER_S)
-
-    def _switch(self, on: bool) -> None:
-        if on is not self.on.sensed:
-            self.on.sense(on)
-            self._channel.watch(self.stream, ("val",), 0.0 if on else None)
+    def switch_stream(self, on: bool) -> None:
+        """Watch it, or no longer."""
+        self.channel.watch(self.stream, ("val",), 0.0 if on else None)
 
 
-class SpykeeCamera(Streamed):
+class SpykeeCamera(SpykeeStream):
     """The camera: ``val`` is the newest picture, a JPEG; it is on while somebody reads or follows ``val``.
 
     ``width`` and ``height`` (pixels) are those of the picture; the angles of view (rad) are not known.
@@ -65,8 +41,8 @@ class SpykeeCamera(Streamed):
     format = reading("jpeg")
     frames = reading(0.0)
 
-    def show(self, image: bytes, stamp: float) -> None:
-        """Show a picture that was taken in at a time of the kernel's clock."""
+    def show_picture(self, image: bytes, stamp: float) -> None:
+        """Show a picture, received at ``stamp`` of the kernel's clock."""
         width, height = size_of(image)
         self.width.sense(float(width))
         self.height.sense(float(height))
@@ -74,7 +50,7 @@ class SpykeeCamera(Streamed):
         self.val.sense(UImage.of(image, width, height, "jpeg"), stamp)
 
 
-class SpykeeMicro(Streamed):
+class SpykeeMicro(SpykeeStream):
     """The microphone: ``val`` is what was heard since the last change, 16000 samples a second of 16 bits.
 
     ``duration`` (ms) is how long that is.  It is on while somebody reads or follows ``val``.
@@ -85,26 +61,26 @@ class SpykeeMicro(Streamed):
     duration = reading(0.0)
 
     def init(self, channel: DeviceChannel) -> None:
-        """Start with no sound heard."""
+        """Start without sound."""
         super().init(channel)
         self._last = 0
         self._pieces: list[bytes] = []
 
-    def show(self, pieces: Mapping[str, tuple[int, bytes]], stamp: float) -> None:
-        """Show what was heard; pieces that come in the same round are one sound."""
+    def show_sound(self, pieces: Mapping[str, tuple[int, bytes]], stamp: float) -> None:
+        """Show pieces of sound; those of the same round become one sound."""
         fresh = sorted(piece for piece in pieces.values() if piece[0] > self._last)
         if not fresh:
             return
         self._last = fresh[-1][0]
         if not self._pieces:
-            self.host.post(lambda: self._tell(stamp))
+            self.host.post(lambda: self._show_heard(stamp))
         self._pieces += [data for _, data in fresh]
 
-    def restart(self) -> None:
-        """Another worker counts anew."""
+    def reset_numbers(self) -> None:
+        """Expect the numbers of another worker, which begin again."""
         self._last = 0
 
-    def _tell(self, stamp: float) -> None:
+    def _show_heard(self, stamp: float) -> None:
         data, self._pieces = b"".join(self._pieces), []
         sound = USound.of(data[: len(data) // 2 * 2], 1, SOUND_RATE, 16)
         self.duration.sense(sound.duration * 1000)

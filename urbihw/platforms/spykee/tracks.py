@@ -1,6 +1,7 @@
 """The wanted speeds of the two tracks, and when they are sent; no I/O.
 
-Nothing is acknowledged and the firmware drives on by itself, so speeds are sent again and again, and a stop some times.
+The robot acknowledges nothing, and its firmware drives on by itself: speeds are sent periodically, a stop several
+times.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ LEFT, RIGHT = "trackL", "trackR"
 RESEND_PERIOD_S: Final = 0.2
 """Seconds between two packets of the same speeds."""
 ZEROS: Final = 3
-"""How often a standstill is sent."""
+"""Number of packets that are sent for a stop."""
 
 
 class TrackSpeeds:
@@ -27,28 +28,28 @@ class TrackSpeeds:
 
     @property
     def moving(self) -> bool:
-        """Whether any track is to run."""
+        """Whether a track has a speed other than 0."""
         return any(self._speeds.values())
 
-    def set(self, track: str, speed: int) -> None:
-        """A new speed, to be sent at once if it is another one."""
+    def set_speed(self, track: str, speed: int) -> None:
+        """Set a speed; a changed one is sent with the next packet."""
         if self._speeds[track] != speed:
             self._speeds[track] = speed
             self._due, self._left = 0.0, ZEROS
 
     def halt(self, tracks: Iterable[str] = (LEFT, RIGHT)) -> None:
-        """Stand, and send it even if they stood before."""
+        """Set the speeds of tracks to 0, and send that even if they were 0 before."""
         for track in tracks:
             self._speeds[track] = 0
         self._due, self._left = 0.0, ZEROS
 
-    def forget(self) -> None:
-        """Stand, with nobody to send it to."""
+    def reset(self) -> None:
+        """Set the speeds to 0 without sending them."""
         self.halt()
         self._left = 0
 
-    def packet(self, now: float) -> bytes | None:
-        """What to send now, if anything."""
+    def next_packet(self, now: float) -> bytes | None:
+        """The packet to send at this time; None if none is due."""
         if now < self._due or not (self.moving or self._left):
             return None
         self._due = now + RESEND_PERIOD_S

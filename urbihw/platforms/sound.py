@@ -1,4 +1,4 @@
-"""Sound as the loudspeaker takes it: 16000 samples a second, 16 bits, one channel, made of what programs have.
+"""Sound as a loudspeaker takes it: 16 bits, one channel, at the rate of the robot, made of what programs have.
 
 Only what is played next is converted, a piece at a time: a long recording must not hold the interpreter.
 """
@@ -13,7 +13,6 @@ from collections.abc import Iterator
 from typing import Final
 
 from urbihw.kernel.uobject import USound
-from urbihw.platforms.spykee.protocol import SOUND_RATE
 
 PIECE_SAMPLES: Final = 2000
 RATES: Final = range(1000, 192_001)
@@ -22,13 +21,15 @@ _MIDDLE: Final = bytes(value ^ 0x80 for value in range(256))
 
 
 class Recording:
-    """A sound, to be taken piece by piece.  Raises ValueError for what is none, in words for the user.
+    """A sound, to be taken piece by piece, ``play_rate`` samples a second.
+
+    Raises ValueError for what is no sound, in words for the user.
 
     Attributes:
         seconds: how long it is.
     """
 
-    def __init__(self, sound: USound) -> None:
+    def __init__(self, sound: USound, play_rate: int) -> None:
         data, channels, rate, bits, signed = _raw(sound)
         if channels not in (1, 2) or rate not in RATES or bits not in (8, 16):
             wanted = f"1 or 2 channels, {RATES[0]} to {RATES[-1]} samples a second, of 8 or 16 bits"
@@ -43,11 +44,11 @@ class Recording:
         samples.frombytes(data[: len(data) // samples.itemsize * samples.itemsize])
         if bits == 16 and sys.byteorder == "big":
             samples.byteswap()
-        self._samples, self._channels, self._rate = samples, channels, rate
+        self._samples, self._channels, self._step = samples, channels, rate / play_rate
         self._loud = 1 if bits == 16 else 256
         frames = len(samples) // channels
-        self._count = frames * SOUND_RATE // rate
-        self.seconds = self._count / SOUND_RATE
+        self._count = frames * play_rate // rate
+        self.seconds = self._count / play_rate
 
     def pieces(self) -> Iterator[bytes]:
         """The sound, in pieces of at most PIECE_SAMPLES samples."""
@@ -59,7 +60,7 @@ class Recording:
 
     def _between(self, start: int, end: int) -> Iterator[int]:
         """Samples of the loudspeaker's rate; each lies between two of the recording."""
-        step = self._rate / SOUND_RATE
+        step = self._step
         last = len(self._samples) // self._channels - 1
         for index in range(start, end):
             place = index * step

@@ -1,0 +1,46 @@
+"""The entry points of the commands: Ctrl-C while Python still imports is no traceback."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from urbihw.cli import entry
+
+SCRIPTS = tomllib.loads((Path(__file__).resolve().parents[2] / "pyproject.toml").read_text())["project"]["scripts"]
+
+INTERRUPTED = """
+import sys
+class Interrupt:
+    def find_spec(self, name, path=None, target=None):
+        if name == "{module}":
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupt())
+from urbihw.cli.entry import {function}
+sys.exit({function}())
+"""
+
+
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_ctrl_c_during_the_imports_ends_a_command_without_a_word(script: str) -> None:
+    where, _, function = SCRIPTS[script].partition(":")
+    assert where == "urbihw.cli.entry"
+    program = INTERRUPTED.format(module=entry.MODULES[function], function=function)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
+def test_the_entry_points_import_nothing_that_takes_long() -> None:
+    program = "import sys; import urbihw.cli.entry; print(*sys.modules)"
+    shown = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
+    assert not {"argparse", "asyncio", "logging", "socket", "urbihw.cli.main", "urbihw.kernel"} & set(shown.split())
+
+
+def test_an_entry_point_is_the_command() -> None:
+    program = "import sys; sys.argv = ['urbi-ping', '--version']; from urbihw.cli.entry import urbi_ping; urbi_ping()"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("urbi-ping")

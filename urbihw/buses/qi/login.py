@@ -1,0 +1,116 @@
+"""Logging in: credentials, and the sentence for each way in which a login fails.
+
+libqi's documentation and that of qiloop name the keys of the credentials and the token that a robot without a password
+hands out at the first login.  No robot with NAOqi 2.9 has confirmed either, so both are settings.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from urbihw.buses.errors import Unavailable
+
+AUTH_STATE: Final = "__qi_auth_state"
+AUTH_ERROR, AUTH_CONTINUE, AUTH_DONE = 1, 2, 3
+NEW_TOKEN: Final = "auth_newToken"
+"""What a robot that has no password yet hands out, once."""
+REFUSED: Final = "the robot refuses user or password: options.user, options.password"
+TLS_ALERT, TLS_HANDSHAKE = 0x15, 0x16
+
+
+@dataclass(frozen=True)
+class Login:
+    """Who logs in.
+
+    Attributes:
+        user, token: "" for a robot that asks nobody.
+        user_key, token_key: under which names the two are sent.
+        token_file: where a token is kept that the robot hands out; "" to accept none.  Once there, it replaces
+            ``token``.
+    """
+
+    user: str = ""
+    token: str = field(default="", repr=False)
+    user_key: str = "auth_user"
+    token_key: str = "auth_token"
+    token_file: str = ""
+
+    def current_token(self) -> str:
+        """The token in use: that of the file, if the file is there.  Raises Unavailable if it cannot be read."""
+        if not self.token_file:
+            return self.token
+        try:
+            return Path(self.token_file).read_text("utf-8").strip()
+        except FileNotFoundError:
+            return self.token
+        except (OSError, UnicodeDecodeError) as error:
+            raise Unavailable(errno.EACCES, f"options.token_file: {self.token_file} cannot be read: {error}") from error
+
+    def words(self) -> dict[str, Any]:
+        """The credentials as they are sent; none for a robot that asks nobody.  Raises Unavailable."""
+        token = self.current_token()
+        return {self.user_key: self.user, self.token_key: token} if self.user or token else {}
+
+    def keep_token(self, where: str, token: str) -> None:
+        """Write a new token to its file, readable for this user only.  Raises Unavailable.
+
+        The robot knows no other way in afterwards, so it is written before it is used.
+        """
+        if not self.token_file:
+            raise Unavailable(
+                errno.EACCES,
+                f"{where}: the robot has no password yet and hands out a token, which must be kept: set "
+                "options.token_file, or a password on the robot's own page",
+            )
+        fresh = f"{self.token_file}.new"
+        try:
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(fresh)
+            with open(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as file:
+                file.write(token + "\n")
+            os.replace(fresh, self.token_file)
+        except OSError as error:
+            why = f"which cannot be written to {self.token_file}: {error.strerror}"
+            raise Unavailable(errno.EACCES, f"{where}: the robot hands out a token, {why}") from error
+
+
+def describe_stranger(where: str, data: bytes) -> str:
+    """The sentence for a server that answers something else than QiMessaging."""
+    head = data[:64].lstrip()
+    if head.startswith((b"HTTP/", b"<")):
+        return (
+            f"{where} answers in HTTP: this is NAOqi 1, which does not speak QiMessaging; put NAOqi 2.1 on the robot, "
+            "which all Nao from version 3.3 on can have"
+        )
+    if data[:1] in (bytes([TLS_ALERT]), bytes([TLS_HANDSHAKE])) and data[1:2] == b"\x03":
+        return f"{where} speaks TLS: write qis:// instead of qi://"
+    return f"{where}: what answers there is no NAOqi 2"
+
+
+def describe_silence(where: str, seconds: float) -> str:
+    """The sentence for a server that accepts a connection and says nothing."""
+    return (
+        f"{where}: connected, but no answer to the login in {seconds:g} s; NAOqi may still be starting, or this is no "
+        "NAOqi 2"
+    )
+
+
+def describe_hang_up(where: str) -> str:
+    """The sentence for a server that hangs up at the login."""
+    return (
+        f"{where}: the other side hangs up at the login; NAOqi 1 does so, which needs NAOqi 2.1, and NAOqi 2.9 where "
+        "the url must be qis://"
+    )
+
+
+def describe_closed_port(host: str, port: int, reason: str) -> str:
+    """The sentence for a port that nobody listens on, or a host that is not there."""
+    return (
+        f"cannot connect to {host}:{port} ({reason}); is the robot on, and has NAOqi started? NAOqi 2.9 listens for "
+        f"qis://{host} only"
+    )

@@ -1,0 +1,35 @@
+"""The session over a port, whatever its kind."""
+
+from __future__ import annotations
+
+from urbihw import buses
+from urbihw.buses.link import Context, Link, Port, byte_link
+from urbihw.buses.qi.session import Session
+from urbihw.buses.qi.wire_session import OTHER_TIMEOUT_S, WireSession
+from urbihw.buses.tcp import TcpLink
+
+
+class SessionPort(Port):
+    """A port that moves no bytes but has a session of its own."""
+
+    def make_session(self) -> Session:
+        """The session over the open port."""
+        raise NotImplementedError
+
+
+def open_session(port: Port) -> Session:
+    """The session over an open port, not yet logged in.  Raises BadUrl for a port that can have none."""
+    if isinstance(port, SessionPort):
+        return port.make_session()
+    context = Context(port.clock)
+
+    def open_link(url: str) -> Link:
+        """A link to another end point, with the parameters of this port."""
+        _, separator, query = port.url.text.partition("?")
+        link = byte_link(buses.port_for(url + separator + query, context))
+        if isinstance(link, TcpLink):
+            link.connect_timeout_s = OTHER_TIMEOUT_S
+        link.open()
+        return link
+
+    return WireSession(byte_link(port), open_link)

@@ -1,0 +1,69 @@
+"""Draws a map with paths and poses as an SVG picture; no I/O."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+from urbihw.navigation.frames import Point, Pose
+from urbihw.navigation.maps import Bounds
+
+SCALE: Final = 40
+"""Pixels per m."""
+MARGIN: Final = 0.3
+STYLES: Final = {
+    "wall": "stroke:#222;stroke-width:3",
+    "seen": "fill:#d95f02;stroke:none",
+    "path": "stroke:#7570b3;stroke-width:2;stroke-dasharray:8 6",
+    "trail": "stroke:#1b9e77;stroke-width:3",
+    "goal": "stroke:#7570b3;stroke-width:3",
+    "robot": "stroke:#1b9e77;stroke-width:3;fill:#1b9e7740",
+}
+"""What is drawn -> its style: walls of the map, obstacles that sensors see, a path, where the robot was, its goal and
+itself."""
+
+
+class Drawing:
+    """A picture of a part of the plane; all coordinates in m."""
+
+    def __init__(self, bounds: Bounds) -> None:
+        self._left, bottom, right, self._top = bounds
+        self._size = ((right - self._left + 2 * MARGIN) * SCALE, (self._top - bottom + 2 * MARGIN) * SCALE)
+        self._parts: list[str] = []
+
+    def _at(self, x: float, y: float) -> tuple[float, float]:
+        return (x - self._left + MARGIN) * SCALE, (self._top - y + MARGIN) * SCALE
+
+    def add_line(self, points: Sequence[Point], kind: str) -> None:
+        """Add a line through some points; ``kind`` is a key of ``STYLES``."""
+        corners = " ".join("{:.1f},{:.1f}".format(*self._at(*point)) for point in points)
+        self._parts.append(f'<polyline class="{kind}" points="{corners}"/>')
+
+    def add_box(self, box: Bounds, kind: str) -> None:
+        """Add a box."""
+        x, y = self._at(box[0], box[3])
+        wide, high = (box[2] - box[0]) * SCALE, (box[3] - box[1]) * SCALE
+        self._parts.append(f'<rect class="{kind}" x="{x:.1f}" y="{y:.1f}" width="{wide:.1f}" height="{high:.1f}"/>')
+
+    def add_pose(self, pose: Pose, radius: float, kind: str) -> None:
+        """Add a round robot that looks ahead."""
+        x, y, heading = pose
+        middle = self._at(x, y)
+        self._parts.append(f'<circle class="{kind}" cx="{middle[0]:.1f}" cy="{middle[1]:.1f}" r="{radius * SCALE:.1f}"/>')
+        self.add_line([(x, y), (x + radius * math.cos(heading), y + radius * math.sin(heading))], kind)
+
+    def text(self) -> str:
+        """The picture, in ASCII."""
+        wide, high = (round(size) for size in self._size)
+        styles = "".join(f".{kind}{{{style}}}" for kind, style in STYLES.items())
+        return "\n".join(
+            [
+                f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {wide} {high}" width="{wide}" height="{high}">',
+                f"<style>*{{fill:none}}{styles}</style>",
+                f'<rect width="{wide}" height="{high}" style="fill:#fff"/>',
+                *self._parts,
+                "</svg>",
+                "",
+            ]
+        )

@@ -1,0 +1,114 @@
+"""Keeps the pose of a base on its map by the scans of a laser, and searches the whole map for a base that is lost.
+
+While the pose is known each scan corrects it (``localize``).  After ``MAX_MISFITS`` scans that do not match the map the
+base is lost: somebody carried it, or it was never where the map says.  Then a particle filter (``montecarlo``, in a
+thread) takes the scans until one place explains them.  Standing still may not be enough for that: a program has to turn
+or drive the base, the locator never does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+from urbihw.navigation.background import Background
+from urbihw.navigation.base import Echo, PoseEstimate
+from urbihw.navigation.extra import INSTALL, load_montecarlo
+from urbihw.navigation.frames import Pose, compose, frame_of
+from urbihw.navigation.grid import Grid
+from urbihw.navigation.localize import GOOD_SCORE, match_scan
+
+MAX_MISFITS: Final = 5
+"""Consecutive scans that do not match the map after which the robot is lost."""
+MAX_FIRST_SCANS: Final = 20
+"""Maximum number of scans to find the pose on a new map."""
+
+
+class Locator:
+    """Matches scans with a map.
+
+    Attributes:
+        found: the pose is known.
+        score: how well the last scan matched, 0 to 1.
+    """
+
+    def __init__(
+        self,
+        odometry: PoseEstimate,
+        background: Background,
+        on_found: Callable[[], None],
+        on_lost: Callable[[str, bool], None],
+    ) -> None:
+        """``on_found()`` is called when the pose becomes known; ``on_lost(why, searching)`` when it is not any more."""
+        self.found = False
+        self.score = 0.0
+        self._odometry = odometry
+        self._background = background
+        self._on_found = on_found
+        self._on_lost = on_lost
+        self._walls: Grid | None = None
+        self._misfits = 0
+        self._searching = False
+        self._filter: Any = None
+
+    def use_map(self, walls: Grid | None) -> None:
+        """Match the scans with these walls from now on; None ends that."""
+        self._walls = walls
+        self.found = False
+        self.trust_pose()
+
+    def trust_pose(self) -> None:
+        """Somebody has said where the base is: begin there, and end a search."""
+        self._background.drop()
+        self._misfits, self._searching, self._filter = 0, False, None
+
+    def take_scan(self, echoes: Sequence[Echo], place: float) -> None:
+        """Process a scan of a laser ``place`` m ahead of the middle of the base."""
+        if self._walls is None:
+            return
+        if self._searching:
+            self._search(self._walls, echoes, place)
+            return
+        match = match_scan(self._walls, self._odometry.absolute, echoes, place)
+        self.score = match.score
+        if match.score < GOOD_SCORE:
+            self._misfits += 1
+            if self._misfits >= (MAX_MISFITS if self.found else MAX_FIRST_SCANS):
+                self._lose()
+            return
+        self._misfits = 0
+        self._odometry.correct(match.pose)
+        if not self.found:
+            self.found = True
+            self._on_found()
+
+    def _lose(self) -> None:
+        self.trust_pose()
+        self.found = False
+        self._searching = load_montecarlo() is not None
+        why = f"the laser does not see what the map shows (score {self.score:.2f})"
+        how = "searching the map: turn or drive the robot" if self._searching else f"searching the map needs {INSTALL}"
+        self._on_lost(f"{why}; {how}", self._searching)
+
+    def _search(self, walls: Grid, echoes: Sequence[Echo], place: float) -> None:
+        if self._background.busy:
+            return
+        pose, known = self._odometry.absolute, self._filter
+
+        def work() -> tuple[Any, Pose | None]:
+            particles = known or load_montecarlo().ParticleFilter(walls)
+            return particles, particles.add_scan(pose, echoes, place)
+
+        self._background.start(work, lambda result: self._take_estimate(pose, *result), self._search_failed)
+
+    def _take_estimate(self, then: Pose, particles: Any, estimate: Pose | None) -> None:
+        """Continue the search, or go to the pose that it has found; the base has moved since ``then``."""
+        self._filter = particles
+        if estimate is not None:
+            self._odometry.correct(compose(frame_of(estimate, then), self._odometry.absolute))
+            # The next scans must match there, as on a new map.
+            self.trust_pose()
+
+    def _search_failed(self, error: Exception) -> None:
+        self.trust_pose()
+        self._on_lost(str(error), False)

@@ -1,0 +1,143 @@
+"""Global localization: where on a map a robot is that was carried there; a particle filter with numpy, no I/O.
+
+Thrun, Burgard, Fox: Probabilistic Robotics (2005): Monte Carlo localization (table 8.2), likelihood fields as the model
+of the laser (table 6.3), low variance resampling (table 4.4).  The first set of particles covers all free cells and
+headings.  As in ROS's AMCL a scan counts only after the robot has moved, because particles of a standing robot gather
+at one of several equal places by chance.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from urbihw.navigation.base import Echo
+from urbihw.navigation.frames import Pose
+from urbihw.navigation.grid import Grid
+from urbihw.navigation.localize import match_scan
+
+SPACING: Final = 0.25
+HEADINGS: Final = 48
+"""Distance in m of the first particles, and number of their headings."""
+PARTICLES: Final = 3000
+BEAMS: Final = 40
+"""Number of readings used of a scan."""
+SIGMA: Final = 0.2
+"""Standard deviation in m of an echo from a wall: mostly the distance between particles."""
+RANDOM_SHARE: Final = 0.1
+"""Share of echoes from what the map does not show."""
+WEIGHT_POWER: Final = 0.3
+"""The readings of a scan depend on each other, so that each counts less than a whole one."""
+MOVED, TURNED = 0.1, math.radians(8)
+"""m or rad after which the next scan counts."""
+NOISE_M, NOISE_RAD = 0.05, 0.04
+"""Standard deviation of what is added to each particle with each counted scan."""
+CLUSTER, CLUSTER_TURN = 0.5, 0.35
+"""m and rad around the best particle within which particles support it."""
+AGREED: Final = 0.9
+"""Share of the weight that must support the best particle."""
+SURE_SCORE: Final = 0.7
+"""Score of ``match_scan`` that the estimate must reach."""
+MAX_SCANS: Final = 40
+"""Scans that count after which the search begins anew."""
+
+_Floats = NDArray[np.floating[Any]]
+
+
+class ParticleFilter:
+    """Particles (x, y, heading) on the free cells of a map."""
+
+    def __init__(self, walls: Grid, seed: int = 1) -> None:
+        self._walls = walls
+        self._random = np.random.default_rng(seed)
+        distances = np.array(walls.distances()).reshape(walls.height, walls.width)
+        field = (1 - RANDOM_SHARE) * np.exp(-(distances**2) / (2 * SIGMA**2)) + RANDOM_SHARE
+        # A border for echoes outside of the map.
+        self._field = np.pad(np.log(field), 1, constant_values=math.log(RANDOM_SHARE))
+        self._free = distances > SIGMA
+        self._particles: _Floats = np.empty((0, 3))
+        self._last: Pose | None = None
+        self._scans = 0
+
+    def add_scan(self, odometric: Pose, echoes: Sequence[Echo], place: float) -> Pose | None:
+        """Process a scan taken at a pose of the odometry, whose frame may be any but must not change; returns the pose
+        on the map once one place explains the scans."""
+        step = max(1, len(echoes) // BEAMS)
+        local = np.array([(place + r * math.cos(a), r * math.sin(a)) for r, a in echoes[::step]])
+        if not len(local) or not self._move_particles(odometric):
+            return None
+        weights = self._weigh(local)
+        best = self._particles[int(np.argmax(weights))].copy()
+        off = np.abs((self._particles[:, 2] - best[2] + math.pi) % math.tau - math.pi)
+        near = (np.hypot(*(self._particles[:, :2] - best[:2]).T) < CLUSTER) & (off < CLUSTER_TURN)
+        agreed = float(weights[near].sum())
+        self._resample(weights)
+        self._scans += 1
+        if agreed < AGREED:
+            return None
+        match = match_scan(self._walls, (float(best[0]), float(best[1]), float(best[2])), echoes, place)
+        if match.score >= SURE_SCORE:
+            return match.pose
+        if self._scans >= MAX_SCANS:
+            self._last = None
+        return None
+
+    def _move_particles(self, odometric: Pose) -> bool:
+        """Move the particles as the odometry moved; False if that was too little to count."""
+        last = self._last
+        if last is None:
+            self._spread()
+        else:
+            forward, left, turn = _relative(last, odometric)
+            if math.hypot(forward, left) < MOVED and abs(turn) < TURNED:
+                return False
+            x, y, heading = self._particles.T
+            c, s = np.cos(heading), np.sin(heading)
+            moved = np.stack((x + c * forward - s * left, y + s * forward + c * left, heading + turn), axis=1)
+            self._particles = moved + self._random.normal(0, (NOISE_M, NOISE_M, NOISE_RAD), moved.shape)
+        self._last = odometric
+        return True
+
+    def _spread(self) -> None:
+        """Put particles on all free cells, in all headings."""
+        walls = self._walls
+        skip = max(1, round(SPACING / walls.cell))
+        rows, columns = np.nonzero(self._free[::skip, ::skip])
+        headings = np.arange(HEADINGS) * (math.tau / HEADINGS)
+        x = walls.left + (columns * skip + 0.5) * walls.cell
+        y = walls.bottom + (rows * skip + 0.5) * walls.cell
+        places = np.repeat(np.stack((x, y), axis=1), HEADINGS, axis=0)
+        self._particles = np.column_stack((places, np.tile(headings, len(rows))))
+        self._scans = 0
+
+    def _weigh(self, local: _Floats) -> _Floats:
+        """The share of each particle in the explanation of a scan; the sum is 1."""
+        walls, field = self._walls, self._field
+        x, y, heading = self._particles.T
+        c, s = np.cos(heading) / walls.cell, np.sin(heading) / walls.cell
+        column0, row0 = (x - walls.left) / walls.cell + 1, (y - walls.bottom) / walls.cell + 1
+        total = np.zeros(len(x))
+        for px, py in local:
+            columns = np.clip(column0 + c * px - s * py, 0, field.shape[1] - 1).astype(np.intp)
+            rows = np.clip(row0 + s * px + c * py, 0, field.shape[0] - 1).astype(np.intp)
+            total += field[rows, columns]
+        weights = np.exp((total - total.max()) * WEIGHT_POWER)
+        shares: _Floats = weights / weights.sum()
+        return shares
+
+    def _resample(self, weights: _Floats) -> None:
+        """Draw the next particles by their weights."""
+        marks = (self._random.random() + np.arange(PARTICLES)) / PARTICLES
+        chosen = np.searchsorted(np.cumsum(weights), marks).clip(0, len(weights) - 1)
+        self._particles = self._particles[chosen]
+
+
+def _relative(last: Pose, now: Pose) -> Pose:
+    """A pose as seen from another one: ahead, to the left, turned."""
+    dx, dy = now[0] - last[0], now[1] - last[1]
+    c, s = math.cos(last[2]), math.sin(last[2])
+    return c * dx + s * dy, c * dy - s * dx, math.remainder(now[2] - last[2], math.tau)
