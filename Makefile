@@ -5,6 +5,7 @@
 #   make bench   measure, beside plain Python and the other drivers
 #   make fuzz    random programs (URBIHW_FUZZ_SECONDS=3600 for an hour, URBIHW_SEED=7 for another beginning)
 #   make hostile all attacks of tests/hostile, beside a neighbour; ARGS="regexp TLS" for some of them
+#   make witnesses  pypot and lerobot talk to the simulated servos; they are installed beside .venv's packages (2 GB)
 #   make soak    half an hour of mixed work and faults; memory must stay as it is
 #   make clean   forget the environment and all caches
 #
@@ -21,10 +22,9 @@ PLATFORM ?= bioloid
 BIN = .venv/bin
 PIP = $(BIN)/python -m pip --disable-pip-version-check install --quiet
 
-# The many cases of tests/platforms are shared out one by one; elsewhere a file stays together, as some count what is left.
 # Pieces of `make test`, each to be run alone while working.  Tests in real time (e2e) come last, apart from the hard work;
-# those of them that fail are run once more, alone: see CONTRIBUTING.md.
-.PHONY: run test lint types check bench fuzz hostile soak clean
+# as they mostly wait, there are two for each processor.  Those that fail are run once more, alone: see CONTRIBUTING.md.
+.PHONY: run test lint types check bench fuzz hostile witnesses soak clean
 
 run: .venv/installed
 	$(BIN)/urbihw serve --platform $(PLATFORM) --fake $(ARGS)
@@ -38,9 +38,8 @@ types: .venv/installed-dev
 	$(BIN)/mypy
 
 check: .venv/installed-dev
-	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m 'not e2e' --ignore tests/platforms $(ARGS)
-	$(BIN)/python -m pytest --numprocesses auto --dist worksteal -m 'not e2e' tests/platforms $(ARGS)
-	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m e2e $(ARGS) || { [ $$? -eq 1 ] \
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m 'not e2e' $(ARGS)
+	$(BIN)/python -m pytest --numprocesses $$((2 * $$(nproc))) --dist loadfile -m e2e $(ARGS) || { [ $$? -eq 1 ] \
 	  && echo '*** Tests in real time failed (above).  They are run once more, alone:' \
 	  && $(BIN)/python -m pytest -m e2e --last-failed --last-failed-no-failures none $(ARGS); }
 
@@ -59,6 +58,10 @@ fuzz: .venv/installed-dev
 
 hostile: .venv/installed-dev
 	$(BIN)/python -m bench.hostile $(ARGS)
+
+witnesses: .venv/installed-dev
+	$(PIP) --upgrade --target .venv/witnesses 'pypot>=5,<6' 'lerobot>=0.4,<0.5'
+	PYTHONPATH=.venv/witnesses $(BIN)/python -m pytest tests/fakes/test_more_witnesses.py $(ARGS)
 
 soak: .venv/installed-dev
 	$(BIN)/python -m bench.soak $(ARGS)

@@ -1,10 +1,10 @@
-"""How well a base finds its goals: `python -m bench.navigation [--goals 20] [--picture FILE.svg] [--write]`.
+"""How well a base finds its goals: `python -m bench.navigation [--goals 20] [--survey] [--write]`.
 
-A simulated Pioneer (its controller and its laser, each on a wire with its own worker) drives to random goals on a map of
-20 by 20 m with walls, doors and crates, in which boxes move that the map does not show.  A box stops before a robot, as
-a person would; it never leaves a robot more room.  All of it runs in simulated time, and everything but the time to plan
-is exact and the same each time.  Measured at the body of the robot, not by its odometry: its distance from the goal, the
-length of its way, and each contact with a wall or a box.
+A simulated Pioneer (its controller and its laser, each on a wire with its own worker) drives to random goals on a map
+of 20 by 20 m with walls, doors and crates, in which boxes move that the map does not show.  A box stops before a robot,
+as a person would; it never leaves a robot more room.  All of it runs in simulated time, and everything but the time to
+plan is exact and the same each time.  Measured at the body of the robot, not by its odometry: its distance from the
+goal, the length of its way, and each contact with a wall or a box.
 """
 
 from __future__ import annotations
@@ -23,113 +23,25 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.append(str(ROOT / "tests" / "platforms"))
+sys.path += [str(ROOT / "tests" / "platforms"), str(ROOT / "bench")]
 
+from hall import BOX, BOX_STEP_S, SIZE, Hall  # noqa: E402
 from p3dx_lab import Lab  # noqa: E402
 
-from urbihw.navigation import navigator  # noqa: E402
+from urbihw.navigation import extra, maps, navigator  # noqa: E402
 from urbihw.navigation.drawing import Drawing  # noqa: E402
-from urbihw.navigation.extra import load_arrays  # noqa: E402
 from urbihw.navigation.frames import Point, Pose, wrapped  # noqa: E402
 from urbihw.navigation.grid import Grid  # noqa: E402
 from urbihw.navigation.planner import NoPath, plan  # noqa: E402
 from urbihw_fakes.p3dx.body import RADIUS  # noqa: E402
 from urbihw_fakes.p3dx.kit import P3dx as Kit  # noqa: E402
-from urbihw_fakes.p3dx.world import Wall, World, box  # noqa: E402
 
-SIZE = 20.0
-CRATES, BOXES = 10, 8
-CRATE, BOX = 0.6, 0.5
-BOX_SPEED = 0.3
-BOX_STEP_S = 0.1
-RESPECT = RADIUS + BOX * 0.71 + 0.25
-"""m from the middle of a robot at which a box stops."""
 SLIP = 0.02
 MIN_WAY = 5.0
 """m; goals are at least that far from where the robot is."""
 FREE = 0.6
 """m between a goal and the walls."""
-TIMEOUT_S = 600.0
-
-DOORS: tuple[Wall, ...] = (
-    (7, 0, 7, 5), (7, 6.5, 7, 14), (7, 15.5, 7, 20), (13, 0, 13, 3), (13, 4.5, 13, 11), (13, 12.5, 13, 20),
-    (0, 10, 3, 10), (4.5, 10, 7, 10), (13, 9, 16, 9), (17.5, 9, 20, 9),
-)  # fmt: skip
-START: Pose = (2.0, 2.0, 0.0)
-
-
-class Hall:
-    """The hall: walls and crates as the map shows them, and boxes that move."""
-
-    def __init__(self, seed: int) -> None:
-        self.random = random.Random(seed)
-        self.shown: list[Wall] = [*box(0, 0, SIZE, SIZE), *DOORS]
-        self._draw()
-        for _ in range(CRATES):
-            x, y = self.place(1.3)
-            half = CRATE / 2
-            self.shown += box(x - half, y - half, x + half, y + half)
-            self._draw()
-        self.world = World(list(self.shown), START)
-        self.boxes = [Box(self, self.place(0.8)) for _ in range(BOXES)]
-
-    def _draw(self) -> None:
-        self.grid = Grid(0, 0, SIZE, SIZE, 0.1)
-        for wall in self.shown:
-            self.grid.block_line(*wall)
-
-    def place(self, free: float) -> Point:
-        """A random place at some distance from all that the map shows, and from the start."""
-        while True:
-            at = self.random.uniform(0.5, SIZE - 0.5), self.random.uniform(0.5, SIZE - 0.5)
-            if self.grid.distance(*at) >= free and math.dist(at, START[:2]) > 1.5:
-                return at
-
-    def is_clear(self, a: Point, b: Point, free: float) -> bool:
-        """Whether a straight line keeps some distance from all that the map shows."""
-        shares = [step / 40 for step in range(41)]
-        return all(self.grid.distance(a[0] + (b[0] - a[0]) * s, a[1] + (b[1] - a[1]) * s) >= free for s in shares)
-
-    def move_boxes(self, robot: Point) -> None:
-        """One step of all boxes."""
-        walls = list(self.shown)
-        for each in self.boxes:
-            each.step(robot)
-            walls += each.walls()
-        self.world.walls[:] = walls
-
-
-class Box:
-    """A box that goes from place to place, and rests at each."""
-
-    def __init__(self, hall: Hall, at: Point) -> None:
-        self.at = at
-        self._hall = hall
-        self._goal = at
-        self._rests = 0.0
-
-    def walls(self) -> list[Wall]:
-        """Its four sides."""
-        (x, y), half = self.at, BOX / 2
-        return box(x - half, y - half, x + half, y + half)
-
-    def step(self, robot: Point) -> None:
-        """Move on, unless a robot is near."""
-        if self._rests > 0:
-            self._rests -= BOX_STEP_S
-            return
-        left = math.dist(self.at, self._goal)
-        way = BOX_SPEED * BOX_STEP_S
-        if left <= way:
-            draw = self._hall.random
-            goal = (self.at[0] + draw.uniform(-4, 4), self.at[1] + draw.uniform(-4, 4))
-            if self._hall.is_clear(self.at, goal, 0.45):
-                self._goal, self._rests = goal, draw.uniform(1, 10)
-            return
-        share = way / left
-        to = (self.at[0] + (self._goal[0] - self.at[0]) * share, self.at[1] + (self._goal[1] - self.at[1]) * share)
-        if math.dist(to, robot) > max(RESPECT, min(math.dist(self.at, robot), RESPECT)):
-            self.at = to
+TIMEOUT_S, FIND_TIMEOUT_S = 600.0, 60.0
 
 
 @dataclass
@@ -168,16 +80,39 @@ class Trial:
             self.lab.run(0.2)
 
     def _time_plans(self) -> None:
-        planned = navigator.plan_around
+        module: Any = navigator
+        planned = module.plan_around
 
         def timed(*arguments: Any) -> list[Point]:
             start = time.perf_counter()
             try:
-                return planned(*arguments)
+                path: list[Point] = planned(*arguments)
+                return path
             finally:
                 self.plans.append(time.perf_counter() - start)
 
-        navigator.plan_around = timed
+        module.plan_around = timed
+
+    def carry(self, to: Pose) -> tuple[float, float, float]:
+        """Carry the robot to another place, and turn it by hand until it knows where it is: seconds until it notices
+        that it is lost, seconds until it knows, and m between the two; nan for what does not happen."""
+        lab = self.lab
+        lab.kit.body.set_pose(*to)
+        begun, noticed = lab.clock.now(), math.nan
+        lab.heard()
+        lab.say("P3dx.body.yaw.speed = 0.4;")
+        while lab.clock.now() - begun < FIND_TIMEOUT_S:
+            self.hall.move_boxes(lab.where()[:2])
+            lab.run(BOX_STEP_S)
+            lab.thought()
+            if "lost" in lab.heard():
+                noticed = lab.clock.now() - begun
+            if noticed == noticed and lab.look("P3dx.planner.ready") == "true":
+                break
+        found = lab.clock.now() - begun
+        lab.say("P3dx.body.yaw.speed = 0;", 1.5)
+        x, y, _, _ = literal_eval(lab.look("P3dx.body.odometry.position"))
+        return noticed, found if found < FIND_TIMEOUT_S else math.nan, math.dist((x, y), lab.where()[:2])
 
     def drive(self, goal: Pose) -> Run:
         """Send the robot to a goal."""
@@ -239,12 +174,89 @@ def run_trial(goals: int, seed: int) -> tuple[Hall, list[Run], Trial]:
     return hall, runs, trial
 
 
+def carry_robot(trial: Trial, times: int, seed: int) -> str:
+    """Carry the robot to random places; a line for the table."""
+    draw, found, misses = random.Random(seed + 2), [], []
+    for _ in range(times):
+        at = trial.hall.place(FREE)
+        noticed, seconds, metres = trial.carry((*at, draw.uniform(-math.pi, math.pi)))
+        print(
+            f"carried to ({at[0]:5.2f}, {at[1]:5.2f}): lost after {noticed:.1f} s, found after {seconds:.1f} s, "
+            f"{metres * 100:.1f} cm off", flush=True,
+        )  # fmt: skip
+        if seconds == seconds and metres < 0.5:
+            found.append(seconds)
+            misses.append(metres * 100)
+    if not found:
+        return "| carried away: found itself | never |"
+    return (
+        f"| carried away, turned by hand: found itself | {len(found)} of {times}, median "
+        f"{statistics.median(found):.0f} s, {statistics.median(misses):.1f} cm off |"
+    )
+
+
+def survey_hall(hall: Hall, folder: Path, places: int = 8) -> list[tuple[str, str]]:
+    """Drive a robot without a map from place to place by hand and build one; rows for the table."""
+    hall.world.walls[:] = hall.shown
+    lab = Lab.ready(Kit(hall.world, slip=SLIP))
+    lab.say("P3dx.body.load = 1; P3dx.body.laser.load = 1;", 2)
+    x, y, heading = lab.where()
+    lab.say(f"P3dx.body.odometry.position = [{x}, {y}, 0, {heading}]; P3dx.planner.startMapping;")
+    way, worst = 0.0, 0.0
+    for _ in range(places):
+        for corner in plan(hall.grid, lab.where()[:2], hall.place(FREE), RADIUS + 0.2)[1:]:
+            while math.dist(lab.where()[:2], corner) > 0.2:
+                x, y, heading = lab.where()
+                off = wrapped(math.atan2(corner[1] - y, corner[0] - x) - heading)
+                speed, turn = 0.3 if abs(off) < 0.4 else 0.0, max(-0.6, min(0.6, off))
+                lab.say(f"P3dx.body.x.speed = {speed}; P3dx.body.yaw.speed = {turn:.3f};", 0.2)
+                lab.thought()
+                way += math.dist(lab.where()[:2], (x, y))
+                mapped = literal_eval(lab.look("P3dx.body.odometry.position"))
+                worst = max(worst, math.dist(mapped[:2], lab.where()[:2]))
+    off_by_wheels = math.dist(literal_eval(lab.look("[P3dx.body.odometry.x, P3dx.body.odometry.y]")), (
+        lab.where()[0] - hall.world.home[0], lab.where()[1] - hall.world.home[1]))  # fmt: skip
+    said = lab.say(f'P3dx.body.x.speed = 0|; P3dx.planner.saveMap("{folder}/built");', 1.0)
+    assert not said, said
+    built = read_walls(folder / "built")
+    walls = Grid(0, 0, SIZE, SIZE, 0.05)
+    for point in built:
+        walls.block(*point)
+    there = [walls.distance(*point) <= 0.1 for point in wall_points(hall)]
+    right = [hall.grid.distance(*point) <= 0.1 for point in built]
+    return [
+        ("map built on a tour driven by hand", f"{way:.0f} m"),
+        ("pose on it from the true one, largest", f"{worst * 100:.0f} cm (by the wheels alone: {off_by_wheels:.1f} m)"),
+        ("walls on it that are within 10 cm of one of the hall", f"{sum(right) / len(right):.0%}"),
+        ("walls of the hall that are on it within 10 cm", f"{sum(there) / len(there):.0%}"),
+    ]
+
+
+def read_walls(name: Path) -> list[Point]:
+    """The middles of the black pixels of a map."""
+    left, bottom, _, _ = maps.read(f"{name}.yaml").bounds
+    _, size, _, pixels = name.with_suffix(".pgm").read_bytes().split(b"\n", 3)
+    width, height = map(int, size.split())
+    black = [divmod(index, width) for index, pixel in enumerate(pixels) if not pixel]
+    return [(left + (column + 0.5) * 0.05, bottom + (height - row - 0.5) * 0.05) for row, column in black]
+
+
+def wall_points(hall: Hall) -> list[Point]:
+    """Points every 10 cm on all walls that the map shows."""
+    points = []
+    for x1, y1, x2, y2 in hall.shown:
+        count = max(1, round(math.dist((x1, y1), (x2, y2)) * 10))
+        points += [(x1 + (x2 - x1) * i / count, y1 + (y2 - y1) * i / count) for i in range(count)]
+    return points
+
+
 def row(number: int, run: Run) -> str:
     """A line of the protocol."""
     return (
         f"{number:3d} ({run.goal[0]:5.2f}, {run.goal[1]:5.2f}) {'reached' if run.reached else run.said!r:8s} "
-        f"{run.metres * 100:5.1f} cm {run.degrees:4.1f} deg {run.way:5.1f} m of {run.shortest:5.1f} m {run.seconds:4.0f} s "
-        f"{run.contacts} contacts {len(run.plans)} plans, longest {max(run.plans, default=0) * 1000:.0f} ms"
+        f"{run.metres * 100:5.1f} cm {run.degrees:4.1f} deg {run.way:5.1f} m of {run.shortest:5.1f} m "
+        f"{run.seconds:4.0f} s {run.contacts} contacts {len(run.plans)} plans, "
+        f"longest {max(run.plans, default=0) * 1000:.0f} ms"
     )
 
 
@@ -257,7 +269,7 @@ def table(runs: Sequence[Run]) -> str:
         ("goals reached", f"{sum(each.reached for each in runs)} of {len(runs)}"),
         ("contacts with walls or boxes", f"{sum(each.contacts for each in runs)}"),
         ("distance from the goal, median and largest", f"{statistics.median(metres):.1f} cm, {max(metres):.1f} cm"),
-        ("heading beside the goal's, median and largest", f"{statistics.median(degrees):.1f}, {max(degrees):.1f} degrees"),
+        ("heading from the goal's, median and largest", f"{statistics.median(degrees):.1f}, {max(degrees):.1f} deg"),
         ("way against the shortest, median and largest", f"{statistics.median(longer):+.0f} %, {max(longer):+.0f} %"),
         ("way in all", f"{sum(each.way for each in runs):.0f} m in {sum(each.seconds for each in runs):.0f} s"),
         ("plans in all", f"{len(plans)}"),
@@ -285,16 +297,27 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--goals", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--carried", type=int, default=10, help="how often the robot is carried away after that")
+    parser.add_argument("--survey", action="store_true", help="build a map at the end")
+    parser.add_argument("--without-extra", action="store_true", help="as if numpy and scipy were not installed")
     parser.add_argument("--picture", type=Path)
     parser.add_argument("--write", action="store_true", help="put the table and the picture into docs/")
     options = parser.parse_args()
-    print(f"extra navigation (numpy, scipy): {'yes' if load_arrays() else 'no'}")
-    hall, runs, _ = run_trial(options.goals, options.seed)
+    if options.without_extra:
+        extra._load = lambda name: None  # type: ignore[assignment]
+    print(f"extra navigation (numpy, scipy): {'yes' if extra.load_arrays() else 'no'}")
+    hall, runs, trial = run_trial(options.goals, options.seed)
     text = table(runs)
+    drawn = picture(hall, runs[-1])
+    if options.carried:
+        text += "\n" + carry_robot(trial, options.carried, options.seed)
+    if options.survey:
+        with tempfile.TemporaryDirectory() as folder:
+            text += "".join(f"\n| {what} | {value} |" for what, value in survey_hall(hall, Path(folder)))
     print(text)
     target = ROOT / "docs" / "pictures" / "navigation.svg" if options.write else options.picture
     if target is not None:
-        target.write_text(picture(hall, runs[-1]), "ascii")
+        target.write_text(drawn, "ascii")
     if options.write:
         page = ROOT / "docs" / "navigation.md"
         before, _, rest = page.read_text("utf-8").partition("<!-- bench -->\n")

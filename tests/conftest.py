@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,8 @@ from urbihw.kernel import Kernel
 from urbihw.kernel.compiler import library
 
 E2E = Path(__file__).parent / "e2e"
+SHARED_OUT = ("tests/platforms/", "tests/e2e/test_faults.py", "tests/hostile/test_attacks.py")
+"""Where cases of one file may run in several workers."""
 GC_THRESHOLDS = 30_000, 5, 5
 """Python's own are 700, 10, 10; a kernel has about 60000 objects."""
 
@@ -64,6 +67,17 @@ class Closer:
             for kernel in self._made:
                 kernel.close()
             self._made.clear()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """A file stays with one worker, as some count what is left, but those of many long cases are shared out."""
+    if config.getvalue("dist") != "loadfile":
+        return None
+    scheduling = import_module("xdist.scheduler").LoadFileScheduling(config, log)
+    by_file = scheduling._split_scope
+    scheduling._split_scope = lambda nodeid: nodeid if nodeid.startswith(SHARED_OUT) else by_file(nodeid)
+    return scheduling
 
 
 def share_library() -> None:

@@ -79,26 +79,31 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     # Maps, paths and scans for any base that drives; it knows no platform.
     "urbihw.navigation": ("urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings"),
     # The loader and the daemon hold a robot by its base class, and know the kinds of its failures.
-    "urbihw.platforms": ("urbihw.kernel.uobject", "urbihw.settings", "urbihw.platforms.limits"),
+    "urbihw.platforms": ("urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.platforms.limits"),
     # What the robots share: a robot on one wire.
     "urbihw.platforms.limits": ("urbihw.kernel.uobject", "urbihw.settings"),
     "urbihw.platforms.devicelog": ("urbihw.repeats",),
+    "urbihw.platforms.words": (),
     "urbihw.platforms.identity": ("urbihw.kernel.uobject",),
     "urbihw.platforms.base": (
         "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.platforms.channel",
-        "urbihw.platforms.limits", "urbihw.platforms.devicelog", "urbihw.platforms.identity",
+        "urbihw.platforms.clipping", "urbihw.platforms.limits", "urbihw.platforms.devicelog",
+        "urbihw.platforms.identity", "urbihw.platforms.words",
     ),  # fmt: skip
     "urbihw.platforms.channel": ("urbihw.kernel.uobject", "urbihw.buses"),
+    "urbihw.platforms.clipping": ("urbihw.buses",),
     "urbihw.platforms.sound": ("urbihw.kernel.uobject",),
     "urbihw.platforms.speaker": (
         "urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.channel", "urbihw.platforms.devicelog",
         "urbihw.platforms.sound",
     ),  # fmt: skip
-    "urbihw.platforms.streamed": ("urbihw.kernel.uobject", "urbihw.platforms.channel"),
+    "urbihw.platforms.measured": ("urbihw.kernel.uobject", "urbihw.platforms.words"),
+    "urbihw.platforms.streamed": ("urbihw.kernel.uobject", "urbihw.platforms.channel", "urbihw.platforms.words"),
     ROBOT: (
         "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.platforms.base", "urbihw.platforms.channel",
         "urbihw.platforms.limits", "urbihw.platforms.devicelog", "urbihw.platforms.streamed",
-        "urbihw.platforms.speaker", "urbihw.platforms.sound", "urbihw.navigation",
+        "urbihw.platforms.measured", "urbihw.platforms.speaker", "urbihw.platforms.sound", "urbihw.platforms.words",
+        "urbihw.navigation",
     ),  # fmt: skip
     # The ways in.  "urbihw.kernel" alone is its door, Kernel; "urbihw.platforms" alone is the loader.
     "urbihw.daemon": (

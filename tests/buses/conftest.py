@@ -66,6 +66,12 @@ def x_rig() -> Iterator[Rig]:
     made.link.close()
 
 
+def instruction_of(line: str) -> str:
+    """The instruction of a packet in hex: byte 4 in protocol 1.0, byte 7 in 2.0."""
+    words = line.split()
+    return words[7 if words[2:4] == ["FD", "00"] else 4]
+
+
 @pytest.fixture
 def make_rig() -> Callable[[Bioloid], Rig]:
     return Rig

@@ -11,8 +11,11 @@ from urbihw.buses.dynamixel.bus import DynamixelBus
 from urbihw.buses.dynamixel.scan import scan
 from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
 from urbihw_fakes.bioloid import Bioloid
+from urbihw_fakes.dynamixel.ax12 import Ax12
+from urbihw_fakes.dynamixel.axs1 import AxS1
+from urbihw_fakes.dynamixel.xseries import XSeries
 
-from .conftest import Rig
+from .conftest import Rig, instruction_of
 
 
 def test_read_write_and_refusal(rig: Rig) -> None:
@@ -266,10 +269,34 @@ def test_scan_waits_for_the_last_as_long_as_for_others(rig: Rig) -> None:
     assert len(scan(rig.bus()).devices) == 19
 
 
+def mixed_kit() -> Bioloid:
+    """Two AX-12, an AX-S1, and two X servos on one wire."""
+    units = [Ax12(1), Ax12(6), AxS1(100), XSeries("XL430-W250", 2), XSeries("XL330-M288", 7)]
+    return Bioloid(units=units, baud=1_000_000)
+
+
+def test_both_protocols_on_one_wire_are_found_and_spoken(make_rig: Callable[[Bioloid], Rig]) -> None:
+    rig = make_rig(mixed_kit())
+    bus = rig.bus("auto")
+    found = scan(bus)
+    assert [(device.id, device.protocol) for device in found.devices] == [(1, 1), (2, 2), (6, 1), (7, 2), (100, 1)]
+    assert found.conflicts == ()
+    for number, address in ((1, 25), (2, 65), (6, 25), (7, 65)):
+        bus.write(number, address, b"\x01")
+        assert bus.read(number, address, 1) == b"\x01"
+        bus.ping(number)
+
+
+def test_one_id_in_both_protocols_is_a_conflict(make_rig: Callable[[Bioloid], Rig]) -> None:
+    rig = make_rig(Bioloid(units=[Ax12(1), XSeries("XL430-W250", 1), Ax12(2)], baud=1_000_000))
+    found = scan(rig.bus("auto"))
+    assert ([device.id for device in found.devices], found.conflicts) == ([2], (1,))
+
+
 def test_scan_writes_nothing(rig: Rig) -> None:
     scan(rig.bus("auto"))
-    # Byte 4 of a protocol 1.0 packet is the instruction: ping or read.
-    assert {line.split()[4] for line in rig.sent()} == {"01", "02"}
+    # Ping or read.
+    assert {instruction_of(line) for line in rig.sent()} == {"01", "02"}
 
 
 def test_scan_of_an_empty_wire(make_rig: Callable[[Bioloid], Rig]) -> None:

@@ -24,7 +24,7 @@ from urbihw_fakes.cia402.node import Drive
 from .can_rig import Rig
 
 TURN = INCREMENTS
-INFO = DriveInfo(5, "Fake Servo 4096", 5, TURN, -100 * TURN, 100 * TURN, 20 * TURN, True)
+INFO = DriveInfo(5, "Fake Servo 4096", 0x2D, TURN, -100 * TURN, 100 * TURN, 20 * TURN, 1.27, True)
 
 
 @pytest.fixture
@@ -72,7 +72,7 @@ def test_a_drive_is_found_and_tells_of_itself_and_nothing_is_switched_on() -> No
     rig.run(2.0)
     assert rig.drive.machine.state == c.DISABLED
     assert rig.drive.machine.position == 0
-    assert rig.values() == {"status": 0x0250, "mode": 0, "position": 0, "velocity": 0}
+    assert rig.values() == {"status": 0x0250, "mode": 0, "position": 0, "velocity": 0, "torque": 0}
     assert not any(frame.id == 0x205 for frame in rig.port.sent)
 
 
@@ -180,7 +180,7 @@ def test_a_drive_that_is_off_forgets_its_targets() -> None:
 
 
 def test_targets_without_sense_are_refused(rig: Rig) -> None:
-    for item, value in (("torque", 1), ("velocity", 0.5), ("position", 1 << 31)):
+    for item, value in (("torque", 1 << 15), ("velocity", 0.5), ("position", 1 << 31)):
         rig.aim(item, value)
     assert len(rig.take(m.Refused)) == 3
 

@@ -17,6 +17,10 @@ from urbihw.buses.qi.wire_session import MOST_CONNECTIONS, RETRY_S, WireSession
 from urbihw_fakes.nao.device import Nao
 from urbihw_fakes.nao.services import Service, Signal, method
 
+ROBOT = "192.168.1.30"
+REFUSED_PORT = 7
+"""Where nobody listens."""
+
 
 class Elsewhere(Service):
     """A service of another process."""
@@ -37,7 +41,9 @@ class Elsewhere(Service):
 class Rig:
     """A robot, a second process of it, and a session that reaches both by pipes."""
 
-    def __init__(self, *endpoints: str, user: str = "", names: tuple[str, ...] = ("Compass",)) -> None:
+    def __init__(
+        self, *endpoints: str, user: str = "", names: tuple[str, ...] = ("Compass",), other_hosts: bool = False
+    ) -> None:
         self.clock = SimClock(100.0)
         self.opened: list[str] = []
         self.ends: dict[str, PipeEnd] = {}
@@ -56,8 +62,8 @@ class Rig:
 
         self.robot.directory.get_services = get_services  # type: ignore[method-assign]
         link = self._connect("nao", self.robot)
-        self.session = WireSession(link, self._open)
-        self.session.authenticate(Login(user, password))
+        self.session = WireSession(link, self._open, ROBOT)
+        self.session.authenticate(Login(user, password, other_hosts=other_hosts))
 
     def _connect(self, name: str, device: Nao) -> Link:
         end = self.ends[name] = PipeEnd()
@@ -75,7 +81,7 @@ class Rig:
 
     def _open(self, url: str) -> Link:
         self.opened.append(url)
-        if "refused" in url:
+        if url.endswith(f":{REFUSED_PORT}"):
             raise Unavailable(111, f"cannot connect to {url}")
         self.links.append(self._connect(f"other{len(self.ends)}", self.other))
         return self.links[-1]
@@ -128,10 +134,10 @@ def test_the_same_login_is_used_there() -> None:
 
 
 def test_the_end_points_are_tried_in_turn_and_few_of_them() -> None:
-    rig = Rig("tcp://refused:5", "tcp://10.0.0.1:5")
+    rig = Rig("tcp://10.0.0.2:7", "tcp://10.0.0.1:5", other_hosts=True)
     assert rig.ask("Compass", "getHeading") == 0.5
-    assert rig.opened == ["qi://refused:5", "qi://10.0.0.1:5"]
-    rig = Rig("tcp://refused1:5", "tcp://refused2:5", "tcp://refused3:5", "tcp://10.0.0.1:5")
+    assert rig.opened == ["qi://10.0.0.2:7", "qi://10.0.0.1:5"]
+    rig = Rig("tcp://10.0.0.2:7", "tcp://10.0.0.3:7", "tcp://10.0.0.4:7", "tcp://10.0.0.1:5", other_hosts=True)
     with pytest.raises(Unavailable, match="Compass is in another process, out of reach: cannot connect"):
         rig.session.look_up("Compass")
     assert len(rig.opened) == 2
@@ -139,9 +145,9 @@ def test_the_end_points_are_tried_in_turn_and_few_of_them() -> None:
 
 def test_an_end_point_out_of_reach_is_not_tried_with_each_call() -> None:
     # Connecting holds the robot's cycle, and a stop.
-    rig = Rig("tcp://refused:5")
+    rig = Rig("tcp://192.168.1.30:7")
     for _ in range(5):
-        with pytest.raises(Unavailable, match="out of reach: cannot connect to qi://refused:5"):
+        with pytest.raises(Unavailable, match="out of reach: cannot connect to qi://192.168.1.30:7"):
             rig.session.look_up("Compass")
     assert len(rig.opened) == 1
     rig.clock.sleep_until(rig.clock.now() + RETRY_S)
@@ -151,7 +157,7 @@ def test_an_end_point_out_of_reach_is_not_tried_with_each_call() -> None:
 
 
 def test_an_end_point_that_says_nothing_holds_little() -> None:
-    rig = Rig("tcp://10.0.0.1:5")
+    rig = Rig("tcp://192.168.1.30:5")
     rig.other.faults.start("silence")
     begun = rig.clock.now()
     with pytest.raises(Unavailable, match=r"no answer to the login in 0\.3 s"):
@@ -178,12 +184,12 @@ def test_a_lost_process_fails_its_calls_alone_and_is_found_again(rig: Rig) -> No
 
 
 def test_the_number_of_connections_is_bounded() -> None:
-    rig = Rig("tcp://10.0.0.1:1", names=tuple(f"Service{number}" for number in range(MOST_CONNECTIONS + 1)))
+    rig = Rig(f"tcp://{ROBOT}:1", names=tuple(f"Service{number}" for number in range(MOST_CONNECTIONS + 1)))
     known = rig.robot.directory.get_services()
 
     def get_services() -> list[Any]:
         return [
-            row._replace(process=number, endpoints=[f"tcp://10.0.0.1:{number}"]) if row.name[:7] == "Service" else row
+            row._replace(process=number, endpoints=[f"tcp://{ROBOT}:{number}"]) if row.name[:7] == "Service" else row
             for number, row in enumerate(known, 1000)
         ]
 
@@ -225,20 +231,55 @@ def test_which_services_are_with_the_directory() -> None:
 
 
 @pytest.mark.parametrize(
-    ("target", "encrypted", "expected"),
+    ("robot", "encrypted", "other_hosts", "expected"),
     [
-        ("192.168.1.30", False, ["qi://192.168.1.30:4", "qi://10.0.0.1:4"]),
-        ("nao.local:9559", False, ["qi://10.0.0.1:4", "qi://192.168.1.30:4"]),
+        ("192.168.1.30", False, False, ["qi://192.168.1.30:4"]),
+        ("192.168.1.30", False, True, ["qi://192.168.1.30:4", "qi://10.0.0.1:4"]),
         # Reached by loopback, ours or through a tunnel: its loopback may be ours.
-        ("127.0.0.1:9559", False, ["qi://127.0.0.1:4", "qi://10.0.0.1:4"]),
+        ("127.0.0.1", False, False, ["qi://127.0.0.1:4"]),
+        ("127.0.0.1", False, True, ["qi://127.0.0.1:4", "qi://10.0.0.1:4"]),
         # The password goes there too.
-        ("192.168.1.30", True, ["qis://192.168.1.30:5"]),
+        ("192.168.1.30", True, True, ["qis://192.168.1.30:5"]),
+        ("fe80::1", False, False, []),
     ],
 )
-def test_which_end_points_are_tried(target: str, encrypted: bool, expected: list[str]) -> None:
+def test_which_end_points_are_tried(robot: str, encrypted: bool, other_hosts: bool, expected: list[str]) -> None:
     odd = "qi:Compass", "tcp://10.0.0.9", "ssh://192.168.1.30:22", "tcp://10.0.0.8:x", ""
     found = place(
         *odd, "tcp://127.0.0.1:4", "tcp://10.0.0.1:4", "tcp://192.168.1.30:4", "tcps://127.0.0.1:5",
         "tcps://192.168.1.30:5",
     )  # fmt: skip
-    assert found.urls(target, encrypted) == expected
+    assert found.urls(robot, encrypted, other_hosts) == expected
+
+
+@pytest.mark.parametrize("other_hosts", [False, True])
+@pytest.mark.parametrize(
+    "host",
+    [
+        "localhost", "LOCALHOST", "localhost.", "0", "0.0.0.0", "2130706433", "0x7f.1", "0177.0.0.1", "127.1", "[::1]",
+        "::1", "::ffff:127.0.0.1", "user@192.168.1.30", "192.168.1.30?baud=1", "192.168.1.30 ", "\x1b[31m", "\x00",
+        "a..b", "\xe9" * 80, "", "224.0.0.1", "255.255.255.255", "127.0.0.1", "nao.local",
+    ],
+)  # fmt: skip
+def test_names_and_odd_ways_to_write_an_address_are_not_followed(host: str, other_hosts: bool) -> None:
+    rig = Rig(f"tcp://{host}:4000", other_hosts=other_hosts)
+    with pytest.raises(Unavailable, match="Compass is in another process, out of reach: its end points are") as error:
+        rig.session.look_up("Compass")
+    assert rig.opened == [] and str(error.value).isprintable() and len(str(error.value)) < 400
+
+
+@pytest.mark.parametrize("port", ["\xb2", "\u0663", "0", "65536", "9" * 30, "-1", " 5", "", "x"])
+def test_odd_ports_are_not_followed(port: str) -> None:
+    rig = Rig(f"tcp://192.168.1.30:{port}")
+    with pytest.raises(Unavailable, match="out of reach: its end points are"):
+        rig.session.look_up("Compass")
+    assert rig.opened == []
+
+
+def test_another_host_gets_no_password_unless_the_settings_say_so() -> None:
+    rig = Rig("tcp://10.0.0.1:4000", user="nao")
+    with pytest.raises(Unavailable, match="on another host than the robot: options.other_hosts = true sends"):
+        rig.session.look_up("Compass")
+    assert rig.opened == []
+    rig = Rig("tcp://10.0.0.1:4000", user="nao", other_hosts=True)
+    assert rig.ask("Compass", "getHeading") == 0.5

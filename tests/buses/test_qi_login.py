@@ -151,3 +151,38 @@ def test_a_token_is_refused_where_it_cannot_be_kept(tmp_path: Path) -> None:
     folder = tmp_path / "folder"
     folder.mkdir()
     assert "cannot be read" in Stranger(door([first], [])).refuse(Login("nao", token_file=str(folder)))
+
+
+def test_a_token_that_is_there_is_never_replaced(tmp_path: Path) -> None:
+    file = tmp_path / "token"
+    file.write_text("of-our-robot\n")
+    sent: list[dict[str, Any]] = []
+    stranger = door([{AUTH_STATE: AUTH_CONTINUE, NEW_TOKEN: "of-a-stranger"}, {AUTH_STATE: AUTH_DONE}], sent)
+    text = Stranger(stranger).refuse(Login("nao", token_file=str(file)))
+    assert "hands out a new token, which is not taken: if the robot was reset, delete the file" in text
+    assert file.read_text() == "of-our-robot\n" and len(sent) == 1 and "of-a-stranger" not in text
+    # Nor does one take the place of a password.
+    sent.clear()
+    text = Stranger(stranger).refuse(Login("nao", "secret", token_file=str(tmp_path / "none")))
+    assert "remove options.password" in text and not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize("token", ["", "a" * 257, "a\nb", "\x1b[31m", "\xe9", "a b", "x" * 3_000_000])
+def test_a_token_that_is_none_is_refused(tmp_path: Path, token: str) -> None:
+    file = tmp_path / "token"
+    first = {AUTH_STATE: AUTH_CONTINUE, NEW_TOKEN: token}
+    text = Stranger(door([first], [])).refuse(Login("nao", token_file=str(file)))
+    assert "hands out a token that is none: 1 to 256 printable characters" in text and text.isprintable()
+    assert list(tmp_path.iterdir()) == []
+    file.write_text(token)
+    text = Stranger(door([{AUTH_STATE: AUTH_DONE}], [])).refuse(Login("nao", token_file=str(file)))
+    assert "has no token: 1 to 256 printable characters" in text and text.isprintable()
+
+
+def test_a_token_is_never_read_or_written_through_a_link(tmp_path: Path) -> None:
+    target, file = tmp_path / "target", tmp_path / "token"
+    file.symlink_to(target)
+    first = {AUTH_STATE: AUTH_CONTINUE, NEW_TOKEN: "handed-out"}
+    sent: list[dict[str, Any]] = []
+    assert "cannot be read: it is a link" in Stranger(door([first], sent)).refuse(Login("nao", token_file=str(file)))
+    assert not target.exists() and file.is_symlink() and sent == []

@@ -8,14 +8,25 @@ from typing import Any
 
 import pytest
 
-from urbihw.buses.errors import BadFrame, Unavailable
-from urbihw.buses.listening import MOST_UNREAD, MOST_VISITORS, Listener
+from urbihw.buses.errors import BadFrame, BadValue, Unavailable
+from urbihw.buses.listening import IDLE_S, MOST_UNREAD, MOST_VISITORS, Listener
 from urbihw.buses.qi import frames as f
+from urbihw.buses.qi.call_limits import (
+    CALL_BURST,
+    CALLS_A_SECOND,
+    DEEPEST,
+    MOST_ELEMENTS,
+    MOST_TEXT,
+    TokenBucket,
+    check_arguments,
+)
 from urbihw.buses.qi.login import Login
+from urbihw.buses.qi.login_guard import MOST_ADDRESSES, WRONG_LOGINS, LoginGuard
 from urbihw.buses.qi.metaobject import MetaObject
 from urbihw.buses.qi.metatype import META_OBJECT
 from urbihw.buses.qi.serving import (
     CALL_TIMEOUT_S,
+    LONGEST_ERROR,
     MOST_CALLS,
     MOST_CALLS_OF_ONE,
     IncomingCall,
@@ -40,6 +51,7 @@ class Bench:
         self.waiting: list[IncomingCall] = []
         self.cancelled: list[IncomingCall] = []
         self.server = ObjectServer(lambda: self.now)
+        self.guard = LoginGuard(lambda: self.now)
         methods = [
             ServedMethod("add", self._add, "(mm)", "m", "the sum", (("a", "one"), ("b", "other")), "the sum"),
             ServedMethod("wait", self._wait),
@@ -58,9 +70,9 @@ class Bench:
     def _break(self, call: IncomingCall) -> None:
         raise ValueError("no such thing")
 
-    def visitor(self, login: Login | None = None) -> QiVisitor:
+    def visitor(self, login: Login | None = None, address: str = "192.0.2.1") -> QiVisitor:
         """Somebody who has connected."""
-        return QiVisitor(self.server, self.now, login)
+        return QiVisitor(self.server, self.now, address, self.guard, login)
 
     def guest(self) -> QiVisitor:
         """One who has logged in."""
@@ -190,6 +202,75 @@ def test_calls_under_way_are_bounded(bench: Bench) -> None:
     assert told(guest, call(99, ADD, encode("(mm)", (1, 1)))) == [(f.REPLY, 99, 2)]
 
 
+def test_a_long_error_is_cut(bench: Bench) -> None:
+    guest = bench.guest()
+    told(guest, call(5, WAIT))
+    bench.waiting[0].fail("x\n\x1b[31m" + "y" * 70_000)
+    ((kind, number, text),) = told(guest)
+    assert (kind, number) == (f.ERROR, 5)
+    assert text.startswith("x\\n\\x1b[31my") and len(text) <= LONGEST_ERROR
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error"),
+    [
+        (([None] * MOST_ELEMENTS, 1), "more than 512 elements"),
+        (("z" * (MOST_TEXT + 1), 1), "texts of more than 4096 characters"),
+        (({"z" * MOST_TEXT: "z"}, 1), "texts of more than 4096 characters"),
+    ],
+    ids=["elements", "text", "key"],
+)
+def test_arguments_are_bounded(bench: Bench, arguments: tuple[Any, ...], error: str) -> None:
+    ((kind, _, text),) = told(bench.guest(), call(5, ADD, encode("(mm)", arguments)))
+    assert kind == f.ERROR and error in text and len(text) <= LONGEST_ERROR
+
+
+def test_a_list_of_all_types_may_have_as_many_elements(bench: Bench) -> None:
+    values = [1.0, True, "z", None] * ((MOST_ELEMENTS - 3) // 4)
+    assert told(bench.guest(), call(5, ADD, encode("(mm)", (values, ["end"])))) == [(f.REPLY, 5, [*values, "end"])]
+
+
+def test_depth_of_arguments_is_bounded() -> None:
+    value: Any = 1
+    for _ in range(DEEPEST):
+        value = [value]
+    check_arguments([value])
+    with pytest.raises(BadValue, match="lists in each other deeper than 8"):
+        check_arguments([[value]])
+    check_arguments([b"x" * 65536, ["y"] * 500, {"k": [1.0, True, None]}])
+
+
+def test_the_worst_arguments_cost_little(bench: Bench) -> None:
+    bomb = encode("s", "[(" + "v" * 1000 + ")]") + encode("I", 60000) + bytes(LARGEST - 2000)
+    ((kind, _, text),) = told(bench.guest(), call(5, ADD, bomb))
+    assert kind == f.ERROR and "more than 2048 elements" in text
+    # Nobody may send one with the login either.
+    words = encode("I", 1) + encode("s", "k") + bomb[:3000]
+    ((_, _, answer),) = told(bench.visitor(Login("nao", "secret")), f.Message(f.CALL, 1, 0, 0, 8, words))
+    assert answer["__qi_auth_state"] == 1
+
+
+def test_calls_of_one_a_second_are_bounded(bench: Bench) -> None:
+    guest, other = bench.guest(), bench.guest()
+    add = encode("(mm)", (1, 1))
+    for _ in range(3):
+        kinds = [kind for kind, _, _ in told(guest, *[call(5, ADD, add)] * (3 * CALL_BURST))]
+        assert kinds.count(f.REPLY) == CALL_BURST
+        assert told(other, call(5, ADD, add)) == [(f.REPLY, 5, 2)]
+        bench.now += CALL_BURST / CALLS_A_SECOND
+    assert told(guest, *[call(5, ADD, add)] * (CALL_BURST + 1))[-1] == (
+        f.ERROR, 5, "add: more than 100 calls a second",
+    )  # fmt: skip
+
+
+def test_a_token_bucket() -> None:
+    bucket = TokenBucket(2.0, 4, 10.0)
+    assert [bucket.take(10.0) for _ in range(5)] == [True] * 4 + [False]
+    assert [bucket.take(10.5), bucket.take(10.5)] == [True, False]
+    assert not bucket.is_full(12.0) and bucket.is_full(100.0)
+    assert [bucket.take(100.0) for _ in range(5)] == [True] * 4 + [False]
+
+
 # ---------------------------------------------------------------- logging in
 
 
@@ -216,6 +297,38 @@ def test_the_right_password_lets_in(bench: Bench) -> None:
     words = {"auth_user": "nao", "auth_token": "sécret", "ClientServerSocket": True}
     ((_, _, answer),) = told(visitor, f.Message(f.CALL, 1, 0, 0, 8, encode("{sm}", words)))
     assert answer == {"__qi_auth_state": 3}
+
+
+def log_in(bench: Bench, token: str, address: str = "192.0.2.1") -> str:
+    """Try once; return why not, "" for success."""
+    words = {"auth_user": "nao", "auth_token": token}
+    visitor = bench.visitor(Login("nao", "secret"), address)
+    ((_, _, answer),) = told(visitor, f.Message(f.CALL, 1, 0, 0, 8, encode("{sm}", words)))
+    assert visitor.closing == ("__qi_auth_err_reason" in answer)
+    return str(answer.get("__qi_auth_err_reason", ""))
+
+
+def test_guesses_are_bounded(bench: Bench) -> None:
+    assert [log_in(bench, "guess") for _ in range(WRONG_LOGINS)] == ["user or password is wrong"] * WRONG_LOGINS
+    # Not even the right one is looked at now; whoever comes from elsewhere enters.
+    assert log_in(bench, "secret") == "too many wrong logins from 192.0.2.1: wait 2 s"
+    assert log_in(bench, "secret", "192.0.2.2") == ""
+    bench.now += 2.0
+    assert log_in(bench, "secret") == ""
+    assert log_in(bench, "guess") == "user or password is wrong"
+    assert log_in(bench, "guess").startswith("too many wrong logins")
+
+
+def test_right_logins_are_not_counted(bench: Bench) -> None:
+    assert [log_in(bench, "secret") for _ in range(20)] == [""] * 20
+
+
+def test_addresses_of_wrong_logins_are_bounded(bench: Bench) -> None:
+    for number in range(MOST_ADDRESSES + 10):
+        for _ in range(WRONG_LOGINS):
+            log_in(bench, "guess", f"192.0.2.{number}")
+    assert bench.guard.count <= MOST_ADDRESSES
+    assert log_in(bench, "secret", f"192.0.2.{MOST_ADDRESSES + 9}").startswith("too many")
 
 
 @pytest.mark.parametrize("data", [b"GET / HTTP/1.1\r\n\r\n", b"\x16\x03\x01", bytes(LOGIN)[:8] + b"\xff" * 20])
@@ -252,7 +365,7 @@ def test_one_who_does_not_read_is_dismissed(bench: Bench) -> None:
 @pytest.fixture
 def listener(bench: Bench) -> Iterator[Listener]:
     """On a free port of loopback."""
-    made = Listener("127.0.0.1", 0, lambda now: QiVisitor(bench.server, now))
+    made = Listener("127.0.0.1", 0, lambda now, address: QiVisitor(bench.server, now, address, bench.guard))
     yield made
     made.close()
 
@@ -317,6 +430,26 @@ def test_a_crowd_is_bounded(listener: Listener, bench: Bench) -> None:
         client.close()
 
 
+def test_the_one_that_was_silent_longest_gives_its_place(listener: Listener) -> None:
+    crowd = [connect(listener) for _ in range(MOST_VISITORS)]
+    for client in crowd:
+        client.sendall(bytes(LOGIN))
+        poll_until(listener, lambda client=client: read(client))  # type: ignore[misc]
+    for client in crowd:
+        if client is not crowd[3]:
+            client.sendall(bytes(call(2, ADD, encode("(mm)", (1, 1)))))
+            poll_until(listener, lambda client=client: read(client), 1.0)  # type: ignore[misc]
+    with connect(listener) as late:
+        assert poll_until(listener, lambda: read(late), IDLE_S - 1) == b"closed"
+    with connect(listener) as late:
+        late.sendall(bytes(LOGIN))
+        assert poll_until(listener, lambda: read(late), IDLE_S + 0.5) != b"closed"
+        assert read(crowd[3]) == b"closed"
+        assert all(read(client) is None for client in crowd if client is not crowd[3])
+    for client in crowd:
+        client.close()
+
+
 def test_a_flood_takes_its_share_of_a_look(listener: Listener, bench: Bench) -> None:
     with connect(listener) as loud, connect(listener) as quiet:
         for client in (loud, quiet):
@@ -341,4 +474,4 @@ def test_a_closed_connection_cancels_its_calls(listener: Listener, bench: Bench)
 
 def test_a_port_that_is_taken(listener: Listener, bench: Bench) -> None:
     with pytest.raises(Unavailable, match=rf"cannot listen on 127.0.0.1:{listener.port}: Address already in use"):
-        Listener(listener.host, listener.port, lambda now: QiVisitor(bench.server, now))
+        Listener(listener.host, listener.port, lambda now, address: QiVisitor(bench.server, now, address, bench.guard))

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
 
 from urbihw.buses.clock import SimClock
-from urbihw.buses.errors import BadValue, LinkGone, Unavailable
+from urbihw.buses.errors import BadFrame, BadValue, LinkGone, Unavailable
 from urbihw.buses.link import Context, Url
 from urbihw.buses.pipe import PipeEnd, PipeLink
 from urbihw.buses.qi import frames as f
+from urbihw.buses.qi.endpoints import Place
 from urbihw.buses.qi.login import Login
+from urbihw.buses.qi.metaobject import MetaObject
 from urbihw.buses.qi.opening import open_session
 from urbihw.buses.qi.session import first_line
 from urbihw.buses.qi.values import encode
+from urbihw.buses.qi.wire_session import GET_META_OBJECT
 from urbihw_fakes.nao.device import Nao
 
 
@@ -120,6 +124,8 @@ def test_errors_of_the_server_are_one_line() -> None:
     assert str(error.value) == "ALMotion: Nose is not a recognized joint name"
     assert first_line("ValueError: no\n\nTraceback:\n  File /home/nao/x.py") == "ValueError: no"
     assert first_line("") == "NAOqi gives no reason"
+    assert first_line("E\x1b[31m\x9b\u202e") == r"E\x1b[31m\x9b\u202e"
+    assert len(first_line("z" * 100_000)) == 300 and len(first_line("\x1b" * 100_000)) == 300
 
 
 def test_a_blocking_call_holds_nothing_else() -> None:
@@ -195,3 +201,58 @@ def test_who_calls_us_is_told_that_there_is_nothing() -> None:
     rig.end.send(bytes(f.Message(f.CALL, 9, 77, 1, 100, encode("(s)", ("x",)))), rig.clock.now())
     rig.run(0.1)
     assert (rig.sent[-1].type, rig.sent[-1].id) == (f.ERROR, 9)
+
+
+FORMS: list[Any] = [[5], {"k": 1}, 5, None, "x\x1b[31m", [], [[], [], []], [{}, {}, {}]]
+DYNAMIC_ANSWERS = [encode("m", value) for value in FORMS]
+"""Values under a signature of their own, which are not of the form that was asked for."""
+
+
+def lie(rig: Rig, payload: bytes, action: int | None = None) -> None:
+    """From now on the robot answers calls, or those of one action, with this dynamic value."""
+
+    def receive(data: bytes, at: float) -> None:
+        for message in f.Framer().feed(data.removesuffix(b"\r\n\r\n")):
+            if message.type == f.CALL and action in (None, message.action):
+                address = message.service, message.object, message.action
+                rig.end.send(bytes(f.Message(f.REPLY, message.id, *address, payload, f.DYNAMIC)), at)
+            else:
+                for answer in rig.robot.feed(bytes(message), at):
+                    rig.end.send(answer.data, answer.at)
+
+    rig.end.on_receive = receive
+
+
+@pytest.mark.parametrize("payload", DYNAMIC_ANSWERS)
+@pytest.mark.parametrize("action", [GET_META_OBJECT, None])
+def test_answers_of_another_form_are_one_error(payload: bytes, action: int | None) -> None:
+    rig = Rig().ready()
+    lie(rig, payload, action)
+    with pytest.raises((Unavailable, LinkGone, BadValue)) as error:
+        rig.session.look_up("ALMotion")
+    assert str(error.value).isprintable() and len(str(error.value)) < 400
+
+
+def test_an_error_of_python_in_an_answer_ends_the_link_in_one_line() -> None:
+    rig = Rig().ready()
+    battery = rig.session.look_up("ALBattery")
+    rig.session.call(battery, "getBatteryCharge", then=lambda call: call.value[0])
+    with pytest.raises(LinkGone, match=r"what came cannot be handled: an answer of another form \(TypeError: "):
+        rig.run(0.2)
+
+
+def test_members_with_names_or_signatures_that_are_none_are_left_out() -> None:
+    members = ("good", "()"), ("\x1b[31m", "()"), ("bad", "(("), ("n" * 300, "()"), ("", "()")
+    rows: dict[int, Any] = {uid: (uid, "v", name, sign, "", [], "") for uid, (name, sign) in enumerate(members, 100)}
+    assert MetaObject.from_value((rows, {}, {}, "")).names() == ["good"]
+    odd = {1: ("x", "v", "a", "()", "")}
+    values: list[Any] = [5, [5], {"k": 1}, ([], [], []), ({1: 5}, {}, {}), (odd, {}, {}), None]
+    for value in values:
+        with pytest.raises(BadFrame):
+            MetaObject.from_value(value)
+
+
+@pytest.mark.parametrize("number", [math.inf, math.nan, -5, 1 << 32, 0.5, "1", None])
+def test_places_with_numbers_that_are_none(number: Any) -> None:
+    with pytest.raises(BadFrame):
+        Place.from_value(("X", number, "m", 1, ["tcp://127.0.0.1:1"], ""))

@@ -146,3 +146,19 @@ def test_what_cannot_travel_is_refused() -> None:
     loop.append(loop)
     with pytest.raises(BadValue, match="too deep"):
         encode("m", loop)
+
+
+@pytest.mark.parametrize(
+    "text", ["[(" + "v" * 1000 + ")]", "[" + "(" * 3 + "vvv" + ")" * 3 + "]", "[v]"], ids=["wide", "deep", "void"]
+)
+def test_elements_without_bytes_are_bounded(text: str) -> None:
+    data = encode("s", text) + encode("I", 2000) + bytes(100)
+    with pytest.raises(BadFrame, match="elements in a message of"):
+        decode("m", data)
+
+
+def test_a_reader_may_allow_fewer_elements() -> None:
+    data = encode("m", [1.0] * 10)
+    assert decode("m", data, 15) == [1.0] * 10
+    with pytest.raises(BadFrame, match="more than 5 elements"):
+        decode("m", data, 5)

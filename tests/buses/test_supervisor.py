@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Iterator
 from typing import ClassVar
 
@@ -219,6 +220,23 @@ def test_what_a_dead_worker_does_not_take_is_no_error(rig: Rig) -> None:
     rig.supervisor.send(m.Watch(6, ("present_position",)))
     rig.worker.end("it died")
     assert rig.worker.begin.watches == (m.Watch(6, ("present_position",)),)
+
+
+def test_a_message_that_no_process_can_get_is_refused_and_the_next_one_goes_through(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    send = FakeWorker.send
+
+    def pickling(worker: FakeWorker, message: ToWorker) -> None:
+        pickle.dumps(message)
+        send(worker, message)
+
+    monkeypatch.setattr(FakeWorker, "send", pickling)
+    rig.supervisor.send(m.Request(7, "call", "ALMemory", "getData", (lambda: None,)))
+    (refused,) = [each for each in rig.heard if isinstance(each, m.Reply)]
+    assert refused.reply_id == 7 and not refused.ok and refused.error.startswith("this cannot be sent")
+    rig.supervisor.send(m.Stop())
+    assert isinstance(rig.worker.told[-1], m.Stop)
 
 
 def test_one_that_falls_silent_gets_a_stop_and_the_robot_is_told_again_what_is_there(rig: Rig) -> None:

@@ -104,6 +104,7 @@ class Client:
         self.ended = True
 
 
+_LINK_IS_UP = "urbihw: link to "
 _ROUGH = "import socket,sys,time;s=socket.create_connection(('127.0.0.1',int(sys.argv[1])));"
 _ROUGH += "s.sendall(sys.argv[2].encode()+b'\\n');time.sleep(600)"
 
@@ -348,9 +349,11 @@ def _stop(case: Case) -> None:
 
 
 def _pull(case: Case) -> None:
+    before = case.daemon.log().count(_LINK_IS_UP)
     case.end.unplug()
     time.sleep(3)
     case.end.plug()
+    wait_for(lambda: case.daemon.log().count(_LINK_IS_UP) > before, f"the link: {case.daemon.log()}")
 
 
 def _estop(case: Case) -> None:

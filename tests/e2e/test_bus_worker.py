@@ -158,32 +158,32 @@ def test_a_worker_that_takes_long_to_start_is_waited_for(
 
 def test_sigint_is_for_the_parent_and_sigterm_stops_the_robot(robot: PtyEndpoint) -> None:
     heard = Heard()
-    worker = Worker.start(robot.url, post=heard.queue.put, settings=m.Configure(dead_man=0, options={"protocol": 1}))
-    heard.wait(m.Found)
-    worker.send(m.Targets({(6, "moving_speed"): 20, (6, "goal_position"): 1000}))
-    worker.send(m.Watch(6, ("present_position",)))
-    heard.wait(m.Samples, lambda sample: sample.values[6]["present_position"] > 560)
-    (child,) = children()
-    os.kill(child, signal.SIGINT)
-    worker.send(m.Request(1, "ping", 6))
-    assert heard.wait(m.Reply).ok
-    os.kill(child, signal.SIGTERM)
-    assert heard.wait(m.Ended) == m.Ended("")
-    wait_for_stop(robot)
-    worker.stop()
+    settings = m.Configure(dead_man=0, options={"protocol": 1})
+    with Worker.start(robot.url, post=heard.queue.put, settings=settings) as worker:
+        heard.wait(m.Found)
+        worker.send(m.Targets({(6, "moving_speed"): 20, (6, "goal_position"): 1000}))
+        worker.send(m.Watch(6, ("present_position",)))
+        heard.wait(m.Samples, lambda sample: sample.values[6]["present_position"] > 560)
+        (child,) = children()
+        os.kill(child, signal.SIGINT)
+        worker.send(m.Request(1, "ping", 6))
+        assert heard.wait(m.Reply).reply_id == 1
+        os.kill(child, signal.SIGTERM)
+        assert heard.wait(m.Ended) == m.Ended("")
+        wait_for_stop(robot)
 
 
 def test_a_worker_that_is_killed_is_reported(robot: PtyEndpoint) -> None:
     heard = Heard()
-    worker = Worker.start(robot.url, post=heard.queue.put, settings=m.Configure(options={"protocol": 1}))
-    heard.wait(m.Found)
-    (child,) = children()
-    os.kill(child, signal.SIGKILL)
-    assert heard.wait(m.Ended).reason == f"the bus worker of {robot.url} was ended by SIGKILL"
-    assert not children()
-    with pytest.raises(LinkGone, match="has ended"):
-        worker.send(m.Heartbeat())
-    worker.stop()
+    settings = m.Configure(options={"protocol": 1})
+    with Worker.start(robot.url, post=heard.queue.put, settings=settings) as worker:
+        heard.wait(m.Found)
+        (child,) = children()
+        os.kill(child, signal.SIGKILL)
+        assert heard.wait(m.Ended).reason == f"the bus worker of {robot.url} was ended by SIGKILL"
+        assert not children()
+        with pytest.raises(LinkGone, match="has ended"):
+            worker.send(m.Heartbeat())
 
 
 def children() -> list[int]:

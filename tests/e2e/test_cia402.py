@@ -81,8 +81,9 @@ def test_a_drive_without_power_is_two_lines_in_the_log(daemon: Daemon, drive: Dr
     until(lambda: "drive 5 is lost" in daemon.log())
     end.call(lambda: drive.power_on(end.clock()))
     until(lambda: "drive 5 is back" in daemon.log())
-    news = daemon.log().splitlines()[before:]
-    assert [line.partition("urbihw: ")[2] for line in news] == [
+    news = [line.partition("urbihw: ")[2] for line in daemon.log().splitlines()[before:]]
+    # A busy machine may hold up the worker as well, which is another line.
+    assert [line for line in news if line.startswith("drive ")] == [
         "drive 5 is lost: it says nothing",
         "drive 5 is back, and off",
     ]

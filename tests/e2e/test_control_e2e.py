@@ -90,6 +90,16 @@ class Site:
         time.sleep(0.3)
         return abs(self.place() - before) <= 2
 
+    def turn_wheel(self, client: Client) -> None:
+        """Let servo 7 turn as a wheel.
+
+        A speed that comes before the limits is that of a joint, which nothing moves; and a busy machine may have lost
+        the servo for a moment, when nothing is written.
+        """
+        until(lambda: client.ask("motor7.state;") == '"ok"')
+        client.say("motor7.cwLimit = motor7.ccwLimit = 0|; motor7.speed = 1|;")
+        until(lambda: self.speed(7) > 0, log=lambda: client.heard)
+
     def comes_to_stand(self, far: int) -> None:
         """Wait until servo 6 stands, on a way that leads further."""
         until(self.stands)
@@ -218,9 +228,7 @@ def test_direct_stops_a_robot_whose_daemon_and_worker_were_killed(site: Site) ->
 
 def test_direct_stops_wheels(site: Site) -> None:
     daemon = site.serve()
-    daemon.client().say("motor7.cwLimit = motor7.ccwLimit = 0|; motor7.speed = 1|;")
-    # A speed that comes before the limits is that of a joint, which nothing moves.
-    until(lambda: site.speed(7) > 0)
+    site.turn_wheel(daemon.client())
     kill_all(daemon)
     assert site.speed(7) > 0
     assert site.direct() == (0, "bioloid: stopped: 7 moved when the link was opened")
@@ -315,8 +323,7 @@ def test_an_emergency_stop_is_quick_while_a_client_holds_the_interpreter(
     # Only the control socket may be what stops it: the dead man is told to wait.
     site.file.write_text("dead_man = 30\n" + site.file.read_text())
     client = site.serve().client()
-    client.say("motor7.cwLimit = motor7.ccwLimit = 0|; motor7.speed = 1|;")
-    until(lambda: site.speed(7) > 0)
+    site.turn_wheel(client)
     client.say("loop|{},")
 
     def is_held() -> bool:

@@ -251,8 +251,9 @@ def test_a_bus_without_power_is_few_lines_and_its_return_as_well(
     time.sleep(2.5)
     robot.call(lambda: kit.power_on(time.monotonic()))
     until(lambda: sum(told("back")) == sum(told("lost")), log=daemon.log)
-    assert len(told("lost")) <= 5
-    assert len(told("back")) <= 5
+    # All at once in simulated time (tests/platforms/test_device_log.py).
+    assert len(told("lost")) < 10
+    assert len(told("back")) < 10
 
 
 def test_a_program_that_exits_ends_the_daemon_in_order(serve: Callable[..., Daemon], robot: PtyEndpoint) -> None:
@@ -352,7 +353,7 @@ def test_what_is_wrong_with_the_set_up_is_said_in_one_line(tmp_path: Path) -> No
     assert "bad.toml" in refused("--config", str(config))
     config.write_text('platform = "bioloid"\nfake = true\n[options]\nofset = 3\n')
     assert refused("--config", str(config)) == (
-        f"urbihw: {config}: options.ofset: no such option of bioloid; there are: protocol, ids, fast_read"
+        f"urbihw: {config}: options.ofset: no such option of bioloid; there are: protocol, ids, controller, fast_read"
     )
     config.write_text('platform = "bioloid"\nfake = true\n[limits.moter6]\nspeed = 3\n')
     assert refused("--config", str(config)) == (

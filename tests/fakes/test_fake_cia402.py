@@ -73,7 +73,7 @@ def test_objects_are_read_and_refused_as_in_the_sheets() -> None:
     assert bus.say(0x605, "40 00 10 00 00 00 00 00") == ["585#4300100092010200"]
     assert bus.say(0x605, "40 99 29 00 00 00 00 00")[0].endswith("00000206")
     assert bus.write(0x6041, 0, 0, 2).endswith("02000106")
-    assert bus.read(0x6502) == 5
+    assert bus.read(0x6502) == 0x2D
 
 
 def test_process_data_flow_in_operational_only() -> None:
@@ -200,3 +200,75 @@ def test_without_power_it_is_silent_and_forgets() -> None:
     bus.drive.power_on(bus.now)
     assert bus.run(0.1) == ["705#00"]
     assert bus.drive.machine.state == "switch on disabled"
+
+
+def test_a_mode_that_it_does_not_have_is_refused() -> None:
+    bus = Bus()
+    assert bus.write(0x6060, 0, 99, 1) == "585#8060600030000906"
+    assert bus.write(0x6098, 0, 99, 1).endswith("30000906")
+    assert bus.write(0x6060, 0, 3, 1) == "585#6060600000000000"
+    assert bus.read(0x6061) == 3
+
+
+def test_in_stopped_it_answers_no_sdo_and_sends_no_emergency() -> None:
+    bus = Bus()
+    bus.write(0x1017, 0, 100, 2)
+    bus.say(0, "0205")
+    assert bus.say(0x605, "40 00 10 00 00 00 00 00") == []
+    bus.drive.fault()
+    assert set(bus.run(0.5)) == {"705#04"}
+    bus.say(0, "8005")
+    assert bus.read(0x1000) == 0x20192
+
+
+@pytest.mark.parametrize(("command", "mode"), [("8105", 0), ("8205", 3), ("8100", 0)])
+def test_a_reset_takes_the_settings_back_and_the_heartbeat_ends(command: str, mode: int) -> None:
+    bus = Bus()
+    bus.write(0x1017, 0, 100, 2)
+    bus.write(0x1016, 1, 127 << 16 | 300, 4)
+    bus.write(0x6060, 0, 3, 1)
+    assert bus.run(0.31) == ["705#7F"] * 3
+    bus.say(0, command)
+    assert bus.run(2.0) == ["705#00"]
+    assert (bus.read(0x1017), bus.read(0x1016, 1), bus.read(0x6061)) == (0, 0, mode)
+
+
+def test_homing_finds_the_switch() -> None:
+    bus = Bus()
+    bus.write(0x6098, 0, 17, 1)
+    bus.enable(6)
+    bus.write(0x6040, 0, 0x001F, 2)
+    bus.run(1.0)
+    assert not bus.read(0x6041) & 0x1400
+    bus.run(6.0)
+    assert bus.read(0x6041) & 0x1400 == 0x1400
+    assert bus.read(0x6064) == pytest.approx(0, abs=INCREMENTS / 20)
+    assert bus.read(0x606C) == 0
+    assert bus.drive.machine.switches == pytest.approx((0, 6 * INCREMENTS), abs=INCREMENTS / 20)
+
+
+def test_the_present_place_can_be_home() -> None:
+    bus = Bus()
+    bus.enable(3)
+    bus.write(0x60FF, 0, INCREMENTS, 4)
+    bus.run(1.0)
+    bus.write(0x60FF, 0, 0, 4)
+    bus.run(1.0)
+    bus.write(0x6098, 0, 37, 1)
+    bus.write(0x607C, 0, 100, 4)
+    bus.write(0x6060, 0, 6, 1)
+    bus.write(0x6040, 0, 0x001F, 2)
+    assert bus.read(0x6064) == 100
+    assert bus.read(0x6041) & 0x1400 == 0x1400
+
+
+def test_a_torque_turns_the_motor_and_is_measured() -> None:
+    bus = Bus()
+    bus.enable(4)
+    bus.write(0x6071, 0, 100, 2)
+    bus.run(5.0)
+    assert bus.read(0x606C) == pytest.approx(2 * INCREMENTS, rel=0.05)
+    assert bus.read(0x6077) == pytest.approx(100, abs=5)
+    bus.write(0x6040, 0, 0x010F, 2)
+    bus.run(0.5)
+    assert bus.read(0x606C) == 0

@@ -88,3 +88,23 @@ def test_canopens_own_drive_class_walks_it_through_its_states(master: Any) -> No
     assert master.state == "SWITCH ON DISABLED"
     with pytest.raises(canopen.SdoAbortedError):
         master.sdo[0x6041].raw = 0
+
+
+def test_canopens_own_drive_class_homes_it_and_sets_a_torque(master: Any) -> None:
+    set_up(master)
+    master.sdo[0x6098].raw = 18
+    master.sdo[0x6099][1].raw = 4 * INCREMENTS
+    master.sdo[0x6099][2].raw = INCREMENTS
+    # On a busy machine an answer may come later than its 0.2 s.
+    master.TIMEOUT_CHECK_TPDO = TIMEOUT_S
+    master.state = "OPERATION ENABLED"
+    assert master.homing(TIMEOUT_S)
+    assert abs(master.sdo[0x6064].raw) < INCREMENTS
+    master.op_mode = "PROFILED TORQUE"
+    master.sdo[0x6071].raw = 100
+    end = time.monotonic() + TIMEOUT_S
+    while master.sdo[0x606C].raw < INCREMENTS:
+        assert time.monotonic() < end
+    assert master.sdo[0x6077].raw > 50
+    with pytest.raises(canopen.SdoAbortedError, match="0x06090030"):
+        master.sdo[0x6060].raw = 99

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from cart import Garage
@@ -112,4 +113,116 @@ def test_scans_that_do_not_fit_the_map_are_told(garage: Garage, tmp_path: Path) 
     name_map(garage, tmp_path)
     for _ in range(20):
         scanner.scanned()
-    assert garage.say("") == ["*** lost: the laser does not see what the map shows (score 0.00)"]
+    why = "the laser does not see what the map shows (score 0.00); searching the map: turn or drive the robot"
+    assert garage.say("") == [f"*** lost: {why}"]
+    assert garage.say("cart.planner.ready;") == ["false"]
+
+
+def test_scans_that_do_not_fit_the_map_end_it_without_the_extra(
+    garage: Garage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("urbihw.navigation.locator.load_montecarlo", lambda: None)
+    cart, scanner = garage.cart, BlindScanner()
+    cart.scanner = scanner
+    cart.navigation = NavigationOptions(localization=SCAN)
+    cart.planner.init(cart)
+    name_map(garage, tmp_path)
+    for _ in range(20):
+        scanner.scanned()
+    (line,) = garage.say("")
+    assert line.endswith("searching the map needs pip install 'urbihw[navigation]'")
+    assert garage.say("cart.planner.mapFileName;") == ['""']
+
+
+@pytest.mark.parametrize(
+    "goal, why",
+    [("[3, 1, 0]", "the goal (3, 1) is in a wall; choose a free place"),
+     ("[5.9, 1, 0]", "the goal (5.9, 1) is 0.10 m from a wall, and the robot needs 0.25 m; choose another, or a "
+      "smaller clearance in the settings"),
+     ("[7, 1, 0]", "the goal (7, 1) is outside the map, which goes from (0, 0) to (6, 4) m")],
+)  # fmt: skip
+def test_goals_where_it_cannot_stand_are_refused_at_once(garage: Garage, tmp_path: Path, goal: str, why: str) -> None:
+    name_map(garage, tmp_path)
+    (line,) = garage.say(f"cart.moveTo({goal});")
+    assert line.endswith(why)
+    assert garage.say("cart.planner.active;") == ["false"]
+
+
+def test_a_refused_goal_leaves_the_one_before(garage: Garage, tmp_path: Path) -> None:
+    name_map(garage, tmp_path)
+    garage.say("cart.moveTo([2, 1, 0]);")
+    garage.think()
+    garage.say("cart.moveTo([3, 1, 0]);")
+    assert garage.say("cart.planner.active;") == ["true"]
+    assert garage.say("", 20.0) == ["*** path 1"]
+
+
+def test_the_map_with_the_path_and_the_robot_is_drawn(garage: Garage, tmp_path: Path) -> None:
+    (line,) = garage.say('cart.planner.drawMap("x.svg");')
+    assert line.endswith("there is no map; set cart.planner.mapFileName first")
+    name_map(garage, tmp_path)
+    garage.say("cart.moveTo([2, 1, 0]);")
+    garage.think()
+    assert garage.say(f'cart.planner.drawMap("{tmp_path}/x.svg");') == []
+    root = ElementTree.parse(tmp_path / "x.svg").getroot()
+    kinds = [part.get("class") for part in root]
+    assert kinds.count("wall") == 5 and kinds.count("path") == 1 and "robot" in kinds
+    (line,) = garage.say('cart.planner.drawMap("/no/such/folder/x.svg");')
+    assert line.endswith("/no/such/folder/x.svg: cannot be written: No such file or directory")
+
+
+@pytest.mark.parametrize(("metres", "degrees"), [(0.1, 5.0), (0.03, 2.0)])
+def test_success_is_within_the_tolerance(garage: Garage, tmp_path: Path, metres: float, degrees: float) -> None:
+    garage.cart.navigation = NavigationOptions(tolerance=metres, heading_tolerance=degrees)
+    name_map(garage, tmp_path)
+    assert drive(garage, "[5, 1, 90deg]") == ["*** path 1"]
+    assert math.dist(garage.cart.pose[:2], (4, 0)) <= metres
+    assert abs(math.degrees(garage.cart.pose[2]) - 90) <= degrees
+
+
+def test_who_stands_beside_the_goal_approaches_it_again(garage: Garage, tmp_path: Path) -> None:
+    name_map(garage, tmp_path)
+    garage.say("cart.moveTo([2, 1, 180deg]);")
+    garage.think()
+    garage.say("", 4.0)
+    # The final turn has begun; the robot is pushed aside.
+    assert garage.cart.v == 0 and garage.cart.w != 0
+    x, y, heading = garage.cart.pose
+    garage.cart.pose = (x, y + 0.4, heading)
+    said = garage.say("", 8.0)
+    for _ in range(3):
+        said += garage.think() + garage.say("", 10.0)
+    assert said == ["*** path 1"]
+    assert math.dist(garage.cart.pose[:2], (1, 0)) <= 0.1
+
+
+def test_an_obstacle_on_the_goal_is_waited_for_and_then_told(garage: Garage, tmp_path: Path) -> None:
+    name_map(garage, tmp_path)
+    garage.say("cart.moveTo([2, 1, 0]);")
+    garage.think()
+    garage.say("", 1.5)
+    said: list[str] = []
+    for _ in range(20):
+        # A box on the goal, of which the bumpers see the near side while the robot is before it.
+        garage.cart.near = [(1.8 - 1 - garage.cart.pose[0], 0.0)]
+        said += garage.say("", 3.0) + garage.think()
+        if said:
+            break
+    assert said == ["*** path 0"]
+    assert garage.cart.pose[0] < 0.6
+    (failure,) = garage.say("cart.planner.failure;")
+    assert failure in ('"obstacles that the sensors see close the way"', '"something stands in the way"')
+
+
+def test_a_stop_during_the_wait_for_an_obstacle_holds(garage: Garage, tmp_path: Path) -> None:
+    name_map(garage, tmp_path)
+    garage.say("cart.moveTo([2, 1, 0]);")
+    garage.think()
+    garage.say("", 1.5)
+    garage.cart.near = [(0.4, 0.0)]
+    garage.say("", 4.0)
+    garage.cart.planner.cancel()
+    garage.cart.near = []
+    stood = garage.cart.pose
+    assert garage.think() + garage.say("", 20.0) == ["*** path 2"]
+    assert garage.cart.pose == stood

@@ -13,8 +13,8 @@ from urbihw.buses import messages as m
 from urbihw.buses.errors import BadUrl
 from urbihw.kernel import Kernel
 from urbihw.kernel.sched.clock import SimClock
-from urbihw.navigation.sickdriver import LaserInfo
-from urbihw.navigation.sicklaser import SickLaser
+from urbihw.navigation.lasers.device import LineLaser, Mount
+from urbihw.navigation.lasers.driver import LaserInfo
 
 
 class Worker:
@@ -36,7 +36,7 @@ class Rig:
         self.kernel = Kernel(SimClock())
         self.lobby = self.kernel.open_lobby()
         self.workers: list[Worker] = []
-        self.laser = self.kernel.host.create(SickLaser, "laser", "pipe://laser", 0.02, self._start, 0.0)
+        self.laser = self.kernel.host.create(LineLaser, "laser", Mount("pipe://laser"), self._start, 0.0)
         self.laser.log = logging.getLogger("laser")
         self.say('at (laser.lost?(var why)) echo("lost: " + why); at (laser.back?) echo("back");')
 
@@ -60,7 +60,7 @@ class Rig:
     def scan(self, *ranges: float) -> m.Samples:
         """A scan of now."""
         now = self.kernel.scheduler.clock.now()
-        return m.Samples(now, {"laser": {"ranges": ranges, "unit": 0.001, "dirty": False}}, {"laser": now})
+        return m.Samples(now, {"laser": {"ranges": ranges, "farthest": 8.182, "dirty": False}}, {"laser": now})
 
 
 @pytest.fixture
@@ -70,7 +70,7 @@ def rig() -> Rig:
 
 def test_a_scan_is_shown_from_the_left(rig: Rig) -> None:
     assert rig.say("laser.load = 1|; laser.state; laser.load;") == ['"connecting"', "0"]
-    rig.hear(m.Found((LaserInfo(180, 9000),)), rig.scan(1.0, 2.0, math.inf))
+    rig.hear(m.Found((LaserInfo(math.pi, math.pi / 2),)), rig.scan(1.0, 2.0, math.inf))
     assert rig.say("laser.state; laser.val; laser.load; laser.resolution;") == ['"on"', "[inf, 2, 1]", "1", "1.5708"]
     assert [r for r, _ in rig.laser.echoes()] == [1.0, 2.0]
     assert rig.laser.nearest() == 1.0
@@ -108,7 +108,7 @@ def test_what_a_worker_says_after_it_was_let_go_does_not_count(rig: Rig) -> None
 
 
 def test_a_url_that_leads_nowhere_is_said_to_the_writer(rig: Rig) -> None:
-    rig.laser.url = "no://where"
+    rig.laser.mount = Mount("no://where")
     (line,) = rig.say("laser.load = 1|;")
     assert line.endswith("there is no bus no://")
     assert rig.say("laser.state;") == ['"off"']

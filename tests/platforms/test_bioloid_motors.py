@@ -224,3 +224,38 @@ def test_a_refused_write_is_told(lab: Lab, caplog: pytest.LogCaptureFixture) -> 
     lab.kit.faults.start("silence", 6)
     assert lab.say("motor6.torqueLimit = 1;", 0.2).splitlines()[-1] == "*** torqueLimit"
     assert "motor 6: torqueLimit not written" in caplog.text
+
+
+SETTINGS = [
+    ("led", "1", "1"),
+    ("returnDelay", "0.0004", "0.0004"),
+    ("torqueLimit", "0.75", "0.750733"),
+    ("maxTorque", "0.75", "0.750733"),
+    ("cwComplianceSlope", "64", "64"),
+    ("temperatureLimit", "60", "60"),
+    ("cwLimit", "-1", "-1"),
+    ("ccwLimit", "1", "1"),
+    ("load", "1", "1"),
+]
+
+
+@pytest.mark.parametrize(("slot", "written", "read"), SETTINGS)
+def test_a_setting_reads_back_at_once_as_wanted(lab: Lab, slot: str, written: str, read: str) -> None:
+    lab.say(f"var Global.seen = []; at (motor6.{slot}->changed?) seen << motor6.{slot};")
+    assert lab.say(f"motor6.{slot} = {written}; motor6.{slot};").splitlines()[-1] == read
+    lab.run(2.0)
+    assert lab.number(f"motor6.{slot}") == pytest.approx(float(read), abs=0.003)
+    # A reading that was made before the write never shows.
+    changes = lab.say("seen;").strip("[]").split(", ")
+    assert [float(value) for value in changes] == pytest.approx([float(read)] * len(changes), abs=0.003)
+
+
+def test_a_setting_that_is_not_executed_reads_as_it_was(lab: Lab) -> None:
+    lab.kit.faults.start("silence", 6)
+    lab.say("motor6.temperatureLimit = 55; motor6.cwLimit = -1; motor6.load = 1;")
+    assert lab.say("motor6.temperatureLimit;") == "55"
+    lab.run(2.0)
+    assert lab.number("motor6.temperatureLimit") == 70
+    assert lab.number("motor6.cwLimit") == pytest.approx(-2.618, abs=0.01)
+    assert lab.number("motor6.load") == 0
+    assert lab.number("motor6.age") > 1.5

@@ -12,6 +12,8 @@ from urbihw.kernel.uobject import BadConfig, NotReady
 from urbihw_fakes.bioloid import Bioloid as Kit
 from urbihw_fakes.device import Answer
 from urbihw_fakes.dynamixel.ax12 import Ax12
+from urbihw_fakes.dynamixel.axs1 import AxS1
+from urbihw_fakes.dynamixel.xseries import XSeries
 
 
 def test_opening_makes_the_objects_of_the_manual() -> None:
@@ -253,3 +255,87 @@ def test_a_motor_found_later_joins_the_group_in_order() -> None:
 def test_movements_have_the_period_of_the_bus() -> None:
     lab = Lab.ready()
     assert lab.number("System.period") == pytest.approx(lab.tick)
+
+
+def mixed() -> Lab:
+    """AX-12, AX-S1 and X servos on one bus, at 100 Hz."""
+    units = [Ax12(1), XSeries("XL430-W250", 2), Ax12(3), XSeries("XL330-M288", 4), AxS1(100)]
+    return Lab.ready(Kit(units=units, baud=BAUD))
+
+
+def test_both_protocols_on_one_bus_are_served_by_turns() -> None:
+    lab = mixed()
+    assert lab.say("motors.modelName; sensors.keys;") == (
+        'Group ["AX-12A", "XL430-W250", "AX-12A", "XL330-M288"]\n[100]'
+    )
+    lab.say("motors.val = 0.5;", 1.5)
+    assert lab.say("(motors.val * 20).round;") == "Group [10, 10, 10, 10]"
+    assert max(lab.number(f"motor{number}.age") for number in (1, 2, 3, 4)) <= 2 * lab.tick
+    lab.say("motors.cwLimit = motors.ccwLimit = 0; motors.speed = 1;", 1.0)
+    assert lab.say("motors.speed > 0.5;") == "Group [true, true, true, true]"
+    lab.say("bioloid.stop;", 1.0)
+    assert lab.say("(motors.speed * 10).round;") == "Group [0, 0, 0, 0]"
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_on_a_mixed_bus_each_can_be_lost_and_come_back(number: int) -> None:
+    lab = mixed()
+    lab.kit.faults.start("silence", number)
+    lab.run(0.5)
+    assert lab.say("motors.state;").count('"lost"') == 1
+    lab.say("motors.val = 0.3;", 1.0)
+    assert (lab.say("motors.val > 0.2;").count("true"), lab.robot.status().split("lost: ")[1]) == (3, str(number))
+    lab.kit.faults.stop()
+    lab.run(1.0)
+    assert lab.say("motors.state;").count('"ok"') == 4
+    lab.say("motors.val = -0.3;", 1.5)
+    assert lab.say("motors.val < -0.2;") == "Group [true, true, true, true]"
+
+
+@pytest.mark.parametrize("model", ["AX-12", "XL430-W250"])
+def test_an_expected_servo_joins_in_whatever_protocol_it_speaks(model: str) -> None:
+    late = Ax12(6) if model == "AX-12" else XSeries(model, 6)
+    kit = Kit(units=[Ax12(1), XSeries("XL430-W250", 2), late], baud=BAUD)
+    late.power_off(0.0)
+    lab = Lab.ready(kit, ids=[1, 2, 6])
+    assert lab.say("motors.keys; bioloid.missing;") == "[1, 2]\n[6]"
+    late.power_on(lab.bus_clock.now())
+    lab.run(3.0)
+    assert lab.say("motors.keys; bioloid.missing;") == "[1, 2, 6]\n[]"
+
+
+def test_a_pulled_adapter_comes_back_in_both_protocols() -> None:
+    lab = mixed()
+    lab.end.unplug()
+    lab.run(1.0)
+    lab.end.replug()
+    lab.run(3.0)
+    assert lab.say("motors.stale;") == "Group [false, false, false, false]"
+    lab.say("motors.val = 0.3;", 1.5)
+    assert lab.say("motors.val > 0.2;") == "Group [true, true, true, true]"
+
+
+class TossLab(Lab):
+    """At the speed of a CM-5."""
+
+    url = "pipe://robot?baud=57600"
+
+
+@pytest.mark.parametrize("options", [{}, {"controller": "cm5"}])
+def test_a_cm5_is_put_into_toss_mode_also_after_it_was_switched_off(options: dict[str, Any]) -> None:
+    kit = Kit(servos=(5, 6), baud=BAUD, cm5=True)
+    lab = TossLab.ready(kit, **options)
+    assert lab.say("motors.keys;") == "[5, 6]"
+    lab.say("motors.val = 0.4;", 4.0)
+    assert lab.say("motors.val > 0.3;") == "Group [true, true]"
+    kit.power_off(lab.bus_clock.now())
+    lab.run(2.0)
+    assert lab.say("motors.state;") == 'Group ["lost", "lost"]'
+    kit.power_on(lab.bus_clock.now())
+    lab.run(10.0)
+    assert lab.say("motors.stale;") == "Group [false, false]"
+
+
+def test_controllers_without_a_known_way_are_refused_with_advice() -> None:
+    with pytest.raises(BadConfig, match="CM-530 has no documented mode.*U2D2"):
+        Lab(controller="cm530")

@@ -49,6 +49,22 @@ def test_stop_after_four_claps_as_in_the_manual(lab: Lab) -> None:
     assert lab.number("sensor100.clapCount") == 0
 
 
+def test_each_burst_of_four_claps_counts(lab: Lab) -> None:
+    lab.say("at (sensor100.clapCount == 4) echo(4);")
+    for _ in range(2):
+        lab.kit.sensor().clap(lab.bus_clock.now(), 4)
+        lab.run(3)
+        assert lab.heard() == "*** 4"
+    lab.kit.sensor().clap(lab.bus_clock.now(), 3)
+    lab.run(0.5)
+    assert lab.number("sensor100.clapCount") == 0
+    lab.run(2.5)
+    assert lab.number("sensor100.clapCount") == 3
+    lab.run(5)
+    assert lab.number("sensor100.clapCount") == 3
+    assert lab.register(100, "sound_count") == 0
+
+
 def test_a_note_can_be_played_twice(lab: Lab) -> None:
     lab.say("sensor100.buzzerTime = 0.4;")
     for _ in range(2):

@@ -91,9 +91,9 @@ def test_a_fault_is_said_reset_and_nothing_moves_until_told(lab: Lab, caplog: py
     lab.say("at (drive5.faulted?(var what)) echo(what);")
     lab.drive.fault(0x2310)
     lab.run(1.5)
-    assert lab.heard() == "*** code 0x2310"
-    assert lab.say("drive5.fault; drive5.load;") == '"code 0x2310"\n0'
-    assert "drive 5: code 0x2310" in caplog.text
+    assert lab.heard() == "*** code 0x2310 (continuous over-current)"
+    assert lab.say("drive5.fault; drive5.load;") == '"code 0x2310 (continuous over-current)"\n0'
+    assert "drive 5: code 0x2310 (continuous over-current)" in caplog.text
     lab.say("at (cia402.refused?(var d, var slot, var why)) echo(slot + \": \" + why);")
     lab.say("drive5.load = 1;", 0.3)
     assert "drive 5: load not done: drive 5 stays in fault" in caplog.text
@@ -170,3 +170,65 @@ def test_nobody_there_is_not_ready() -> None:
 def test_options_without_sense_are_bad_config() -> None:
     with pytest.raises(BadConfig, match="options.nodes: wants a list of whole numbers from 1 to 126"):
         Lab(nodes=5)
+
+
+def test_an_emergency_is_an_event_with_its_text(lab: Lab) -> None:
+    lab.say('at (cia402.emergency?(var d, var code, var text)) echo("%s %s %s" % [d.node, code, text]);')
+    lab.say("at (drive5.emergency?(var code, var text)) Global.told = [code, text]; var Global.told = nil;")
+    lab.drive.fault(0x7305)
+    lab.run(0.2)
+    assert lab.heard() == "*** 5 29445 encoder"
+    assert lab.say("told;") == '[29445, "encoder"]'
+
+
+def test_homing_finds_the_switch_and_says_so(lab: Lab) -> None:
+    lab.say('at (drive5.homed?) echo("home");')
+    lab.say("drive5.home(18);", 1.0)
+    assert lab.say("drive5.mode;") == '"homing"'
+    assert lab.number("drive5.speed") == pytest.approx(math.tau, rel=0.05)
+    lab.run(8.0)
+    assert lab.heard() == "*** home"
+    assert lab.number("drive5.val") == pytest.approx(0.0, abs=0.3)
+    assert lab.number("drive5.speed") == 0
+    lab.say("drive5.val = -1;", 3.0)
+    assert lab.number("drive5.val") == pytest.approx(-1.0, abs=0.01)
+
+
+@pytest.mark.parametrize("ended_by", ["cia402.stop;", "drive5.quickStop;", "drive5.speed = 0;", "drive5.load = 0;"])
+def test_homing_ends_with_a_stop(lab: Lab, ended_by: str) -> None:
+    lab.say('at (cia402.refused?(var d, var slot, var why)) echo(slot); at (drive5.homed?) echo("found");')
+    lab.say("drive5.home(17);", 1.0)
+    told = lab.say(ended_by, 0.5)
+    assert lab.drive.machine.speed == pytest.approx(0.0, abs=INCREMENTS / 2)
+    place = turns(lab)
+    lab.run(2.0)
+    assert turns(lab) == pytest.approx(place, abs=0.2)
+    assert (told + lab.heard()).split("***")[1:] == [" home"]
+
+
+def test_a_homing_method_that_the_drive_does_not_have_is_refused(lab: Lab, caplog: pytest.LogCaptureFixture) -> None:
+    lab.say("drive5.home(99);", 0.5)
+    assert "drive 5: home not done: drive 5 refuses homing method 99" in caplog.text
+    lab.say("drive5.load = 0;", 0.3)
+    assert "switch it on with load = 1" in lab.say("drive5.home(17);")
+
+
+def test_a_torque_is_in_newton_metres_and_a_stop_brakes(lab: Lab) -> None:
+    lab.say("drive5.torque = 0.127;", 5.0)
+    assert lab.say("drive5.mode;") == '"torque"'
+    assert lab.drive.machine.target_torque == 100
+    assert lab.number("drive5.torque") == pytest.approx(0.127, rel=0.05)
+    assert lab.number("drive5.speed") == pytest.approx(2 * math.tau, rel=0.05)
+    lab.say("cia402.stop;", 0.5)
+    assert (lab.drive.machine.speed, lab.drive.machine.state) == (0.0, "operation enabled")
+
+
+def test_a_torque_keeps_its_limit_and_is_refused_where_another_limit_could_not_be_kept() -> None:
+    lab = Lab.ready(limits={"drive5": {"torque": 0.1}})
+    lab.say("drive5.load = 1;", 0.2)
+    lab.say("drive5.torque = 1;", 0.2)
+    assert lab.drive.machine.target_torque == pytest.approx(78, abs=1)
+    lab = Lab.ready(limits={"drive5": {"speed": 1.0}})
+    lab.say("drive5.load = 1;", 0.2)
+    assert "has a limit of position or speed" in lab.say("drive5.torque = 1;", 0.2)
+    assert lab.drive.machine.target_torque == 0

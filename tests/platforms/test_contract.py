@@ -9,6 +9,7 @@ where there is no ``lab()``, ``Lab.ready()`` is called.  The other contracts wan
 from __future__ import annotations
 
 import importlib
+import ipaddress
 import re
 from typing import NamedTuple
 
@@ -16,7 +17,7 @@ import pytest
 from lab import RobotLab
 
 from urbihw.kernel.uobject import interfaces
-from urbihw.platforms import folders
+from urbihw.platforms import find, folders
 
 PENDING: dict[str, str] = {}
 """Platforms that do not hold the contract yet, and why; a row here that is no longer needed fails."""
@@ -139,10 +140,48 @@ def test_the_flat_dump_has_every_device_under_its_kinds(tree: Tree) -> None:
     assert tree.lab.say("robot.flatDump;").split("\n") == lines
 
 
-def test_a_robot_with_an_identity_says_what_it_is(tree: Tree) -> None:
-    if "Identity" in tree.nodes[0].kinds:
-        assert tree.lab.look("robot.type").strip('"') in interfaces.CATEGORIES
-        assert tree.lab.look("robot.name.isA(String) && robot.model.isA(String)") == "true"
+def test_every_robot_says_what_it_is_in_the_same_words_everywhere(tree: Tree) -> None:
+    lab, platform = tree.lab, find(tree.lab.platform).slot
+    assert {"Identity", "Network"} <= {*tree.nodes[0].kinds}
+    assert lab.look("robot.type").strip('"') in interfaces.CATEGORIES
+    for slot in ("name", "model"):
+        assert lab.look(f"robot.{slot}.isA(String) && robot.{slot} != \"\"") == "true"
+    assert lab.look("robot.serial.isNil || robot.serial.isA(String)") == "true"
+    ipaddress.ip_address(lab.look("robot.IP").strip('"'))
+    for slot in ("name", "model", "serial", "IP"):
+        assert lab.look(f"robot.{slot} == {platform}.{slot}") == "true", slot
+
+
+def test_what_a_battery_does_not_know_is_nil(tree: Tree) -> None:
+    for node in tree.devices:
+        if "Battery" in node.kinds:
+            for slot in ("capacity", "current"):
+                value = f"{node.expression}.{slot}"
+                assert tree.lab.look(f"{value}.isNil || {value} == {value}") == "true", value
+
+
+def test_every_device_is_printed_by_a_name_that_leads_to_it(tree: Tree) -> None:
+    wrong = [node.expression for node in tree.nodes
+             if tree.lab.look(f"({tree.lab.look(node.expression)}) === {node.expression}") != "true"]  # fmt: skip
+    assert wrong == []
+
+
+def test_every_slot_of_a_device_has_a_meaning_and_every_number_a_unit(tree: Tree) -> None:
+    problems = []
+    for node in [*tree.devices[1:], Node(find(tree.lab.platform).slot, (), ())]:
+        rows = tree.lab.say(f'for (var r : System.slotTable({node.expression})) echo(r.join("|"))|;')
+        for row in rows.replace("*** ", "").split("\n"):
+            name, value, unit, _, meaning = row.split("|", 4)
+            path = f"{node.expression}.{name}"
+            if re.fullmatch(r"-?[\d.]+(e-?\d+)?|nan|-?inf", value):
+                if unit not in interfaces.UNITS:
+                    problems.append(f"{path}: no unit")
+                elif tree.lab.look(f"{path}->unit") != f'"{unit}"':
+                    problems.append(f"{path}: ->unit is not {unit}")
+            # An object says itself what it is.
+            if not meaning and re.match(r'"|true|false|-?[\d.]|nan|-?inf', value):
+                problems.append(f"{path}: no meaning")
+    assert problems == []
 
 
 @pytest.mark.parametrize("platform", [folder.name for folder in folders()])

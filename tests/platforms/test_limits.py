@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 from bioloid_lab import Lab as Bioloid
 from cia402_lab import Lab as Drives
+from nao_lab import Lab as Nao
 from nxt_lab import Lab as Nxt
 from p3dx_lab import Lab as Pioneer
 from segway_lab import Lab as Segway
+from spykee_lab import Lab as Spykee
 
 from urbihw.kernel.uobject import BadConfig
 from urbihw.platforms.limits import LimitSettings
 
 COUNT = math.radians(300 / 1023)
+WHEEL = "motor7.cwLimit = motor7.ccwLimit = 0|;"
 
 
 def fastest(lab: Bioloid, seconds: float, unit: int = 6) -> float:
@@ -137,6 +141,38 @@ def test_bases_and_drives() -> None:
     drives.say("drive5.load = 1|;", 1.0)
     drives.say("drive5.speed = 10|;", 2.0)
     assert drives.number("drive5.speed") == pytest.approx(2.0, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("kind_of_lab", "switch", "slot", "writes", "name"),
+    [
+        (Nao, "motors.load = 1|;", "headYaw.val", ((2, 0.5), (0.2, 0.2), (-2, -0.5)), "limits.HeadYaw.position"),
+        (Spykee, "", "trackL.val", ((50, 30), (10, 10), (-50, -30)), "limits.trackL.speed"),
+        (Bioloid, "", "motor6.val", ((2, 0.5), (0.2, 0.2), (-2, -0.5)), "limits.motor6.position"),
+        (Bioloid, WHEEL, "motor7.speed", ((3, 1), (0.5, 0.5), (-3, -1), (-0.5, -0.5)), "limits.motor7.speed"),
+        (Nxt, "", "wheelL.speed", ((100, 20), (10, 10), (-100, -20)), "limits.C.speed"),
+        (Drives, "drive5.load = 1|;", "drive5.speed", ((10, 2), (1, 1), (-10, -2)), "limits.drive5.speed"),
+        (Segway, "", "rmp.forwardSpeed", ((3, 0.5), (0.2, 0.2)), "limits.base.speed"),
+    ],
+)
+def test_what_is_applied_is_right_behind_the_write(
+    kind_of_lab: Any, switch: str, slot: str, writes: tuple[tuple[float, float], ...], name: str
+) -> None:
+    device, key, kind = slot.split(".")[0], *name.split(".")[1:]
+    table = {key: {kind: [-writes[0][1], writes[0][1]] if kind == "position" else writes[0][1]}}
+    lab = kind_of_lab.ready(limits=table)
+    lab.say(switch, 1.0)
+    for wanted, applied in writes:
+        # One round: the worker has not heard of it yet.
+        heard = lab.say(f"{slot} = {wanted}|; [{device}.requested, {device}.applied]; {device}.limitedBy;").splitlines()
+        requested, shown = (float(part) for part in heard[0].strip("[]").split(", "))
+        assert requested == wanted and shown == pytest.approx(applied, abs=0.01)
+        assert heard[1] == (f'"{name}"' if applied != wanted else '""')
+    lab.say(f"{slot} = {writes[0][0]}|; {slot} = {writes[1][0]}|;")
+    for _ in range(20):
+        lab.step()
+        # No late report about the write before.
+        assert lab.number(f"{device}.applied") == pytest.approx(writes[1][1], abs=0.01)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,10 @@ import pytest
 from nao_caller import Plug
 from nao_lab import Lab
 
-from urbihw.platforms.nao.http_visitor import LARGEST, REQUEST_TIMEOUT_S, find_allowed_hosts, write_value
+from urbihw.buses.qi.login import Login
+from urbihw.buses.qi.login_guard import LoginGuard
+from urbihw.platforms.nao.http_request import LARGEST
+from urbihw.platforms.nao.http_visitor import REQUEST_TIMEOUT_S, HttpVisitor, find_allowed_hosts, write_value
 from urbihw.platforms.nao.literals import DEEPEST, parse_call
 from urbihw.platforms.nao.options import Options
 from urbihw.settings import BadSetting
@@ -178,6 +181,12 @@ def test_a_caller_that_leaves_ends_its_call(http: HttpLab) -> None:
         {"Host": "evil.example"},
         {"Host": "evil.example:80", "Sec_Fetch_Site": "same-origin", "Origin": "http://evil.example:80"},
         {"Host": "127.0.0.1:1"},
+        {"Sec_Fetch_Mode": "no-cors"},
+        {"Sec_Fetch_Dest": "image"},
+        {"Sec_CH_UA": "x"},
+        {"Cookie": "a=b"},
+        {"Accept_Language": "de"},
+        {"Upgrade_Insecure_Requests": "1"},
     ],
     ids=str,
 )
@@ -195,6 +204,78 @@ def test_a_web_page_cannot_call(http: HttpLab, headers: dict[str, str]) -> None:
 )
 def test_a_user_can(http: HttpLab, headers: dict[str, str]) -> None:
     assert http.call("mathematics.add(2,3)", **headers) == (200, "5")
+
+
+BROWSER = "Sec-Fetch-Site: cross-site\r\nOrigin: http://evil.example\r\n"
+
+
+def test_no_padding_hides_a_web_page(http: HttpLab) -> None:
+    for size in range(LARGEST - 400, LARGEST + 100, 25):
+        for end in (BROWSER, f"{BROWSER}X: {'B' * 3000}\r\n"):
+            target = "/?eval=mathematics.slow()&x=" + "A" * (size - 100)
+            data = f"GET {target} HTTP/1.1\r\nHost: localhost\r\n{end}\r\n".encode()
+            assert http.fetch(data)[0] == (403 if len(data) <= LARGEST else 431)
+    http.lab.run(2.0)
+    assert http.lab.number("done") == 0
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        "Host : localhost", "Host: localhost\r\nbogus line", "Host: localhost\r\n evil", "Host: localhost\r\n\tevil",
+        "Host: localhost\r\nOrigin : http://evil", "Host: localhost\r\nA: b\rOrigin: c", "Host: localhost\nA: b",
+        "Host: localhost\r\nA: b\0", "Host: localhost\r\n: b", "Host: localhost\r\nHost: localhost",
+        "Host: localhost\r\nhOST: evil", "Host: localhost\r\nOrigin: http://localhost\r\nORIGIN: http://evil",
+        "Host: localhost\r\nSec-Fetch-Site: none\r\nSec-Fetch-Site: cross-site", " Host: localhost", "A: b",
+        "Host: localhost\r\nContent-Length: 4", "Host: localhost\r\nTransfer-Encoding: chunked",
+        "Host: localhost\r\nO\x80rigin: a", "\r\nHost: localhost",
+    ],
+    ids=repr,
+)  # fmt: skip
+def test_odd_headers_are_refused(http: HttpLab, rows: str) -> None:
+    data = f"GET /?eval=mathematics.slow() HTTP/1.1\r\n{rows}\r\n\r\n".encode("latin-1")
+    assert http.fetch(data)[0] == 400
+
+
+@pytest.mark.parametrize(
+    ("line", "status"),
+    [
+        ("GET http://localhost/?eval=mathematics.slow() HTTP/1.1", 400),
+        ("GET //evil/?eval=mathematics.slow() HTTP/1.1", 404),
+        ("GET /?eval=mathematics.slow()#x HTTP/1.1", 400),
+        ("GET  /?eval=mathematics.slow() HTTP/1.1", 400),
+        ("GET /?eval=mathematics.slow() HTTP/1.999", 400),
+        ("GET /?eval=mathematics.slow()", 400),
+        ("get /?eval=mathematics.slow() HTTP/1.1", 400),
+        ("GET /?eval=mathematics.slow()%ff HTTP/1.1", 400),
+        ("HEAD /?eval=mathematics.slow() HTTP/1.1", 405),
+    ],
+)
+def test_odd_request_lines_are_refused(http: HttpLab, line: str, status: int) -> None:
+    assert http.fetch(f"{line}\r\nHost: localhost\r\n\r\n".encode())[0] == status
+    http.lab.run(1.5)
+    assert http.lab.number("done") == 0
+
+
+def test_a_long_error_is_cut(http: HttpLab) -> None:
+    status, text = http.call("a" * 3000 + ".b()")
+    assert status == 404 and len(text) <= 300
+
+
+def test_a_long_request_is_more_work() -> None:
+    asked: list[str] = []
+
+    def ask(visitor: HttpVisitor, module: str, method: str, arguments: Any, then: Any) -> bool:
+        asked.append(method)
+        return True
+
+    for count, work in ((1, 1), (2000, 16)):
+        guard = LoginGuard(lambda: 0.0)
+        visitor = HttpVisitor(0.0, "127.0.0.1", ["localhost"], ask, lambda visitor: None, guard, Login())
+        target = f"/?eval=a.b([{','.join('1' * count)}])"
+        visitor.receive(f"GET {target} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
+        assert visitor.work(64) == work
+    assert asked == ["b", "b"]
 
 
 def test_names_of_another_address() -> None:
@@ -256,6 +337,8 @@ def test_a_password_is_asked_for(open_lab: Callable[..., HttpLab]) -> None:
     for wrong in ("Basic ?", "Basic " + base64.b64encode(b"nao:guess").decode(), "Bearer x"):
         assert http.call("mathematics.add(2,3)", Authorization=wrong)[0] == 401
     right = "Basic " + base64.b64encode(b"nao:secret").decode()
+    assert http.call("mathematics.add(2,3)", Authorization=right)[0] == 429
+    http.lab.run(2.5)
     assert http.call("mathematics.add(2,3)", Authorization=right) == (200, "5")
 
 

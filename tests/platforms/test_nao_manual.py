@@ -33,7 +33,7 @@ def test_starting_up() -> None:
     assert lab.device.body.walking
     lab.say("sleep(10ms) | tag.stop;", 1)
     assert not lab.device.body.walking and 0.1 < lab.device.body.x - begun < 0.5
-    assert lab.say("robot.dump;").startswith("*** robot: Identity Mobile\n***   body")
+    assert lab.say("robot.dump;").startswith("*** robot: Identity Network Mobile\n***   body")
 
 
 def test_accessing_joints() -> None:
@@ -107,7 +107,7 @@ def test_other_sensors() -> None:
     names = ("footTouchL", "footTouchR", "headSensorR", "headSensorM", "headSensorF", "accelZ", "gyroX", "gyroY")
     assert [lab.number(f"{name}.val") for name in names] == pytest.approx([1, 0, 1, 0, 0, 9.8, 0, 0])
     assert lab.number("battery.current") == pytest.approx(-0.8)
-    assert lab.look("battery.voltage.isNan") == "true"
+    assert lab.look("battery.voltage.isNil") == "true"
     slots = ("val", "left", "right", "leftFootTotalWeight", "rightFootTotalWeight")
     assert [lab.number(f"fsr.{slot}") for slot in slots] == pytest.approx([1, 1, 1, 2.6, 2.6])
 
@@ -131,7 +131,7 @@ def test_modules() -> None:
     lab.say("walker.walkTo(0.1, 0, 0) & legs.waitUntilMoveIsFinished;", 4)
     assert lab.device.body.x == pytest.approx(0.1, abs=0.01)
     assert lab.say("ALMotion.robotIsWakeUp; DCM.getTime(5) - DCM.getTime(0) < 100;", 0.5).split() == ["true", "true"]
-    assert "Cannot find service 'ALNothing' in index" in lab.say('ALProxy("Nothing");', 0.5)
+    assert "this robot has no service ALNothing, and no Nothing" in lab.say('ALProxy("Nothing");', 0.5)
     assert "it takes setAngles(mmf)" in lab.say("motion.setAngles(1);", 0.5)
 
 

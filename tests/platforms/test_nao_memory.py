@@ -200,3 +200,11 @@ def test_an_event_outlives_the_connection_that_asked_for_it() -> None:
     lab.device.memory.raise_event("mine", 2)
     lab.run(0.1)
     assert lab.heard() == "*** 2"
+
+
+@pytest.mark.parametrize("argument", ["Object", "function () { 1 }", "Event.new", "[[1, [Tag.new]]]", '["a" => Lobby]'])
+def test_an_object_is_no_argument_of_a_service(argument: str) -> None:
+    lab = Lab.ready()
+    told = lab.say(f'stm.set("a", {argument});', 0.3)
+    assert "no other object can be sent" in told, told
+    assert lab.say('stm.set("a", [1, "b"]); stm.get("a");', 0.3) == '[1, "b"]'

@@ -9,6 +9,7 @@ import pytest
 from nao_caller import QiCaller
 from nao_lab import Lab, stand
 
+from urbihw.platforms.nao.module_part import MODULE_CALL_BURST, MODULE_CALLS_A_SECOND
 from urbihw_fakes.nao import codec
 from urbihw_fakes.nao.device import Nao
 from urbihw_fakes.nao.foreign import Info
@@ -206,6 +207,36 @@ def test_too_many_calls_at_once(lab: Lab) -> None:
     assert {str(value) for value in values if value != 1.0} == {"slow: too many calls at once"}
 
 
+def test_a_flood_of_callers_does_not_reach_the_programs(lab: Lab) -> None:
+    declare(lab, "mark(x) { Global.marked++ }")
+    lab.say('var Global.marked = 0|; mathematics.bindUrbiMethod("mark", "", [["x", ""]], []);', 0.3)
+    callers = [caller_of(lab) for _ in range(4)]
+    began = lab.clock.now()
+    while lab.clock.now() < began + 2.0:
+        for each in callers:
+            for _ in range(20):
+                each.start("mark", 1, kind=codec.POST)
+        callers[0].look()
+    passed = lab.number("marked")
+    assert 100 < passed <= MODULE_CALL_BURST + MODULE_CALLS_A_SECOND * (lab.clock.now() - began) + 1
+    lab.run(2.0)
+    assert callers[0].call("add", 1, 1) == 2
+    for each in callers:
+        each.socket.close()
+
+
+def test_a_long_argument_does_not_reach_the_programs(lab: Lab, caller: QiCaller) -> None:
+    for argument in ("z" * 65000, [None] * 10000, [["z" * 100] * 20] * 20):
+        told = str(caller.call("add", argument, 1))
+        assert "more than" in told and len(told) <= 300 and "\n" not in told
+
+
+def test_a_long_error_of_a_function_is_cut(lab: Lab) -> None:
+    declare(lab, 'boom() { throw "no" * 10000 }')
+    with caller_of(lab) as caller:
+        assert len(str(caller.call("boom"))) <= 300
+
+
 def test_a_post_is_run_and_not_answered(lab: Lab) -> None:
     declare(lab, "mark() { Global.marked = 1 }")
     lab.say("var Global.marked = 0|;")
@@ -300,10 +331,11 @@ def test_declared_again_it_is_the_same_method(lab: Lab, caller: QiCaller) -> Non
     assert caller.methods["add"][0] == before
 
 
-def test_made_again_the_new_one_is_called(lab: Lab, caller: QiCaller) -> None:
+def test_withdrawn_and_made_again_the_new_one_is_called(lab: Lab) -> None:
     text = MATHEMATICS.replace("a + b", "a * b").replace("var mathematics =", "mathematics =")
-    assert lab.say(text, 0.5) == ""
-    assert caller.call("add", 5, 3) == 15
+    assert lab.say("mathematics.withdraw; " + text, 0.5) == ""
+    with caller_of(lab) as caller:
+        assert caller.call("add", 5, 3) == 15
     assert len(infos(lab)) == 1
 
 
@@ -351,3 +383,14 @@ def test_a_password_is_asked_of_callers_too(open_lab: Callable[..., Lab]) -> Non
         stranger.until(lambda: stranger.closed)
     with caller_of(lab, auth_user="nao", auth_token="secret") as caller:
         assert caller.call("add", 2, 3) == 5
+
+
+def test_a_name_that_is_taken(lab: Lab) -> None:
+    told = lab.say('ALModule.new("mathematics");', 0.5).splitlines()
+    assert told[0].endswith(
+        'there is a module mathematics already: choose another name, or naoModules.withdraw("mathematics") first'
+    )
+    # The first one works on, and its name is free again when it is withdrawn.
+    assert lab.say("mathematics.add(1, 2);", 0.2).endswith("3")
+    assert lab.say('mathematics.withdraw; ALModule.new("mathematics")|; echo("new");', 0.5) == "*** new"
+    assert list(infos(lab)) == ["mathematics"]

@@ -234,3 +234,12 @@ def test_what_nobody_reads_is_bounded(lab: Lab) -> None:
         lab.device.directory.call_service("urbihwMicro", "processRemote", (1, 8000, [0, 0], bytes(16000)))
     lab.run(0.1)
     assert max(ear.sizes) == 32000
+
+
+def test_a_volume_that_is_no_number_is_refused_and_the_slot_lives_on() -> None:
+    lab = Lab.ready()
+    for bad in ('"loud"', "[]", "nan"):
+        assert "takes a" in lab.say(f"nao.volume = {bad};", 0.2)
+    lab.say("nao.volume = 33;", 0.3)
+    assert lab.device.audio.volume == 33
+    assert "takes a number" in lab.say("tts.speed = [];", 0.2)

@@ -13,7 +13,9 @@ from nao_rig import TICK, Rig
 
 from urbihw.buses.messages import Refused, Targets
 from urbihw.platforms.nao import watchdog as w
+from urbihw.platforms.nao.call_part import BEGUN
 from urbihw.platforms.nao.watchdog_part import FEED_PERIOD_S, HOLD_S
+from urbihw_fakes.nao.behaviours import Behaviours
 from urbihw_fakes.nao.device import Nao
 
 PROGRAM = Path(w.__file__)
@@ -252,6 +254,42 @@ def test_a_joint_on_its_way_and_what_a_service_does_are_fed() -> None:
     lose_link(rig)
     live(rig, HOLD_S + BRAKE_S)
     assert not rig.body.walking
+
+
+def test_a_behaviour_that_was_begun_here_ends_before_the_motion() -> None:
+    rig = rig_with_watchdog()
+    (manager,) = [each for each in rig.robot.services.values() if isinstance(each, Behaviours)]
+    manager.start("dialog/wait")
+    rig.request("call", "ALBehaviorManager", "startBehavior", "animations/wave")
+    assert manager.get_running() == ["dialog/wait", "animations/wave"]
+    lose_link(rig)
+    live(rig, HOLD_S + BRAKE_S)
+    assert (manager.stopped, manager.get_running()) == (["animations/wave"], ["dialog/wait"]), "those of others go on"
+    place = rig.body.joints["RShoulderPitch"].angle
+    live(rig, 3.0)
+    assert rig.body.joints["RShoulderPitch"].angle == pytest.approx(place, abs=0.01)
+
+
+@pytest.mark.parametrize("gone", ["ALBehaviorManager", "ALMemory", ""])
+def test_the_walk_is_ended_whatever_becomes_of_the_behaviours(gone: str) -> None:
+    class Memory:
+        def getData(self, key: str) -> object:
+            return 5 if not gone else [True, ["animations/wave"]]
+
+    def find_service(name: str) -> object:
+        if name == gone or name != "ALMemory":
+            raise RuntimeError(f"no {name}")
+        return Memory()
+
+    motion = Motion()
+    watchdog = w.Watchdog(motion, find_service)
+    watchdog.feed(0.5)
+    advance(watchdog, 0.6 + w.STAND_S)
+    assert motion.called == ["stopMove", "killAll"]
+
+
+def test_the_program_and_the_driver_agree_on_the_key() -> None:
+    assert w.BEGUN == BEGUN
 
 
 def test_a_program_that_fails_is_told_of_once() -> None:

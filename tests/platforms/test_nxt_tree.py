@@ -18,12 +18,13 @@ def test_the_tree() -> None:
         "Identity: robot",
         "Mobile: robot",
         "Motor: claw",
+        "Network: robot",
         "RotationalMotor: wheelL wheelR",
         "Sensor: light decibel",
         "TouchSensor: bumper",
     ]
     assert lab.say("robot.body.wheel[left] === wheelL; robot.model; robot.serial; robot.type;") == (
-        'true\n"LEGO MINDSTORMS NXT TriBot"\n"00:16:53:01:02:03"\n"wheeled"'
+        'true\n"LEGO MINDSTORMS NXT"\n"00:16:53:01:02:03"\n"wheeled"'
     )
 
 

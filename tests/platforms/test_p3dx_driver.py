@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, ClassVar
 
@@ -11,7 +12,8 @@ from driver_rig import START, DriverRig
 from urbihw.buses.driver import Driver
 from urbihw.buses.errors import LinkGone, Unavailable
 from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, Samples, Watch
-from urbihw.navigation.sickdriver import LaserInfo, SickDriver
+from urbihw.navigation.lasers.driver import LaserInfo
+from urbihw.navigation.lasers.lms200driver import SickDriver
 from urbihw.platforms.p3dx.driver import ArcosDriver
 from urbihw.platforms.p3dx.protocol import command
 from urbihw.settings import BadSetting
@@ -446,11 +448,11 @@ def laser(kit: Kit | None = None) -> tuple[Bench, Kit]:
 
 def test_the_laser_scans_after_attaching() -> None:
     bench, _ = laser()
-    assert bench.attach().news == [Found((LaserInfo(180, 100),))]
+    assert bench.attach().news == [Found((LaserInfo(math.pi, math.radians(1)),))]
     seen = values(bench.run(1.0), "laser")
     assert len(seen["ranges"]) == 181
     assert seen["ranges"][0] == pytest.approx(3.0) and seen["ranges"][90] == pytest.approx(2.979)
-    assert seen["unit"] == 0.001 and not seen["dirty"]
+    assert seen["farthest"] == pytest.approx(8.182) and not seen["dirty"]
 
 
 def test_a_laser_left_scanning_is_found_again() -> None:
@@ -473,7 +475,7 @@ def test_no_laser_answers() -> None:
 def test_a_laser_that_refuses_says_so() -> None:
     bench, kit = laser()
     obey: Callable[[bytes, float], list[bytes]] = kit.laser._execute_command
-    kit.laser._execute_command = lambda payload, now: [b"\x92"] if payload[0] == 0x3B else obey(payload, now)  # type: ignore[method-assign]
+    kit.laser._execute_command = lambda payload, now: [b"\x92"] if payload[0] == 0x3B else obey(payload, now)
     with pytest.raises(Unavailable, match="refused 3B B4 00 64 00"):
         bench.attach()
 

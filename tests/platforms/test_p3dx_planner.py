@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 import threading
+from ast import literal_eval
 from pathlib import Path
 
 import pytest
 from p3dx_lab import Lab
 
+from urbihw.navigation import maps
+from urbihw.navigation.grid import Grid
 from urbihw_fakes.p3dx.kit import P3dx as Kit
 from urbihw_fakes.p3dx.world import World, add_box
 
@@ -238,7 +241,7 @@ def test_scans_need_the_laser(tmp_path: Path) -> None:
     assert lab.look("P3dx.planner.mapFileName") == '""'
 
 
-def test_a_robot_that_is_not_at_home_is_lost(tmp_path: Path) -> None:
+def test_a_robot_that_is_not_at_home_finds_itself(tmp_path: Path) -> None:
     lab = Lab.ready(localization="scan")
     path = lab.write_map(tmp_path)
     lab.kit.body.set_pose(4.5, 1.0, 2.0)
@@ -248,7 +251,134 @@ def test_a_robot_that_is_not_at_home_is_lost(tmp_path: Path) -> None:
     think(lab)
     lab.run(12)
     assert lab.heard() == "*** lost"
-    assert lab.look("P3dx.planner.mapFileName") == '""'
+    find_itself(lab)
+    x, y, _ = lab.where()
+    assert math.dist((x, y), position(lab)[:2]) < 0.05
+
+
+def position(lab: Lab) -> list[float]:
+    """Where the robot believes to be: x, y, heading."""
+    x, y, _, heading = literal_eval(lab.look("P3dx.body.odometry.position"))
+    return [x, y, heading]
+
+
+def find_itself(lab: Lab) -> None:
+    """Turn by hand until the robot knows where it is."""
+    lab.say("P3dx.body.load = 1; P3dx.body.yaw.speed = 0.5;")
+    end = lab.clock.now() + 40
+    while lab.look("P3dx.planner.ready") != "true":
+        assert lab.clock.now() < end, "it does not find itself"
+        lab.run(0.2)
+        think(lab)
+    lab.say("P3dx.body.yaw.speed = 0;", 1.5)
+
+
+def test_a_robot_that_is_carried_away_finds_itself_and_reaches_its_goal(tmp_path: Path) -> None:
+    lab = ready(tmp_path, localization="scan")
+    send(lab, "[5, 0, 0]")
+    lab.run(2)
+    lab.kit.body.set_pose(4.5, -1.5, 2.0)
+    lab.run(6)
+    lab.heard()
+    find_itself(lab)
+    x, y, heading = lab.where()
+    assert position(lab) == pytest.approx([x, y, heading], abs=0.05)
+    send(lab, "[0, 1, 0]")
+    assert arrived(lab) == "*** path 1"
+    assert math.dist(lab.where()[:2], (0, 1)) < 0.1
+
+
+def test_a_position_that_is_written_ends_the_search(tmp_path: Path) -> None:
+    lab = ready(tmp_path, localization="scan")
+    lab.kit.body.set_pose(4.5, -1.5, 2.0)
+    lab.run(6)
+    assert lab.heard() == "*** lost"
+    lab.say("P3dx.body.odometry.position = [4.45, -1.5, 0, 2];", 3)
+    assert lab.look("P3dx.planner.ready") == "true"
+    assert math.dist(position(lab)[:2], (4.5, -1.5)) < 0.05
+
+
+def test_a_box_that_is_taken_away_is_forgotten(tmp_path: Path) -> None:
+    lab = ready(tmp_path)
+    walls = list(lab.kit.world.walls)
+    add_box(lab.kit.world, 2.0, 0.0, 0.5)
+    send(lab, "[2, 0, 0]")
+    assert arrived(lab, 120) == "*** path 0"
+    assert lab.look("P3dx.planner.failure") == '"obstacles that the sensors see close the way"'
+    lab.kit.world.walls[:] = walls
+    for _ in range(2):
+        send(lab, "[2, 0, 0]")
+        assert arrived(lab, 120) == "*** path 1"
+        assert math.dist(lab.where()[:2], (2, 0)) < 0.1
+        send(lab, "[0, 0, 0]")
+        assert arrived(lab) == "*** path 1"
+
+
+@pytest.mark.parametrize("how", ["stop", "client gone", "link lost"])
+def test_what_ends_the_wait_for_an_obstacle_ends_it_for_good(tmp_path: Path, how: str) -> None:
+    lab = ready(tmp_path)
+    walls = list(lab.kit.world.walls)
+    add_box(lab.kit.world, 2.0, 0.0, 0.5)
+    send(lab, "[2, 0, 0]")
+    for _ in range(50):
+        lab.run(0.2)
+        think(lab)
+    assert lab.look("P3dx.planner.active") == "true" and not lab.kit.body.moving
+    if how == "stop":
+        lab.look("robot.stop")
+    elif how == "client gone":
+        lab.lobby.close()
+    else:
+        lab.robot_line.end.unplug()
+        lab.run(2)
+        lab.robot_line.end.replug()
+    lab.run(2)
+    lab.kit.world.walls[:] = walls
+    stood = lab.where()
+    for _ in range(20):
+        lab.run(1)
+        think(lab)
+    assert lab.look("P3dx.planner.active") == "false"
+    assert lab.where() == pytest.approx(stood, abs=1e-3)
+
+
+def test_a_box_that_moves_into_the_path_is_driven_around_without_touching_it(tmp_path: Path) -> None:
+    lab = ready(tmp_path)
+    send(lab, "[0, 2.5, 90deg]")
+    lab.run(2.5)
+    add_box(lab.kit.world, 0.0, 1.9)
+    assert arrived(lab) == "*** path 1"
+    assert not lab.kit.body.front
+
+
+def test_a_map_is_built_by_driving_and_used(tmp_path: Path) -> None:
+    lab = Lab.ready(Kit(slip=0.05))
+    lab.say("P3dx.body.load = 1; P3dx.body.laser.load = 1;", 2)
+    lab.say(EVENTS + "P3dx.planner.startMapping;")
+    for v, w, seconds in ((0.3, 0.0, 6.0), (0.0, 0.6, 6.0), (0.3, 0.0, 6.0), (0.0, -0.6, 8.0)):
+        lab.say(f"P3dx.body.x.speed = {v}; P3dx.body.yaw.speed = {w};")
+        for _ in range(round(seconds / 0.2)):
+            lab.run(0.2)
+            think(lab)
+    lab.say("P3dx.body.x.speed = 0; P3dx.body.yaw.speed = 0;", 2)
+    assert math.dist(lab.where()[:2], position(lab)[:2]) < 0.06
+    assert lab.say(f'P3dx.planner.saveMap("{tmp_path}/built");') == ""
+    assert lab.say("P3dx.planner.stopMapping;") == ""
+    built = Grid.of(maps.read(f"{tmp_path}/built.yaml"), 0.05)
+    for wall in World.room().walls:
+        x, y = (wall[0] + wall[2]) / 2, (wall[1] + wall[3]) / 2
+        assert built.distance(x, y) < 0.11, wall
+    left, bottom, right, top = built.bounds
+    assert (left, bottom, right, top) == pytest.approx((-2, -3, 6, 3), abs=0.2)
+
+
+def test_what_building_a_map_needs(tmp_path: Path) -> None:
+    lab = Lab.ready()
+    assert "switch it on first: P3dx.body.laser.load = 1" in lab.say("P3dx.planner.startMapping;")
+    assert "begin with startMapping" in lab.say('P3dx.planner.saveMap("x");')
+    lab.say("P3dx.body.laser.load = 1;", 2)
+    lab.say("P3dx.planner.startMapping;", 2)
+    assert "cannot be written: No such file" in lab.say('P3dx.planner.saveMap("/no/such/folder/map");')
 
 
 def test_a_robot_that_is_carried_away_is_lost_and_stands(tmp_path: Path) -> None:

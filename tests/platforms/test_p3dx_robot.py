@@ -207,7 +207,6 @@ def test_bumps_and_stalls_are_told() -> None:
     lab.say("P3dx.body.load = 1;", 0.5)
     lab.say("P3dx.body.x.speed = 0.6;", 8)
     assert lab.heard() == ""
-    assert lab.look("P3dx.body.stalled") == "true"
     assert lab.look("P3dx.body.frontBumpers") == "[false, false, true, false, false]"
     lab.say("P3dx.body.x.speed = -0.2;", 2)
     assert lab.look("P3dx.body.stalled") == "false"

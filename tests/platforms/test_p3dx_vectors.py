@@ -7,7 +7,7 @@ import math
 import pytest
 
 from urbihw.buses.errors import BadFrame, BadValue
-from urbihw.navigation import sick
+from urbihw.navigation.lasers import lms200 as sick
 from urbihw.platforms.p3dx import commands, packets, sip
 from urbihw.platforms.p3dx.factors import ANGLE, FACTORS, factors_of
 from urbihw.platforms.p3dx.protocol import Framer, command
@@ -265,7 +265,7 @@ def test_scan() -> None:
     (reply,) = sick.Framer().feed(received("sick-scan"))
     scan = sick.parse_scan(reply)
     assert scan.ranges == tuple((1000 + index) * 0.001 for index in range(181))
-    assert scan.unit == 0.001 and not scan.dirty
+    assert scan.farthest == 8.182 and not scan.dirty
 
 
 def test_readings_that_are_no_distances() -> None:

@@ -139,10 +139,19 @@ def test_channel_b_and_the_old_heartbeat_are_ignored() -> None:
 
 
 @pytest.mark.parametrize("junk", [b"1234567", b"\xf0" * 7, b"\xf0\x55\xaa", GOOD[:11], bytes(1000), b"\xf0" * 1000])
-def test_garbage_before_a_packet_counts_once(junk: bytes) -> None:
+def test_garbage_before_a_packet_counts_for_its_length(junk: bytes) -> None:
     reader = UsbReader()
     assert reader.feed(junk + GOOD + GOOD)[-1:] == [FRAME]
-    assert reader.damaged == 1
+    assert reader.damaged == math.ceil(len(junk) / len(GOOD))
+
+
+def test_packets_cut_short_are_counted_as_they_come() -> None:
+    reader = UsbReader()
+    for count in range(1, 11):
+        # Packets cut short: each is followed by the next.
+        for _ in range(18):
+            reader.feed(bytes.fromhex("F0 55 AA 00 80 00 00"))
+        assert 7 * count - 3 <= reader.damaged <= 7 * count
 
 
 def test_packets_come_in_pieces() -> None:

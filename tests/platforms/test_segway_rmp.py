@@ -207,6 +207,34 @@ def test_modes_by_name(caplog: pytest.LogCaptureFixture) -> None:
     assert [record.message for record in caplog.records if "not done" in record.message] != []
 
 
+def test_a_low_battery_is_an_event() -> None:
+    lab = Lab.ready()
+    lab.say("at (rmp.batteryLow?(var volts)) echo(volts);")
+    lab.say('at (robot.body.battery.low?(var volts)) echo("tree");')
+    battery = lab.base.body
+    for volts, heard in ((66.0, ""), (65.5, "65.5 tree"), (66.5, ""), (65.0, ""), (67.25, ""), (64.0, "64 tree")):
+        battery.volts = volts
+        lab.run(0.5)
+        assert sorted(lab.heard().replace("*** ", "").split()) == heard.split()
+    battery.volts = 75.0
+    lab.say("rmp.lowVoltage = 70;", 0.5)
+    battery.volts = 69.5
+    lab.run(0.5)
+    assert "69.5" in lab.heard()
+
+
+def test_gyros_are_in_radians_per_second() -> None:
+    lab = Lab.ready()
+    lab.base.body.push(math.radians(5))
+    lab.run(0.06)
+    body = lab.base.body
+    assert abs(body.pitch_rate) > 0.01
+    assert lab.number("robot.body.gyro[y].speed") == pytest.approx(body.pitch_rate, abs=0.05)
+    assert lab.number("robot.body.gyro[y].angle") == pytest.approx(body.pitch, abs=0.01)
+    lab.say("rmp.yawSpeed = 0.5;", 2.0)
+    assert lab.number("robot.body.yaw.speed") == pytest.approx(body.turn, abs=0.01)
+
+
 def test_faults_are_said_in_words() -> None:
     lab = Lab.ready(SegwayRmp(mode=f.TRACTOR))
     assert lab.say("rmp.fault; rmp.motors;") == '""\ntrue'
@@ -560,14 +588,19 @@ def test_a_speed_of_before_does_not_come_back_with_the_link() -> None:
     assert lab.base.body.speed == pytest.approx(1.0, abs=0.01)
 
 
-@pytest.mark.parametrize(("word", "amount"), [("checksum", None), ("noise", 7), ("cut", None)])
+@pytest.mark.parametrize(("word", "amount"), [("checksum", None), ("noise", 7), ("cut", 25)])
 def test_a_bad_line_is_counted_and_the_base_stays_in_hand(word: str, amount: float | None) -> None:
     lab = Lab.ready()
-    lab.say("rmp.forwardSpeed = 0.5;", 1.0)
+    lab.say("rmp.forwardSpeed = 0.5;", 1.1)
+    assert lab.number('segway.statistics["damaged"]') == 0
+    counts = []
     for _ in range(60):
         lab.device.faults.start(word, amount=amount, times=1)
         lab.step()
-    lab.run(1.0)
+        counts.append(lab.number('segway.statistics["damaged"]'))
+    assert max(counts) >= 20
+    lab.run(2.0)
+    assert lab.number('segway.statistics["damaged"]') == 0
     assert lab.base.body.speed == pytest.approx(0.5, abs=0.01)
     assert lab.number("rmp.forwardSpeed") == pytest.approx(0.5, abs=0.01)
     assert lab.say("segway.state;") == '"ok"'

@@ -87,6 +87,37 @@ def test_functions_bound_late() -> None:
     assert console.say("tool.answer; tool.plus(1, 1);") == ["42", "2"]
 
 
+class Finger(UObject):
+    def init(self) -> None:
+        self.cells: dict[int, float] = {}
+
+    @function("[]")
+    def get(self, index: int) -> float:
+        return self.cells[index]
+
+    @function("[]=")
+    def put(self, index: int, value: float) -> float:
+        self.cells[index] = value
+        return value
+
+
+class Hand(UObject):
+    def init(self) -> None:
+        self.fingers = [self.host.create(Finger) for _ in range(4)]
+
+    @function("[]")
+    def get(self, index: int) -> Finger:
+        return self.fingers[index]
+
+
+def test_assignments_by_index_reach_through_nested_devices() -> None:
+    console = Console(Finger, Hand)
+    hand = console.host.create(Hand, "finger")
+    assert console.say("finger[3][2] = 7; finger[3][2] += 1; finger[3][2]++; finger[3][2];") == ["7", "8", "8", "9"]
+    assert hand.fingers[3].cells == {2: 9.0}
+    assert hand.fingers[2].cells == {}
+
+
 # ---------------------------------------------------------------- threads
 
 

@@ -36,7 +36,7 @@ class StatisticsCounter:
             time=now,
             rate=self.ticks / elapsed,
             late=self.late,
-            errors={kind: count for kind, count in news.items() if count > 0},
+            errors={kind: max(count, 0) for kind, count in news.items()},
             load=min(busy, 1.0),
             dropped=dropped,
         )

@@ -51,12 +51,15 @@ class Driver:
             switched off by hand); the engine treats it as a stop with this reason.
         knows_motion: whether the devices tell if they move, so that `stop_what_moves` knows.
         url_parameters: parameters of the url that are meant for the robot; the port is opened without them.
+        identity: what tells the robot that `attach` has found from others of its kind, such as its serial number; "" if
+            nothing does. The engine stops everything when another robot answers than the last time.
     """
 
     slow_verbs: frozenset[str] = frozenset()
     knows_motion: bool = False
     url_parameters: frozenset[str] = frozenset()
     halted: str = ""
+    identity: str = ""
 
     def configure(self, settings: Configure) -> None:
         """Apply settings.  Raises BadValue, BadSetting."""

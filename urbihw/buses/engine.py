@@ -97,6 +97,7 @@ class Engine:
         self._stopped_for_silence_since: float | None = None
         self._pending_stop_reason = ""
         self._first_link = True
+        self._identity = ""
         self._requests: list[Request] = []
         self._tick_messages: list[FromWorker] = []
         self._ticker = Ticker(1 / begin.settings.rate, now)
@@ -388,16 +389,27 @@ class Engine:
         """Stop the robot before anything else on a link that was just opened.
 
         On the first link only devices that move are stopped.  Later, those that this worker has moved: the fate of the
-        last writes is unknown.  If a stop is pending, all of them.
+        last writes is unknown.  If a stop is pending, or if it is another robot than the last one, all of them; nothing
+        that was begun on the last one goes on.
         """
+        last, self._identity = self._identity, self._driver.identity or self._identity
+        if last not in ("", self._identity):
+            self._run_guarded(self._stop_what_moves)
+            self._pending_stop_reason = ""
+            self._stop_robot(f"another robot answers: {self._identity}, not {last}; it is told to stop")
+            return
         if not self._first_link or self._pending_stop_reason:
             stop = self._driver.safe_stop if self._pending_stop_reason else self._driver.stop_on_reconnect
             if self._run_guarded(stop):
                 self._pending_stop_reason = ""
             return
         self._first_link = False
-        moved: list[Any] = []
-        if self._run_guarded(lambda: moved.extend(self._driver.stop_what_moves())) and moved:
+        self._run_guarded(self._stop_what_moves)
+
+    def _stop_what_moves(self) -> None:
+        """Raises LinkGone."""
+        moved = self._driver.stop_what_moves()
+        if moved:
             self._authority.advance()
             which = ", ".join(map(str, moved))
             self._post_all([Stopped(f"{which} moved when the link was opened", self._authority.epoch)])

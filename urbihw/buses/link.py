@@ -130,6 +130,11 @@ class Port(ABC):
         return self._is_open
 
     @property
+    def context(self) -> Context:
+        """What it was opened with: for another port of the same robot."""
+        return self._context
+
+    @property
     def byte_time(self) -> float:
         """Seconds one byte takes on the wire."""
         return _BITS_PER_BYTE / self.baud
@@ -203,6 +208,9 @@ class Link(Port):
         """Whether what is written now would leave soon: asked before bulk data, behind which a stop would wait."""
         return True
 
+    def set_dtr(self, on: bool) -> None:
+        """Set the modem line DTR, where there is one."""
+
     def discard(self) -> int:
         """Discard all input that has arrived, with an upper bound for a peer that never stops sending.
 
@@ -233,6 +241,12 @@ def set_line_speed(link: Link, baud: int) -> None:
         link.close()
         link.baud = baud
         link.open()
+
+
+def set_dtr(link: Link, *, on: bool) -> None:
+    """Set the modem line DTR of a serial port, with which some adapters switch a motor; no effect on other links."""
+    if has_line_speed(link):
+        link.set_dtr(on)
 
 
 def has_line_speed(link: Link) -> bool:

@@ -15,7 +15,9 @@ from typing import Final
 from urbihw.buses.errors import Unavailable
 
 MOST_VISITORS: Final = 16
-"""Connections at a time; more are closed at once."""
+"""Connections at a time; more are closed at once, unless one of these is idle."""
+IDLE_S: Final = 60.0
+"""Seconds without a byte after which a visitor gives its place to another one, if there is no other place."""
 MOST_ACCEPTED: Final = 4
 """New connections in one look."""
 LOST_S: Final = 10.0
@@ -38,7 +40,10 @@ class Visitor(ABC):
         out: bytes to send.
         closing: nothing more is read, and the connection is closed when ``out`` was sent.
         deadline: when the connection is closed, None for never.
+        heard_at: when bytes came last.
     """
+
+    heard_at: float
 
     def __init__(self, deadline: float | None) -> None:
         self.out = bytearray()
@@ -77,8 +82,11 @@ class Listener:
         host, port: where it listens.
     """
 
-    def __init__(self, host: str, port: int, welcome: Callable[[float], Visitor]) -> None:
-        """``welcome(now)`` makes the visitor of a new connection; port 0 finds a free one.  Raises Unavailable."""
+    def __init__(self, host: str, port: int, welcome: Callable[[float, str], Visitor]) -> None:
+        """``welcome(now, address)`` makes the visitor of a new connection from an address; port 0 finds a free one.
+
+        Raises Unavailable.
+        """
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         self._welcome = welcome
         self._visitors: dict[socket.socket, Visitor] = {}
@@ -99,7 +107,7 @@ class Listener:
         self._accept(now)
         left = MOST_HANDLED
         for link, visitor in list(self._visitors.items()):
-            if not self._read(link, visitor):
+            if not self._read(link, visitor, now):
                 self._dismiss(link)
                 continue
             left -= visitor.work(left)
@@ -123,20 +131,31 @@ class Listener:
     def _accept(self, now: float) -> None:
         for _ in range(MOST_ACCEPTED):
             try:
-                link, _ = self._socket.accept()
+                link, (address, *_) = self._socket.accept()
             except OSError:
                 # Nobody is there, or this process has no descriptor left.
                 return
-            if len(self._visitors) >= MOST_VISITORS:
+            if not self._make_room(now):
                 link.close()
                 continue
             link.setblocking(False)
             link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             link.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
             link.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(LOST_S * 1000))
-            self._visitors[link] = self._welcome(now)
+            visitor = self._visitors[link] = self._welcome(now, address)
+            visitor.heard_at = now
 
-    def _read(self, link: socket.socket, visitor: Visitor) -> bool:
+    def _make_room(self, now: float) -> bool:
+        """Whether there is a place for one more; one that was idle for long gives its own."""
+        if len(self._visitors) < MOST_VISITORS:
+            return True
+        link = min(self._visitors, key=lambda link: self._visitors[link].heard_at)
+        if now - self._visitors[link].heard_at < IDLE_S:
+            return False
+        self._dismiss(link)
+        return True
+
+    def _read(self, link: socket.socket, visitor: Visitor, now: float) -> bool:
         """Read what has come; False when the other side has closed."""
         try:
             for _ in range(MOST_READS):
@@ -145,6 +164,7 @@ class Listener:
                 data = link.recv(READ_BYTES)
                 if not data:
                     return False
+                visitor.heard_at = now
                 visitor.receive(data)
         except BlockingIOError:
             pass

@@ -322,7 +322,7 @@ class Statistics:
         time: end of that second.
         rate: ticks per second.
         late: ticks that were skipped because the previous one took too long.
-        errors: by kind ("timeouts", "damaged", "refused", "retried"); kinds with count 0 are left out.
+        errors: by kind ("timeouts", "damaged", "refused", "retried"): those that the driver counts.
         load: share of the second in which the wire was busy, 0..1.
         dropped: Samples merged into later ones because the parent did not read.
     """

@@ -42,6 +42,12 @@ class SerialLink(FdLink):
         with contextlib.suppress(OSError, serial.SerialException):
             port.reset_input_buffer()
 
+    def set_dtr(self, on: bool) -> None:
+        """See ``Link``; a pseudo terminal has no modem lines."""
+        if self._port is not None:
+            with contextlib.suppress(OSError, serial.SerialException):
+                self._port.dtr = on
+
     def _explain(self, error: OSError) -> Unavailable:
         path = self.url.target
         if error.errno in _IN_USE or "exclusively lock" in str(error):

@@ -10,6 +10,7 @@ All of this happens in the thread that reads from the worker, so it works while 
 from __future__ import annotations
 
 import contextlib
+import pickle
 import threading
 import time
 from collections import deque
@@ -101,9 +102,15 @@ class Supervisor:
         except WorkerBusy:
             return len(self._backlog) > MAX_QUEUED
         except LinkGone as error:
-            if isinstance(message, Request):
-                self._post(Reply(message.reply_id, False, error=str(error)))
+            self._refuse(message, str(error))
+        except (TypeError, AttributeError, pickle.PicklingError, RecursionError) as error:
+            # A value that no other process can get: nothing of the message was sent, and the next one goes through.
+            self._refuse(message, f"this cannot be sent to the bus worker: {error}")
         return True
+
+    def _refuse(self, message: ToWorker, reason: str) -> None:
+        if isinstance(message, Request):
+            self._post(Reply(message.reply_id, False, error=reason))
 
     def stop(self) -> None:
         """Let the worker stop the robot and end.  If it cannot, another worker is started only to stop the robot."""

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import socket
 
 from urbihw.buses.errors import BadUrl, Unavailable
@@ -39,9 +40,18 @@ class TcpLink(FdLink):
         host: str = self._socket.getsockname()[0]
         return host
 
+    @property
+    def peer_host(self) -> str:
+        """The address of the other side of the open connection."""
+        assert self._socket is not None
+        host: str = self._socket.getpeername()[0]
+        return host
+
     def _open(self) -> None:
         try:
             link = socket.create_connection(self._address, timeout=self.connect_timeout_s)
+        except UnicodeError as error:
+            raise Unavailable(errno.EINVAL, f"{self._address[0]!r} cannot be the name of a host") from error
         except OSError as error:
             host, port = self._address
             raise Unavailable(

@@ -96,9 +96,9 @@ class Base:
 
     def order(self, x: float, yaw: float) -> None:
         """Order speeds, m/s and rad/s to the left.  Raises Refused: the order failed, or the server is gone."""
-        deferred, *numbers = map(float, self._ask(f"drive.order({x:.4g}, {yaw:.4g}, {TIMEOUT_S})").split("|"))
-        self.deferred = bool(deferred)
-        now, ordered_x, ordered_yaw, *place = numbers
+        deferred, *words = self._ask(f"drive.order({x:.4g}, {yaw:.4g}, {TIMEOUT_S})").split("|")
+        self.deferred = deferred == "true"
+        now, ordered_x, ordered_yaw, *place = map(float, words)
         self.ordered = ordered_x, ordered_yaw
         self.position = (place[0], place[1], place[2])
         self._measure(now)
@@ -132,6 +132,7 @@ class Driver:
         self._pad = pad
         self._keys = Keys()
         self._terminal = sys.stdin.fileno() if sys.stdin.isatty() else None
+        self._modes: list[Any] = []
         self._ending = ""
         self._suspending = False
         self._problem = ""
@@ -139,7 +140,6 @@ class Driver:
     def run(self) -> int:
         """Drive until the end; returns the exit code."""
         print(f"{self._base.name}: drive it\n{HELP}", flush=True)
-        code = EX_OK
         with self._signals(), contextlib.ExitStack() as terminal:
             terminal.enter_context(self._cbreak())
             try:
@@ -154,7 +154,7 @@ class Driver:
                     self._base.order(0.0, 0.0)
         with contextlib.suppress(OSError):
             print(f"\n{self._base.name} stands: {self._ending}", flush=True)
-        return code
+        return EX_OK
 
     # ---------------------------------------------------------------- what the user wants
 
@@ -181,9 +181,11 @@ class Driver:
         for order in self._keys.feed(data.decode("ascii", "replace"), time.monotonic()):
             if order is Order.LEAVE:
                 self._ending = "left"
-                continue
-            factor = STEP if order is Order.FASTER else 1 / STEP
-            self._full, self._full_turn = self._full * factor, self._full_turn * factor
+            elif order is Order.SUSPEND:
+                self._suspending = True
+            else:
+                factor = STEP if order is Order.FASTER else 1 / STEP
+                self._full, self._full_turn = self._full * factor, self._full_turn * factor
 
     def _wish(self) -> Wish:
         if self._ending or self._suspending:
@@ -206,10 +208,10 @@ class Driver:
 
     def _show(self) -> None:
         base = self._base
-        x, y, theta = base.position
         text = (
-            f"ordered {_speeds(base.ordered)}  measured {_speeds(base.measured)}  at {x:.2f} {y:.2f} m"
-            f" {math.degrees(theta):.0f} deg  full {_speeds((self._full, self._full_turn))}"
+            f"ordered {base.ordered[0]:+.2f} m/s {base.ordered[1]:+.2f} rad/s"
+            f"  measured {base.measured[0]:+.2f} {base.measured[1]:+.2f}"
+            f"  full {self._full:.2f} {self._full_turn:.2f}"
         )
         if base.deferred:
             text = "somebody else stopped or moved the robot: release the keys  " + text
@@ -223,18 +225,29 @@ class Driver:
 
     @contextlib.contextmanager
     def _cbreak(self) -> Iterator[None]:
-        """Keys arrive at once and are not echoed; Ctrl-C and Ctrl-Z are signals still."""
+        """Keys arrive at once and are not echoed, Ctrl-C and Ctrl-Z as well."""
         if self._terminal is None:
             yield
             return
-        before = termios.tcgetattr(self._terminal)
-        tty.setcbreak(self._terminal, termios.TCSADRAIN)
+        self._modes = termios.tcgetattr(self._terminal)
+        self._take_keys()
         try:
             yield
         finally:
-            # A terminal that is gone cannot be restored.
-            with contextlib.suppress(termios.error):
-                termios.tcsetattr(self._terminal, termios.TCSADRAIN, before)
+            self._restore()
+
+    def _take_keys(self) -> None:
+        if self._terminal is not None:
+            tty.setcbreak(self._terminal, termios.TCSADRAIN)
+            modes = termios.tcgetattr(self._terminal)
+            modes[3] &= ~termios.ISIG
+            termios.tcsetattr(self._terminal, termios.TCSADRAIN, modes)
+
+    def _restore(self) -> None:
+        # A terminal that is gone cannot be restored.
+        with contextlib.suppress(termios.error):
+            if self._terminal is not None:
+                termios.tcsetattr(self._terminal, termios.TCSADRAIN, self._modes)
 
     @contextlib.contextmanager
     def _signals(self) -> Iterator[None]:
@@ -258,14 +271,9 @@ class Driver:
         self._keys.release()
         if self._pad is not None:
             self._pad.release()
-        settings = None if self._terminal is None else termios.tcgetattr(self._terminal)
+        self._restore()
         handler = signal.signal(signal.SIGTSTP, signal.SIG_DFL)
         print(f"\n{self._base.name} stands", flush=True)
         os.kill(os.getpid(), signal.SIGTSTP)
         signal.signal(signal.SIGTSTP, handler)
-        if settings is not None and self._terminal is not None:
-            termios.tcsetattr(self._terminal, termios.TCSADRAIN, settings)
-
-
-def _speeds(pair: tuple[float, float]) -> str:
-    return f"{pair[0]:+.2f} m/s {pair[1]:+.2f} rad/s"
+        self._take_keys()

@@ -34,6 +34,7 @@ class Order(Enum):
 
     FASTER = "faster"
     SLOWER = "slower"
+    SUSPEND = "suspend"
     LEAVE = "leave"
 
 
@@ -47,13 +48,19 @@ MOVES: Final[dict[str, Wish]] = {
     "m": Wish(-1, -1),
     ".": Wish(-1, 1),
 }
-ORDERS: Final = {"+": Order.FASTER, "=": Order.FASTER, "-": Order.SLOWER, "q": Order.LEAVE, "\x03": Order.LEAVE,
-                 "\x04": Order.LEAVE}  # fmt: skip
+ORDERS: Final = {
+    "+": Order.FASTER,
+    "=": Order.FASTER,
+    "-": Order.SLOWER,
+    "\x1a": Order.SUSPEND,
+    **dict.fromkeys(("q", "\x03", "\x04", "\x1c"), Order.LEAVE),
+}
+"""\x03 is Ctrl-C, \x04 Ctrl-D, \x1a Ctrl-Z, \x1c Ctrl-\\."""
 HELP: Final = """  w s a d, arrows   forward, backward, turn left, turn right: as long as the key is held
   u o m .           arcs; forward left, forward right, backward
   + -               faster, slower
   space             stop (so does any other key)
-  q, Ctrl-C         leave"""
+  q, Ctrl-C         leave; Ctrl-Z: suspend"""
 
 _KEYS: Final = re.compile(r"\x1b[\[O][0-9;]*([A-Za-z~])|\x1b|(.)", re.DOTALL)
 _ARROWS: Final = {"A": "up", "B": "down", "C": "right", "D": "left"}

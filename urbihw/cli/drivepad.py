@@ -69,7 +69,7 @@ class Pad:
     def _share(self, event: Any) -> float:
         """The position of an axis, -1 to 1; 0 in the dead zone."""
         limits = self._ranges[event.code]
-        share = 2 * (event.value - limits.min) / ((limits.max - limits.min) or 1) - 1
+        share: float = 2 * (event.value - limits.min) / ((limits.max - limits.min) or 1) - 1
         beyond = max(abs(share) - DEAD_ZONE, 0.0) / (1 - DEAD_ZONE)
         # Steps of 1 %, so that a trembling stick is not a new order each time.
         return round(min(beyond, 1.0) if share > 0 else -min(beyond, 1.0), 2)

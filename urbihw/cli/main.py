@@ -25,6 +25,7 @@ COMMANDS: Final = {
     "platforms": "list the robots that urbihw knows",
     "scan": "search the network for robots",
     "console": "an interactive console of a server",
+    "drive": "drive a robot by the keyboard or a gamepad",
     "access": "manage access from the network: make, list and remove tokens",
     "dump": "show the stages of compiling urbiscript to Python",
     "doctor": "check whether this machine is ready for a robot",

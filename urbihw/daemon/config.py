@@ -305,7 +305,10 @@ def _mistakes_about_robot(config: Config) -> Iterator[Mistake]:
                 yield Mistake(top, "cannot be checked without a platform; add platform = ..., or say --platform")
     if manifest is not None and config.fake and not manifest.fake:
         yield Mistake("fake", f"platform {manifest.name} has no simulated robot; give its url")
-    if config.url:
+    hint = platforms.guess_url(manifest, config.url) if manifest is not None and config.url else ""
+    if hint:
+        yield Mistake("url", hint)
+    elif config.url:
         yield from _mistakes_in_url(config.url, options)
 
 

@@ -1,11 +1,13 @@
-"""Navigation for any base that drives: maps, paths, following them, odometry, localization by scans, a SICK laser.
+"""Navigation for any base that drives: maps, paths, following them, odometry, localization by scans, lasers.
 
-Nothing here depends on the wire or the maker of a base.  Reading order: ``base`` (the interfaces that a platform
+Nothing here depends on the wire or the maker of a base. Reading order: ``base`` (the interfaces that a platform
 implements: ``Base``, and ``Scanner`` if it has one), ``navigator`` (the object of urbiscript that combines the other
 modules); without I/O: ``frames`` (poses), ``maps`` and ``pictures`` (files), ``grid`` (a map as cells), ``planner``
-(paths), ``drive`` (speeds, motions, safety distances), ``follow`` (driving along a path), ``localize`` (matching scans
-with a map); objects of urbiscript: ``odometry``, ``scanner`` and ``sicklaser``; ``pilot`` (a ``Base`` for a platform
-with wheels and odometry); on the wire of a SICK laser: ``sick`` (bytes) and ``sickdriver`` (in its worker); ``options``
-(the rows of the settings). Imports ``urbihw.kernel.uobject``, ``urbihw.buses`` and ``urbihw.settings``; the platforms
-may import it.
+(paths), ``obstacles`` (what sensors see beside the map), ``drive`` (speeds, motions, safety distances), ``follow``
+(driving along a path), ``localize`` (matching scans with a map), ``locator`` (keeping and finding the pose),
+``survey`` (building a map), ``drawing`` (pictures), ``background`` (work in threads); with numpy and scipy, loaded by
+``extra``: ``arrays`` (ways), ``montecarlo`` (finding a carried robot), ``mapping`` (the map being built); objects of
+urbiscript: ``odometry``, ``scanner``; ``pilot`` (a ``Base`` for a platform with wheels and odometry); ``lasers`` (the
+lasers on wires of their own); ``options`` (the rows of the settings). Imports ``urbihw.kernel.uobject``,
+``urbihw.buses`` and ``urbihw.settings``; the platforms may import it.
 """

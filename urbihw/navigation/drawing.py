@@ -7,21 +7,36 @@ from collections.abc import Sequence
 from typing import Final
 
 from urbihw.navigation.frames import Point, Pose
-from urbihw.navigation.maps import Bounds
+from urbihw.navigation.maps import Bounds, Map
 
 SCALE: Final = 40
 """Pixels per m."""
 MARGIN: Final = 0.3
 STYLES: Final = {
     "wall": "stroke:#222;stroke-width:3",
+    "block": "fill:#222;stroke:none",
     "seen": "fill:#d95f02;stroke:none",
     "path": "stroke:#7570b3;stroke-width:2;stroke-dasharray:8 6",
     "trail": "stroke:#1b9e77;stroke-width:3",
     "goal": "stroke:#7570b3;stroke-width:3",
     "robot": "stroke:#1b9e77;stroke-width:3;fill:#1b9e7740",
 }
-"""What is drawn -> its style: walls of the map, obstacles that sensors see, a path, where the robot was, its goal and
-itself."""
+"""What is drawn -> its style: walls and occupied boxes of the map, obstacles that sensors see, a path, where
+the robot was, its goal and itself."""
+
+
+def draw_map(map_: Map, seen: Sequence[Point], cell: float, path: Sequence[Point], pose: Pose, radius: float) -> str:
+    """A picture of a map, the obstacles seen (the middles of cells of this size), a path, and the robot."""
+    drawing = Drawing(map_.bounds)
+    for line in map_.lines:
+        drawing.add_line([line[:2], line[2:]], "wall")
+    for box in map_.boxes:
+        drawing.add_box(box, "block")
+    for x, y in seen:
+        drawing.add_box((x - cell / 2, y - cell / 2, x + cell / 2, y + cell / 2), "seen")
+    drawing.add_line(path, "path")
+    drawing.add_pose(pose, radius, "robot")
+    return drawing.text()
 
 
 class Drawing:
@@ -49,8 +64,8 @@ class Drawing:
     def add_pose(self, pose: Pose, radius: float, kind: str) -> None:
         """Add a round robot that looks ahead."""
         x, y, heading = pose
-        middle = self._at(x, y)
-        self._parts.append(f'<circle class="{kind}" cx="{middle[0]:.1f}" cy="{middle[1]:.1f}" r="{radius * SCALE:.1f}"/>')
+        across, down = self._at(x, y)
+        self._parts.append(f'<circle class="{kind}" cx="{across:.1f}" cy="{down:.1f}" r="{radius * SCALE:.1f}"/>')
         self.add_line([(x, y), (x + radius * math.cos(heading), y + radius * math.sin(heading))], kind)
 
     def text(self) -> str:

@@ -18,19 +18,19 @@ from numpy.typing import NDArray
 from urbihw.navigation.base import Echo
 from urbihw.navigation.frames import Pose
 from urbihw.navigation.grid import Grid
-from urbihw.navigation.localize import match_scan
+from urbihw.navigation.localize import GOOD_SCORE, match_scan
 
 SPACING: Final = 0.25
 HEADINGS: Final = 48
 """Distance in m of the first particles, and number of their headings."""
-PARTICLES: Final = 3000
+PARTICLES: Final = 6000
 BEAMS: Final = 40
 """Number of readings used of a scan."""
 SIGMA: Final = 0.2
 """Standard deviation in m of an echo from a wall: mostly the distance between particles."""
 RANDOM_SHARE: Final = 0.1
 """Share of echoes from what the map does not show."""
-WEIGHT_POWER: Final = 0.3
+WEIGHT_POWER: Final = 0.1
 """The readings of a scan depend on each other, so that each counts less than a whole one."""
 MOVED, TURNED = 0.1, math.radians(8)
 """m or rad after which the next scan counts."""
@@ -42,6 +42,8 @@ AGREED: Final = 0.9
 """Share of the weight that must support the best particle."""
 SURE_SCORE: Final = 0.7
 """Score of ``match_scan`` that the estimate must reach."""
+CONFIRMATIONS: Final = 10
+"""Scans in a row that one place must explain, each after some movement: one scan may fit a place that looks alike."""
 MAX_SCANS: Final = 40
 """Scans that count after which the search begins anew."""
 
@@ -61,7 +63,7 @@ class ParticleFilter:
         self._free = distances > SIGMA
         self._particles: _Floats = np.empty((0, 3))
         self._last: Pose | None = None
-        self._scans = 0
+        self._scans = self._confirmed = 0
 
     def add_scan(self, odometric: Pose, echoes: Sequence[Echo], place: float) -> Pose | None:
         """Process a scan taken at a pose of the odometry, whose frame may be any but must not change; returns the pose
@@ -74,15 +76,18 @@ class ParticleFilter:
         best = self._particles[int(np.argmax(weights))].copy()
         off = np.abs((self._particles[:, 2] - best[2] + math.pi) % math.tau - math.pi)
         near = (np.hypot(*(self._particles[:, :2] - best[:2]).T) < CLUSTER) & (off < CLUSTER_TURN)
-        agreed = float(weights[near].sum())
+        agreed = float(weights[near].sum()) >= AGREED
         self._resample(weights)
         self._scans += 1
-        if agreed < AGREED:
+        if not agreed:
+            self._confirmed = 0
             return None
         match = match_scan(self._walls, (float(best[0]), float(best[1]), float(best[2])), echoes, place)
-        if match.score >= SURE_SCORE:
+        self._confirmed = self._confirmed + 1 if match.score >= SURE_SCORE else 0
+        if self._confirmed >= CONFIRMATIONS:
             return match.pose
-        if self._scans >= MAX_SCANS:
+        if match.score < GOOD_SCORE or self._scans >= MAX_SCANS:
+            # They have gathered at a wrong place, and no particle is left at the right one.
             self._last = None
         return None
 
@@ -112,7 +117,7 @@ class ParticleFilter:
         y = walls.bottom + (rows * skip + 0.5) * walls.cell
         places = np.repeat(np.stack((x, y), axis=1), HEADINGS, axis=0)
         self._particles = np.column_stack((places, np.tile(headings, len(rows))))
-        self._scans = 0
+        self._scans = self._confirmed = 0
 
     def _weigh(self, local: _Floats) -> _Floats:
         """The share of each particle in the explanation of a scan; the sum is 1."""

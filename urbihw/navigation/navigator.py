@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, ClassVar, Final
 
 from urbihw.kernel.uobject import (
@@ -24,6 +25,7 @@ from urbihw.kernel.uobject import (
 )
 from urbihw.navigation.background import Background
 from urbihw.navigation.base import Base
+from urbihw.navigation.drawing import draw_map
 from urbihw.navigation.drive import FINISHED, STALLED, Motion
 from urbihw.navigation.follow import PathFollower, Tolerance
 from urbihw.navigation.frames import Point, Pose, compose, wrapped
@@ -89,9 +91,24 @@ class Navigator(UObject):
     speed = variable(0.3)
     turnSpeed = variable(0.7)
 
+    slot_words = {
+        "mapFileName": ("file of the map; \"\" for none", ""),
+        "pathPlanningEvent": ("event: a goal has ended: 0 failed, 1 reached, 2 canceled", ""),
+        "locFailureEvent": ("event: the robot does not know where it is; the payload tells why", ""),
+        "ready": ("the robot knows where it is on the map", ""),
+        "active": ("a goal is pursued", ""),
+        "path": ("corners of the path", "m"),
+        "score": ("how well the last scan matches the map, 0 to 1", "1"),
+        "failure": ("why the last goal failed; \"\" if it did not", ""),
+        "mapping": ("a map is being built", ""),
+        "speed": ("speed on paths", "m/s"),
+        "turnSpeed": ("yaw rate on paths", "rad/s"),
+    }
+
     def init(self, base: Base) -> None:
         """``base`` is the base to drive."""
         self._base = base
+        self._map: Map | None = None
         self._grid: Grid | None = None
         self._seen: ObstacleLayer | None = None
         self._goal: Goal | None = None
@@ -142,14 +159,15 @@ class Navigator(UObject):
     def _drop_map(self) -> None:
         self.cancel()
         self._work.drop()
-        self._grid = self._seen = None
+        self._map = self._grid = self._seen = None
         self._locator.use_map(None)
         self.ready.sense(False)
         self.score.sense(math.nan)
         self.mapFileName.sense("")
 
     def _map_loaded(self, loaded: tuple[Map, Grid, Grid]) -> None:
-        map_, self._grid, walls = loaded
+        self._map, self._grid, walls = loaded
+        map_ = self._map
         self._seen = ObstacleLayer(self._grid)
         if map_.home is not None:
             self._base.odometry.correct(map_.home)
@@ -250,6 +268,19 @@ class Navigator(UObject):
         """Write the map that is being built, for ``mapFileName``: NAME.yaml and NAME.pgm, as map_server's.  Raises
         ValueError if none is being built or the files cannot be written."""
         self._survey.save(name)
+
+    @function("drawMap")
+    def draw_map(self, name: str) -> None:
+        """Draw the map, the obstacles seen, the path and the robot into an SVG file.  Raises ValueError without a map,
+        or if the file cannot be written."""
+        if self._map is None or self._grid is None or self._seen is None:
+            raise ValueError(f"there is no map; set {self.slot_name}.mapFileName first")
+        seen, path = self._seen.points(self.host.now()), [(x, y) for x, y in self.path.sensed]
+        text = draw_map(self._map, seen, self._grid.cell, path, self._pose(), self._base.radius)
+        try:
+            Path(name).write_text(text, "ascii")
+        except OSError as error:
+            raise ValueError(f"{name}: cannot be written: {error.strerror}") from error
 
     def _end_mapping(self) -> None:
         self._survey.stop()

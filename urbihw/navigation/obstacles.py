@@ -46,7 +46,7 @@ class ObstacleLayer:
         if not echoes:
             return
         x, y, heading = scanner
-        self._clear(scanner, sorted((a, r) for r, a in echoes))
+        self._clear(scanner, sorted((math.remainder(a, math.tau), r) for r, a in echoes))
         grid = self._grid
         for r, a in echoes:
             if r <= MARK_RANGE:

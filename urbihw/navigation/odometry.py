@@ -22,6 +22,16 @@ class Odometry(UObject):
     coveredAngle = reading(0.0)
     position = owned([0.0, 0.0, 0.0, 0.0])
 
+    slot_words = {
+        "x": ("distance ahead since the start, in the direction of the start", "m"),
+        "y": ("distance to the left since the start", "m"),
+        "z": ("always 0", "m"),
+        "yaw": ("heading since the start, to the left", "rad"),
+        "coveredDistance": ("length of the way", "m"),
+        "coveredAngle": ("sum of the turns", "rad"),
+        "position": ("[x, y, z, yaw] on the map; write it to say where the robot is", "m, rad"),
+    }
+
     def init(self) -> None:
         """Both frames are identical until ``position`` is written."""
         self.odometric: Pose = ORIGIN

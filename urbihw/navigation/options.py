@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from urbihw.settings import Table, choice, number, setting
+from urbihw import buses
+from urbihw.buses.errors import BadUrl, Unavailable
+from urbihw.buses.link import Context
+from urbihw.settings import TEXT, Mistake, Table, choice, number, setting
 
 ODOMETRY: Final = "odometry"
 SCAN: Final = "scan"
@@ -21,6 +25,10 @@ class NavigationOptions(Table):
         clearance: distance in m between planned paths and walls, in addition to the robot's radius.
         tolerance: distance in m from the goal within which a path has succeeded.
         heading_tolerance: the same for the heading, degrees.
+        laser: url of the line of a laser, "" for none.
+        laser_model: "lms200", "rplidar", "urg" (Hokuyo with SCIP 2) or "lms1xx" (SICK LMS1xx and TiM).
+        laser_x: distance in m from the middle of the base ahead to the laser.
+        laser_turn: degrees to the left from the front of the base to the front of the laser.
     """
 
     localization: str = setting(ODOMETRY, choice(ODOMETRY, SCAN))
@@ -28,6 +36,19 @@ class NavigationOptions(Table):
     clearance: float = setting(0.05, number(0.0, 2.0, " m"))
     tolerance: float = setting(0.1, number(0.03, 2.0, " m"))
     heading_tolerance: float = setting(5.0, number(2.0, 180.0, " degrees"))
+    laser: str = setting("", TEXT)
+    laser_model: str = setting("lms200", choice("lms200", "rplidar", "urg", "lms1xx"), in_url=True)
+    laser_x: float = setting(0.0, number(-2.0, 2.0, " m"))
+    laser_turn: float = setting(0.0, number(-180.0, 180.0, " degrees"))
+
+
+    def clashes(self) -> Iterator[Mistake]:
+        """Yield a laser url that no bus accepts."""
+        if self.laser:
+            try:
+                buses.port_for(self.laser, Context())
+            except (BadUrl, Unavailable) as error:
+                yield Mistake("laser", str(error))
 
 
 @dataclass(frozen=True)

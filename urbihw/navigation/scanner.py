@@ -15,6 +15,8 @@ from urbihw.navigation.base import Echo, Log
 FRESH_S: Final = 1.0
 """Seconds for which a scan is valid."""
 _HALF: Final = math.pi / 2
+_BESIDE: Final = 1e-9
+"""Readings exactly to the side belong to the half plane ahead."""
 
 
 class RangeScanner(UObject):
@@ -25,6 +27,21 @@ class RangeScanner(UObject):
 
     slot_name: ClassVar[str] = "laser"
     """Its slot in urbiscript, for messages."""
+
+    slot_words = {
+        "load": ("1 connects to the scanner, 0 disconnects", "1"),
+        "val": ("distances, from angleMax at the left to angleMin; inf without an echo", "m"),
+        "lastCaptureTimestamp": ("time of the scan", "s"),
+        "laserDistanceMin": ("least distance that can be measured", "m"),
+        "laserDistanceMax": ("greatest distance that can be measured", "m"),
+        "rate": ("scans in a second", "Hz"),
+        "state": ("off, connecting, ok or lost", ""),
+        "dirty": ("whether the front screen is dirty", ""),
+        "model": ("model of the scanner", ""),
+        "serial": ("serial number of the scanner", ""),
+        "lost": ("event: the scanner sends nothing any more", ""),
+        "back": ("event: the scanner sends again", ""),
+    }
 
     load = owned(0.0)
     val = reading([])
@@ -101,10 +118,11 @@ class RangeScanner(UObject):
 
     # ---------------------------------------------------------------- what was measured
 
-    def show_geometry(self, field: float, resolution: float) -> None:
-        """Show the field of view, symmetric about straight ahead, and the step between two readings, in rad."""
-        self.angleMin.sense(-field / 2)
-        self.angleMax.sense(field / 2)
+    def show_geometry(self, field: float, resolution: float, middle: float = 0.0) -> None:
+        """Show the field of view about ``middle`` (to the left of straight ahead), and the step between two readings,
+        in rad."""
+        self.angleMin.sense(middle - field / 2)
+        self.angleMax.sense(middle + field / 2)
         self.resolution.sense(resolution)
 
     def show_scan(self, ranges: Sequence[float], stamp: float, farthest: float) -> None:
@@ -130,8 +148,8 @@ class RangeScanner(UObject):
             raise ValueError(f"localization by scans needs the laser; switch it on first: {self.slot_name}.load = 1")
 
     def nearest(self) -> float:
-        """Distance in m from the scanner to the nearest obstacle in the path of the robot; inf without a fresh scan."""
-        return min(self.ranges, default=math.inf) if self._is_fresh() else math.inf
+        """Distance in m from the scanner to the nearest obstacle in the half plane ahead; inf without a fresh scan."""
+        return min((r for r, angle in self.fresh_echoes() if math.cos(angle) > -_BESIDE), default=math.inf)
 
     def fresh_echoes(self) -> list[Echo]:
         """Return the echoes of the last scan, none when it is older than FRESH_S."""

@@ -12,6 +12,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from urbihw.buses import port_for
+from urbihw.buses.errors import BadUrl, Unavailable
+from urbihw.buses.link import Context
+from urbihw.buses.tcp import TcpLink
 from urbihw.kernel.uobject import BadConfig, Robot
 from urbihw.platforms import limits
 from urbihw.platforms.limits import DeviceLimits
@@ -35,6 +39,19 @@ def find(name: str, root: Path | None = None) -> Manifest:
     if name not in known:
         raise BadConfig(f"no platform {name!r}{guess(name, known)}")
     return read(known[name])
+
+
+def guess_url(manifest: Manifest, url: str) -> str:
+    """The question whether a url without a scheme was meant for the TCP bus of a platform; "" for no question."""
+    scheme, colon, _ = manifest.default_url.partition("://")
+    if not colon or "://" in url or url.startswith("/") or Path(url).exists():
+        return ""
+    meant = f"{scheme}://{url}"
+    try:
+        port = port_for(meant, Context())
+    except (BadUrl, Unavailable):
+        return ""
+    return f"bus url {url!r}: did you mean {meant}?" if isinstance(port, TcpLink) else ""
 
 
 def load(manifest: Manifest) -> type[Robot]:

@@ -35,9 +35,11 @@ from urbihw.kernel.uobject import (
     reading,
 )
 from urbihw.platforms.channel import DeviceChannel
+from urbihw.platforms.clipping import TargetLimits
 from urbihw.platforms.devicelog import DeviceLog
 from urbihw.platforms.identity import IdentifiedRobot
 from urbihw.platforms.limits import DeviceLimits, LimitSettings
+from urbihw.platforms.words import ROBOT
 from urbihw.settings import BadSetting
 
 SAME_STOP_S: Final = 0.05
@@ -48,6 +50,9 @@ FIRST_READING_TIMEOUT_S: Final = 2.0
 """Seconds to wait for the first reading of all devices before ``open`` is answered."""
 SILENCE_TIMEOUT_S: Final = 3.0
 """Seconds without a message of the worker after which it is not alive; it sends statistics every second."""
+
+LINK_DOWN: Final = "the link to the robot is down"
+"""Explains why a robot does not do what it is told."""
 
 
 class WorkerHandle(Protocol):
@@ -86,6 +91,8 @@ class WiredRobot(IdentifiedRobot):
     ``is_complete``; the other hooks do nothing by default.  It writes and reads through ``channel``.
     """
 
+    slot_words = ROBOT
+
     family: ClassVar[str]
     """The driver of the wire: a row of ``urbihw.buses.driver.FAMILIES``, or "module:Class"."""
 
@@ -114,6 +121,7 @@ class WiredRobot(IdentifiedRobot):
         self.motion = Motion(self.host, self.robot_name, self._stop_released)
         self.channel = DeviceChannel(self.send_message, self.motion)
         self.limits = LimitSettings({}, {})
+        self._target_limits = TargetLimits(self, self.on_limited)
         self.offset = 0.0
         """Kernel's time = worker's time + offset, in seconds."""
         self._worker: WorkerHandle | None = None
@@ -296,6 +304,8 @@ class WiredRobot(IdentifiedRobot):
             if name not in self._unknown_limits:
                 self._unknown_limits.add(name)
                 self.log.warning("limits.%s: there is no such device; there are: %s", name, ", ".join(names))
+        self._target_limits.set_table(table)
+        self.channel.check_target = self._target_limits.check_target if table else None
         self.send_message(m.Limits(table, tuple(thresholds)))
 
     def rate_words(self) -> str:
@@ -307,6 +317,14 @@ class WiredRobot(IdentifiedRobot):
     def limited_devices(self) -> Mapping[str, LimitedDevice]:
         """Return the devices that can have limits, by the names of their slots."""
         return {}
+
+    def signed_target(self, device: Any, item: str, raw: Any) -> float:
+        """Return a raw target as a signed number; override it where a sign bit makes it another one."""
+        return float(raw)
+
+    def raw_target(self, device: Any, item: str, signed: float) -> Any:
+        """Return the raw target of a signed number: the inverse of ``signed_target``."""
+        return signed
 
     def on_found(self, message: m.Found) -> None:
         """Handle the devices found after the link came up: the first time and after each loss."""
@@ -392,7 +410,8 @@ class WiredRobot(IdentifiedRobot):
             case m.Latched():
                 self._handle_latched(message)
             case m.Limited():
-                self.on_limited(message)
+                if not self._target_limits.is_outdated(message):
+                    self.on_limited(message)
             case m.ThresholdCrossed():
                 self.on_threshold_crossed(message)
             case m.WorkerState():

@@ -16,6 +16,9 @@ from urbihw.kernel.uobject import Motion, Origin
 HELD_UP_S: Final = 0.06
 """Seconds without a target after which a movement that writes more often has been held up."""
 
+MAX_DEPTH: Final = 20
+"""Lists in lists that a program may send."""
+
 Done = Callable[[Reply], None]
 
 
@@ -25,6 +28,27 @@ class Settles(Protocol):
     def settle(self) -> None:
         """Called at the end of the round, before its messages are sent."""
         ...
+
+
+def check_data(value: Any, depth: int = 0) -> None:
+    """Raise ValueError unless a value of a program is data that the worker's process can get.
+
+    Data are numbers, truth values, texts, bytes, None, and lists and dictionaries of data; an object of the
+    interpreter, such as a job or a function, is none.
+    """
+    if value is None or isinstance(value, bool | int | float | str | bytes | bytearray):
+        return
+    if depth > MAX_DEPTH:
+        raise ValueError(f"lists are nested deeper than {MAX_DEPTH}")
+    match value:
+        case list() | tuple():
+            members: Iterable[Any] = value
+        case dict():
+            members = (*value.keys(), *value.values())
+        case _:
+            raise ValueError("expected numbers, Strings, lists and dictionaries of them: no other object can be sent")
+    for member in members:
+        check_data(member, depth + 1)
 
 
 class DeviceChannel:
@@ -39,10 +63,18 @@ class DeviceChannel:
         self._waiting: dict[int, Done] = {}
         self._unsettled: dict[Settles, None] = {}
         self._count = 0
+        self.check_target: Callable[[Any, str, Any], None] | None = None
+        """Called with device, item and raw value of each target; None while the robot has no limits."""
+
+    def origin(self) -> Origin:
+        """Return the origin of a write at this moment, for a warning to its client."""
+        return self._motion.origin()
 
     def set_target(self, device: Any, item: str, raw: Any, origin: Origin | None = None) -> None:
         """Write an item with the next tick; the last write of a round wins, and an unchanged value is not sent."""
         self._targets[device, item] = raw, origin
+        if self.check_target is not None:
+            self.check_target(device, item, raw)
 
     def write(self, device: Any, item: str, raw: Any, done: Done, origin: Origin | None = None) -> None:
         """Write an item by a request, after the next tick and all earlier requests; ``done`` gets the reply."""
@@ -61,7 +93,11 @@ class DeviceChannel:
         self._queue_request(verb, device, "", value, done, origin)
 
     def call(self, device: Any, item: str, arguments: Sequence[Any], done: Done, origin: Origin | None = None) -> None:
-        """Call something of a device, in a family that has the verb "call"; ``done`` gets its result."""
+        """Call something of a device, in a family that has the verb "call"; ``done`` gets its result.
+
+        Raises ValueError for an argument that is no data.
+        """
+        check_data(arguments)
         self._queue_request("call", device, item, tuple(arguments), done, origin)
 
     def watch(self, device: Any, items: Iterable[str], period: float | None) -> None:

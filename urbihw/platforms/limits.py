@@ -3,7 +3,7 @@
 ::
 
     [limits]                            # for all devices
-    speed = 1.5                         # rad/s; m/s of a base; a share of 100 of an NXT motor
+    speed = 1.5                         # rad/s; m/s of a base; percent of an NXT motor and a Spykee's track
     temperature = [55, 65, 75]          # degrees C: warn, reduce the torque, release
 
     [limits.motor6]                     # for one, by the name of its slot
@@ -38,7 +38,7 @@ class DeviceLimits(Table):
 
     Attributes:
         position: lowest and highest: rad, degrees of an NXT motor.
-        speed: maximum, in both directions: rad/s, m/s of a base, share of 100 of an NXT motor.
+        speed: maximum, in both directions: rad/s, m/s of a base, percent of an NXT motor and a Spykee's track.
         turn: maximum rotation of a base, in both directions: rad/s.
         acceleration: maximum, of wheels, bases and drives: rad/s2, m/s2.
         torque: maximum: N m.

@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Final
 
 from urbihw.kernel.uobject import UBinary, UObject, reading
 from urbihw.platforms.channel import DeviceChannel
+from urbihw.platforms.words import COMMON
 
 LINGER_S: Final = 3.0
 """Seconds after the last reading for which a stream goes on."""
@@ -22,6 +23,8 @@ class Streamed(UObject):
 
     nothing: ClassVar[UBinary]
     """What ``val`` is before anything has come."""
+
+    slot_words = COMMON | {"on": ("whether the stream comes now", ""), "frames": ("number of pieces received", "1")}
 
     val = reading()
     on = reading(False)

@@ -8,11 +8,13 @@ from collections.abc import Mapping
 from urbihw_fakes.bioloid.console import commands
 from urbihw_fakes.bioloid.kit import Bioloid
 from urbihw_fakes.console import Command
+from urbihw_fakes.dynamixel.xseries import XSeries
 from urbihw_fakes.endpoint import PtyEndpoint, TcpEndpoint
 from urbihw_fakes.serving import Endpoint
 
 HELP = "18 AX-12 (1..18) and an AX-S1 (100), or X-series servos"
 DEFAULT_BAUD = 1_000_000
+FIRST_X = 21
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -25,6 +27,8 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--baud", type=int, help=f"speed of units and wire ({DEFAULT_BAUD})")
     parser.add_argument("--follow-baud", action="store_true", help="on a pty: hear only the speed the peer has set")
     parser.add_argument("--x-series", type=int, nargs="?", const=18, metavar="COUNT", help="X-series servos instead")
+    parser.add_argument("--add-x", type=int, default=0, metavar="COUNT", help="X-series servos besides, from id 21 on")
+    parser.add_argument("--cm5", action="store_true", help="behind a CM-5 in manage mode; the wire has 57600 bps")
     parser.add_argument("--model", default="XL430-W250", help="of the X-series servos (%(default)s)")
 
 
@@ -36,10 +40,15 @@ def start(options: argparse.Namespace) -> tuple[Endpoint, Mapping[str, Command]]
 
 
 def _kit(options: argparse.Namespace) -> Bioloid:
-    baud = options.baud or DEFAULT_BAUD
+    baud = DEFAULT_BAUD if options.cm5 else options.baud or DEFAULT_BAUD
     if options.x_series is not None:
         return Bioloid.x_series(options.x_series, model=options.model, baud=baud)
-    return Bioloid(baud=baud)
+    kit = Bioloid(baud=baud, cm5=options.cm5)
+    for number in range(options.add_x):
+        unit = XSeries(options.model, FIRST_X + number)
+        unit.set_baud(baud)
+        kit.add(unit)
+    return kit
 
 
 def _endpoint(options: argparse.Namespace, kit: Bioloid) -> Endpoint:

@@ -1,6 +1,7 @@
-"""The objects of the drive: what CiA 301 asks of a node, and CiA 402 of one with profile position and velocity.
+"""The objects of the drive: what CiA 301 asks of a node, and CiA 402 of one with the profile modes of position,
+velocity and torque, and with homing.
 
-Not covered: homing, torque and cyclic modes, units other than increments, storing parameters.
+Not covered: cyclic modes, units other than increments, storing parameters.
 """
 
 from __future__ import annotations
@@ -8,9 +9,11 @@ from __future__ import annotations
 from canopen import objectdictionary as od
 
 DEVICE_TYPE = 0x00020192  # a servo drive, profile 402
-MODES = 0x05  # profile position, profile velocity
+MODES = 0x2D  # profile position, profile velocity, profile torque, homing
 INCREMENTS = 4096
 """Of the encoder, in one turn of the motor."""
+RATED_TORQUE = 1270
+"""Of the motor, in mN m; target and actual torque are in thousandths of it."""
 
 _U8, _U16, _U32 = od.UNSIGNED8, od.UNSIGNED16, od.UNSIGNED32
 _I8, _I16, _I32 = od.INTEGER8, od.INTEGER16, od.INTEGER32
@@ -29,11 +32,18 @@ VARIABLES = (
     (0x6061, "Modes of operation display", _I8, "ro", 0),
     (0x6064, "Position actual value", _I32, "ro", 0),
     (0x606C, "Velocity actual value", _I32, "ro", 0),
+    (0x6071, "Target torque", _I16, "rw", 0),
+    (0x6072, "Max torque", _U16, "rw", 1000),
+    (0x6076, "Motor rated torque", _U32, "ro", RATED_TORQUE),
+    (0x6077, "Torque actual value", _I16, "ro", 0),
     (0x607A, "Target position", _I32, "rw", 0),
+    (0x607C, "Home offset", _I32, "rw", 0),
     (0x607F, "Max profile velocity", _U32, "rw", 20 * INCREMENTS),
     (0x6081, "Profile velocity", _U32, "rw", 2 * INCREMENTS),
     (0x6083, "Profile acceleration", _U32, "rw", 20 * INCREMENTS),
     (0x6085, "Quick stop deceleration", _U32, "rw", 100 * INCREMENTS),
+    (0x6098, "Homing method", _I8, "rw", 0),
+    (0x609A, "Homing acceleration", _U32, "rw", 20 * INCREMENTS),
     (0x60FF, "Target velocity", _I32, "rw", 0),
     (0x6502, "Supported drive modes", _U32, "ro", MODES),
 )
@@ -42,6 +52,7 @@ RECORDS = (
     (0x1016, "Consumer heartbeat time", ((1, "Master", _U32, 0),)),
     (0x1018, "Identity", ((1, "Vendor", _U32, 0x4242), (2, "Product", _U32, 402))),
     (0x607D, "Software position limit", ((1, "Min", _I32, -100 * INCREMENTS), (2, "Max", _I32, 100 * INCREMENTS))),
+    (0x6099, "Homing speeds", ((1, "Switch", _U32, INCREMENTS), (2, "Zero", _U32, INCREMENTS // 8))),
     (0x608F, "Position encoder resolution", ((1, "Increments", _U32, INCREMENTS), (2, "Revolutions", _U32, 1))),
 )
 _READ_ONLY = {0x1018, 0x608F}

@@ -1,6 +1,9 @@
 """The node: a LocalNode of canopen, which answers SDO and keeps the dictionary, and what that leaves out.
 
-    boot-up and heartbeat as it should be, also after a reset by the master
+    boot-up and heartbeat as it should be; a reset by the master brings back the settings of power on: those of the
+    communication (1000 to 1FFF), so that its heartbeat ends, or all of them
+    no SDO, PDO and emergency in STOPPED (CiA 301, NMT states and communication objects)
+    values that a drive refuses: a mode or a homing method that it does not have
     process data (PDO): sent by their event timer, taken into the drive, both only in OPERATIONAL
     the watch over the master (0x1016): without its heartbeat an enabled drive does what 0x6007 says
 
@@ -9,6 +12,7 @@ No thread and no clock: frames and times come in through `CanNode`, and what can
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 import canopen
@@ -22,7 +26,10 @@ STEP = 0.002
 """Seconds of one step of the motor."""
 HEARTBEAT_LOST, OVERLOAD = 0x8130, 0x3210
 _PREOPERATIONAL, _RESET, _RESET_COMMUNICATION = 128, 129, 130
+_COMMUNICATION_OBJECTS = range(0x1000, 0x2000)
+_VALUE_RANGE_EXCEEDED = 0x06090030
 _CATCH_UP = 500
+_MEASURED = frozenset((0x1001, 0x603F, 0x6041, 0x6061, 0x6064, 0x606C, 0x6077))
 # What the connection's end does, by 0x6007: nothing, a fault, power off, a quick stop.
 _NOTHING, _FAULT, _OFF, _QUICK_STOP = range(4)
 
@@ -101,10 +108,8 @@ class Drive(CanNode):
         self._net.now = now
         identifier, data = frame
         if identifier == 0 and data in self._resets():
-            self._booted = False
-        elif 0x200 <= identifier < 0x580 and not self._operational:
-            pass
-        elif identifier != 0 or len(data) == 2:
+            self._reset(data[0])
+        elif self._is_heard(identifier) and (identifier != 0 or len(data) == 2):
             self._receive_heartbeat(identifier, now)
             try:
                 self._net.notify(identifier, bytearray(data), now)
@@ -113,6 +118,12 @@ class Drive(CanNode):
                 pass
         self._update_pdo_state()
         return self._net.pop_sent()
+
+    def _is_heard(self, identifier: int) -> bool:
+        """Whether its NMT state lets it hear a message: no SDO in STOPPED, process data in OPERATIONAL only."""
+        if identifier == 0x600 + self.number:
+            return bool(self._node.nmt.state != "STOPPED")
+        return self._operational or not 0x200 <= identifier < 0x580
 
     def tick(self, now: float) -> list[Timed]:
         """Advance to `now`; return the frames sent until then."""
@@ -148,7 +159,25 @@ class Drive(CanNode):
     def fault(self, code: int = OVERLOAD) -> None:
         """Cause a fault with this code; the drive sends an emergency."""
         self.machine.fault(code)
-        self._node.emcy.send(code, 1)
+        self._send_emergency(code, 1)
+
+    def _send_emergency(self, code: int, register: int) -> None:
+        """Emergencies are sent in PRE-OPERATIONAL and OPERATIONAL only."""
+        if self._node.nmt.state != "STOPPED":
+            self._node.emcy.send(code, register)
+
+    def _reset(self, command: int) -> None:
+        """Take back settings to those of power on; after a reset of the application its power is off, too."""
+        self._booted = self._operational = False
+        self._timed, self._master_at = [], None
+        self._node.nmt.stop_heartbeat()
+        stored = self._node.data_store
+        for index in [index for index in stored if command == _RESET or index in _COMMUNICATION_OBJECTS]:
+            del stored[index]
+        if command == _RESET:
+            old, self.machine = self.machine, mc.Machine(INCREMENTS)
+            self.machine.position, self.machine.speed = old.position, old.speed
+            self.machine.switches = old.switches
 
     def _resets(self) -> list[bytes]:
         """The NMT commands that reset it: application or communication, addressed to it or to all nodes."""
@@ -193,7 +222,9 @@ class Drive(CanNode):
     def _store_pdo(self, pdo: PdoMap) -> None:
         if len(pdo.data) * 8 >= pdo.length:
             for variable in pdo:
-                self._node.set_data(variable.index, variable.subindex, variable.data)
+                # A value that the drive refuses leaves the object as it was; nobody is told.
+                with contextlib.suppress(canopen.SdoAbortedError):
+                    self._node.set_data(variable.index, variable.subindex, variable.data)
 
     # --- the watch over the master --------------------------------------------------------------------------------
 
@@ -211,7 +242,7 @@ class Drive(CanNode):
         if self._master_at is None or not period or now - self._master_at <= period:
             return
         self._master_at = None
-        self._node.emcy.send(HEARTBEAT_LOST, 0x10)
+        self._send_emergency(HEARTBEAT_LOST, 0x10)
         action = int.from_bytes(self._node.get_data(0x6007, 0), "little", signed=True)
         if action == _FAULT:
             self.machine.fault(HEARTBEAT_LOST)
@@ -231,11 +262,12 @@ class Drive(CanNode):
             0x6061: machine.mode,
             0x6064: round(machine.position),
             0x606C: round(machine.speed),
+            0x6077: max(-0x8000, min(0x7FFF, round(machine.torque))),
         }
         return values[index]
 
     def _read(self, index: int, subindex: int, od: Any) -> int | None:
-        return self._value(index) if index in (0x1001, 0x603F, 0x6041, 0x6061, 0x6064, 0x606C) else None
+        return self._value(index) if index in _MEASURED else None
 
     def _write(self, index: int, subindex: int, od: Any, data: bytes) -> None:
         value, machine = od.decode_raw(data), self.machine
@@ -243,7 +275,20 @@ class Drive(CanNode):
             case 0x6040:
                 machine.control(value)
             case 0x6060:
+                _refuse_unless(value in mc.MODES)
                 machine.mode = value
+            case 0x6071:
+                machine.target_torque = value
+            case 0x6072:
+                machine.most_torque = value
+            case 0x6098:
+                _refuse_unless(value in mc.HOMING_METHODS)
+                machine.homing_method = value
+            case 0x6099:
+                fast, slow = machine.homing_speeds
+                machine.homing_speeds = (value, slow) if subindex == 1 else (fast, value)
+            case 0x607C:
+                machine.home_offset = value
             case 0x607A:
                 machine.target_position = value
             case 0x607D:
@@ -259,3 +304,9 @@ class Drive(CanNode):
                 machine.quick_deceleration = value
             case 0x60FF:
                 machine.target_speed = value
+
+
+def _refuse_unless(possible: bool) -> None:
+    """Abort the transfer of a value that the object does not take. Raises SdoAbortedError."""
+    if not possible:
+        raise canopen.SdoAbortedError(_VALUE_RANGE_EXCEEDED)

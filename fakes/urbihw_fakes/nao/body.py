@@ -9,7 +9,7 @@ Walking has a speed that grows and shrinks as steps allow.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 ROWS = """
@@ -119,10 +119,27 @@ def posture(name: str) -> dict[str, float]:
     return found
 
 
+@dataclass(frozen=True)
+class PostureMotion:
+    """The way to a posture: the angles of all joints."""
+
+    joints: Mapping[str, Joint]
+    goals: Mapping[str, float]
+
+    def reached(self) -> bool:
+        """Whether all joints are there."""
+        return all(abs(joint.angle - self.goals[name]) < 0.01 for name, joint in self.joints.items())
+
+    def ended(self) -> bool:
+        """Whether it is over: all joints are there, or one was told something else since, or is slack."""
+        replaced = (joint.command != self.goals[name] or joint.stiffness < STIFF for name, joint in self.joints.items())
+        return self.reached() or any(replaced)
+
+
 class Body:
     """The whole robot; ``x``, ``y``, ``heading`` are where it is, ``walk`` its speeds, ``asked`` those it was told.
 
-    ``on_step`` are called before each step of the simulation, with its time.
+    ``on_step`` are called before each step of the simulation, with its time; ``on_posture`` before a posture begins.
     """
 
     def __init__(self) -> None:
@@ -140,6 +157,7 @@ class Body:
         self.sonars = [1.2, 1.5]
         self.on_fall: Callable[[], None] = lambda: None
         self.on_step: list[Callable[[float], None]] = []
+        self.on_posture: list[Callable[[], None]] = []
         self._now: float | None = None
 
     # ---------------------------------------------------------------- time
@@ -211,15 +229,17 @@ class Body:
         """Whether it walks, or is about to."""
         return self.goal is not None or any(self.asked) or any(abs(speed) > 1e-6 for speed in self.walk)
 
-    def go_to_posture(self, name: str, share: float) -> Callable[[], bool]:
-        """Go to a posture with stiff motors; what says whether it is there."""
+    def go_to_posture(self, name: str, share: float) -> PostureMotion:
+        """Go to a posture with stiff motors."""
+        for act in self.on_posture:
+            act()
         goals = posture(name)
         for joint in self.joints.values():
             joint.stiffness = 1.0
             joint.order(goals[joint.name], share * 0.3)
         self.fallen = False
         self.standing = name.startswith("Stand")
-        return lambda: all(abs(joint.angle - goals[joint.name]) < 0.01 for joint in self.joints.values())
+        return PostureMotion(self.joints, goals)
 
     def ready_to_walk(self) -> bool:
         """Stand as for walking, if the legs carry it; whether they do."""

@@ -11,6 +11,7 @@ from urbihw_fakes.nao.battery import Battery
 from urbihw_fakes.nao.behaviours import Behaviours
 from urbihw_fakes.nao.body import Body
 from urbihw_fakes.nao.connection import Connection
+from urbihw_fakes.nao.core import AutonomousLife, FrameManager, Logger
 from urbihw_fakes.nao.dcm import Dcm
 from urbihw_fakes.nao.directory import Directory
 from urbihw_fakes.nao.leds import Leds
@@ -70,13 +71,23 @@ class Nao(Device):
             Sonar(self.memory),
             Dcm(self.body, self.read_clock),
             self.video,
+            Logger(),
+            FrameManager(),
+            AutonomousLife(),
         )
         for service in services:
             self.server.add_service(service)
 
     def add_watchdog(self, program: Path) -> None:
         """Somebody has put urbihw's program on the robot.  Raises UnknownRequest."""
-        self.server.add_service(Watchdog(program, self.motion))
+        self.server.add_service(Watchdog(program, self.motion, self._find_service))
+
+    def _find_service(self, name: str) -> Service:
+        """A service by its name.  Raises RuntimeError."""
+        for each in self.services.values():
+            if each.name == name:
+                return each
+        raise RuntimeError(f"Cannot find service '{name}' in index")
 
     def read_clock(self) -> float:
         """The robot's time, seconds."""

@@ -10,7 +10,6 @@ from urbihw_fakes.nao.foreign import Caller, ForeignService, Info, Then
 from urbihw_fakes.nao.services import Failed, Service, Signal, method
 
 INFO = "(sIsI[s]s)<ServiceInfo,name,serviceId,machineId,processId,endpoints,sessionId>"
-MACHINE = "machine"
 PROCESS = 4242
 
 
@@ -26,6 +25,7 @@ class Directory(Service):
 
     Attributes:
         foreign: the services of clients, by number.
+        machine: the identifier of the machine that the robot is.
     """
 
     name = "ServiceDirectory"
@@ -33,6 +33,7 @@ class Directory(Service):
     def __init__(self, host: Host, endpoint: Callable[[], str]) -> None:
         super().__init__()
         self.foreign: dict[int, ForeignService] = {}
+        self.machine = "machine"
         self._host, self._endpoint = host, endpoint
         self._last_number = 0
 
@@ -48,7 +49,7 @@ class Directory(Service):
     def get_services(self) -> list[Info]:
         """All that can be called."""
         own = [
-            Info(service.name, number, MACHINE, PROCESS, [self._endpoint()], "0")
+            Info(service.name, number, self.machine, PROCESS, [self._endpoint()], "0")
             for number, service in sorted(self._host.services.items())
         ]
         return own + [each.info for each in self.foreign.values() if each.ready]
@@ -91,7 +92,7 @@ class Directory(Service):
     @method("machineId", "()", "s")
     def get_machine(self) -> str:
         """The machine's identifier."""
-        return MACHINE
+        return self.machine
 
     def remove_services_of(self, owner: Connection) -> None:
         """A client is gone, and its services with it."""

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from urbihw_fakes.endpoint import TcpEndpoint
 from urbihw_fakes.nao.connection import Connection
 from urbihw_fakes.nao.device import Nao
+from urbihw_fakes.nao.machine import find_machine_id
 from urbihw_fakes.nao.services import Failed
 from urbihw_fakes.nao.tls import Identity
 from urbihw_fakes.serving import CHUNK
@@ -36,6 +37,7 @@ class NaoEndpoint(TcpEndpoint):
     ) -> None:
         self.identity = identity
         self._peers: dict[int, tuple[socket.socket, Connection]] = {}
+        device.directory.machine = find_machine_id()
         super().__init__(device, port, clock=clock)
         device.server.dial = self._dial
 

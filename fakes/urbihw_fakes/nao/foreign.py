@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol
 
 from urbihw_fakes.nao import codec
 from urbihw_fakes.nao.connection import Connection, Returned
-from urbihw_fakes.nao.services import AUTHENTICATE, DONE, MAIN_OBJECT, META_OBJECT, Failed
+from urbihw_fakes.nao.services import AUTHENTICATE, DONE, MAIN_OBJECT, META_OBJECT, Failed, as_failure
 
 ABSOLUTE = "tcp://"
 Then = Callable[[Any], None]
@@ -123,9 +123,9 @@ def _either(then: Callable[[bytes], None], failed: Then) -> Returned:
             return
         try:
             then(answer)
-        except Failed as error:
-            failed(error)
         except codec.BadMessage:
             failed(Failed("the answer cannot be read"))
+        except Exception as error:
+            failed(as_failure(error))
 
     return returned

@@ -25,7 +25,7 @@ from urbihw_fakes.nao import codec
 from urbihw_fakes.nao.connection import Connection
 from urbihw_fakes.nao.device import Nao
 from urbihw_fakes.nao.foreign import ForeignService, Info, Then
-from urbihw_fakes.nao.services import Failed, Later, Method, Service
+from urbihw_fakes.nao.services import Failed, Later, Method, Service, as_failure
 from urbihw_fakes.serving import Endpoint
 
 # Its log would be mixed with what the fake prints; the level counts only before the package is loaded.
@@ -133,8 +133,8 @@ class LibqiEndpoint(Endpoint):
                 if not later.ready():
                     continue
                 promise.setValue(self._shown_value(method, later.value))
-            except Failed as error:
-                promise.setError(str(error))
+            except Exception as error:
+                promise.setError(str(as_failure(error)))
             self._blocking.remove(row)
 
     def _answer(self, service: Service, method: Method, arguments: tuple[Any, ...], promise: Any) -> None:
@@ -146,10 +146,8 @@ class LibqiEndpoint(Endpoint):
                 self._blocking.append((result, method, promise))
             else:
                 promise.setValue(self._shown_value(method, result))
-        except Failed as error:
-            promise.setError(str(error))
-        except Exception as error:  # As NAOqi tells its clients of an exception of a module.
-            promise.setError(f"{type(error).__name__}: {error}")
+        except Exception as error:
+            promise.setError(str(as_failure(error)))
 
     # ---------------------------------------------------------------- objects of libqi
 

@@ -84,7 +84,9 @@ class Memory(Service):
         """All keys."""
         return sorted({*self.stored, *self.measured})
 
-    def _look_up(self, key: str) -> Any:
+    def _look_up(self, key: Any) -> Any:
+        if not isinstance(key, str):
+            raise Failed("ALMemory: a key must be a string\n\n    at almemory.cpp:21")
         measure = self.measured.get(key)
         return self.stored.get(key) if measure is None else measure()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from urbihw_fakes.nao.body import FASTEST, Body, Joint
-from urbihw_fakes.nao.services import Failed, Later, as_list, method
+from urbihw_fakes.nao.services import Failed, Later, as_list, finite, method
 from urbihw_fakes.nao.wholebody import WholeBody
 
 CHAINS = {"Head": ("Head",), "LArm": ("LS", "LE", "LW", "LHand"), "RArm": ("RS", "RE", "RW", "RHand"),
@@ -39,7 +39,7 @@ def _last(value: Any) -> float:
     """The last number of a list, however deep."""
     while isinstance(value, list | tuple):
         value = value[-1]
-    return float(value)
+    return finite(value)
 
 
 class Motion(WholeBody):
@@ -69,7 +69,7 @@ class Motion(WholeBody):
         return found
 
     def _pair(self, names: Any, values: Any) -> list[tuple[Joint, float]]:
-        joints, numbers = self.find_joints(names), [float(each) for each in as_list(values)]
+        joints, numbers = self.find_joints(names), [finite(each) for each in as_list(values)]
         if len(numbers) == 1:
             numbers *= len(joints)
         if len(joints) != len(numbers):
@@ -80,13 +80,13 @@ class Motion(WholeBody):
     def set_angles(self, names: Any, angles: Any, share: float) -> None:
         """Goals, and the share of the greatest speed."""
         for joint, angle in self._pair(names, angles):
-            joint.order(angle, share)
+            joint.order(angle, finite(share))
 
     @method("changeAngles", "(mmf)")
     def change_angles(self, names: Any, changes: Any, share: float) -> None:
         """Goals, seen from where the joints are."""
         for joint, change in self._pair(names, changes):
-            joint.order(joint.angle + change, share)
+            joint.order(joint.angle + change, finite(share))
 
     @method("getAngles", "(mb)", "[f]")
     def get_angles(self, names: Any, sensors: bool) -> list[float]:
@@ -168,17 +168,18 @@ class Motion(WholeBody):
     @method("moveTo", "(fffm)")
     def walk_to(self, x: float, y: float, turn: float, *_: Any) -> Later:
         """Walk to a place seen from here; the answer comes when it stands there."""
+        way = finite(x), finite(y), finite(turn)
         self.prepare_walk()
-        self.body.walk_to(x, y, turn)
+        self.body.walk_to(*way)
         return Later(lambda: self.body.goal is None and not self.body.walking)
 
     @method("move", "(fff)")
     @method("move", "(fffm)")
     def walk(self, x: float, y: float, turn: float, config: Any = ()) -> None:
         """Walk with these speeds until told otherwise: m/s, m/s, rad/s."""
-        shares = gait_shares(config)
+        shares, speeds = gait_shares(config), (finite(x), finite(y), finite(turn))
         self.prepare_walk()
-        self.body.drive((x, y, turn), shares)
+        self.body.drive(speeds, shares)
 
     @method("moveToward", "(fff)")
     @method("moveToward", "(fffm)")
@@ -234,20 +235,19 @@ class Motion(WholeBody):
     @method("wakeUp")
     def wake_up(self) -> Later:
         """Stiffen all motors and stand up."""
-        return Later(self.body.go_to_posture("Stand", 1.0))
+        return Later(self.body.go_to_posture("Stand", 1.0).ended)
 
     @method("rest")
     def rest(self) -> Later:
         """Crouch, and slacken all motors."""
         self.stop_walk()
         self.body.standing = False
-        there = self.body.go_to_posture("Crouch", 1.0)
+        way = self.body.go_to_posture("Crouch", 1.0)
 
         def rested() -> bool:
-            if not there():
-                return False
-            self.body.slack()
-            return True
+            if way.reached():
+                self.body.slack()
+            return way.ended()
 
         return Later(rested)
 

@@ -20,7 +20,7 @@ class Posture(Service):
         """The answer comes when it is there."""
         if name not in POSTURES:
             raise Failed(f"ALRobotPosture: no posture {name}")
-        return Later(self.body.go_to_posture(name, share), True)
+        return Later(self.body.go_to_posture(name, share).ended, True)
 
     @method("stopMove")
     def stop(self) -> None:

@@ -22,6 +22,7 @@ from urbihw_fakes.nao.services import (
     Failed,
     Later,
     Service,
+    as_failure,
 )
 
 LOOK_PERIOD = 0.01
@@ -104,8 +105,8 @@ class Server:
                     if not later.ready():
                         continue
                     self._reply(connection, message, codec.encode(method.returns, later.value))
-                except Failed as error:
-                    self._reply_error(connection, message, error)
+                except Exception as error:
+                    self._reply_error(connection, message, as_failure(error))
                 connection.waiting.remove(row)
 
     def due(self) -> float | None:
@@ -138,8 +139,10 @@ class Server:
                 self._call_common(connection, message)
             else:
                 self._call(connection, message)
-        except Failed as error:
-            self._reply_error(connection, message, error)
+        except codec.BadMessage:
+            raise
+        except Exception as error:
+            self._reply_error(connection, message, as_failure(error))
 
     def _authenticate(self, connection: Connection, message: codec.Message) -> None:
         words = codec.decode("{sm}", message.payload)

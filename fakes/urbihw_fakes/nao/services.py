@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -29,9 +30,14 @@ class Failed(Exception):
     """A method failed; the text goes to the caller."""
 
 
+def as_failure(error: Exception) -> Failed:
+    """What a caller is told of an exception of a method: NAOqi turns each one into an error answer."""
+    return error if isinstance(error, Failed) else Failed(f"{type(error).__name__}: {error}")
+
+
 @dataclass(frozen=True)
 class Later:
-    """Result of a method that blocks: the answer is sent as soon as ``ready`` says so, or fails if it raises Failed."""
+    """Result of a method that blocks: the answer is sent as soon as ``ready`` says so, or fails if it raises."""
 
     ready: Callable[[], bool]
     value: Any = None
@@ -201,6 +207,13 @@ COMMON = (
     Method(SET_PROPERTY, "v", "setProperty", "(mm)", _never_run),
 )
 """What all objects have."""
+
+
+def finite(value: Any) -> float:
+    """A number.  Raises Failed for what is none, and for inf and nan."""
+    if not isinstance(value, int | float) or not math.isfinite(value):
+        raise Failed(f"{value!r:.40} is no number")
+    return float(value)
 
 
 def as_list(value: Any) -> list[Any]:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from urbihw_fakes.errors import UnknownRequest
-from urbihw_fakes.nao.services import Failed, Service, method
+from urbihw_fakes.nao.services import Failed, Method, Service, method
 
 
 class Proxy:
-    """The methods of a service without parameters, by their names in NAOqi: what a program on the robot has."""
+    """The methods of a service by their names in NAOqi: what a program on the robot has."""
 
     def __init__(self, service: Service) -> None:
         self._service = service
@@ -19,12 +20,19 @@ class Proxy:
     def __getattr__(self, name: str) -> Any:
         for each in self._service.methods.values():
             if each.name == name:
-                return lambda: self._service.call(each)
+                return lambda *arguments: self._call(each, arguments)
         raise AttributeError(name)
+
+    def _call(self, called: Method, arguments: tuple[Any, ...]) -> Any:
+        """Raises RuntimeError, as libqi does."""
+        try:
+            return self._service.call(called, *arguments)
+        except Failed as error:
+            raise RuntimeError(str(error)) from error
 
 
 class Watchdog(Service):
-    """The service of the program in ``path``, which stops ``motion``.
+    """The service of the program in ``path``, which stops ``motion``; ``find_service`` gives others by their names.
 
     Raises:
         UnknownRequest: there is no such program.
@@ -32,14 +40,14 @@ class Watchdog(Service):
 
     name = "UrbihwWatchdog"
 
-    def __init__(self, path: Path, motion: Service) -> None:
+    def __init__(self, path: Path, motion: Service, find_service: Callable[[str], Service]) -> None:
         super().__init__()
         spec = importlib.util.spec_from_file_location("robot_watchdog", path)
         if spec is None or spec.loader is None or not path.is_file():
             raise UnknownRequest(f"{path}: there is no such program")
         program = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(program)
-        self._watchdog = program.Watchdog(Proxy(motion))
+        self._watchdog = program.Watchdog(Proxy(motion), lambda name: Proxy(find_service(name)))
         self._service = program.Service(self._watchdog)
         self._now = 0.0
 

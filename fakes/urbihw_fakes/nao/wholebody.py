@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from urbihw_fakes.nao.body import Body, Joint
-from urbihw_fakes.nao.services import Failed, Service, method
+from urbihw_fakes.nao.services import Failed, Service, finite, method
 
 SHOULDER = (0.0, 0.098, 0.1)
 """The left shoulder, from the torso: ahead, left, up, m."""
@@ -60,6 +60,7 @@ class WholeBody(Service):
         self.lean = 0.0
         self._stepped_at = 0.0
         body.on_step.append(self._step)
+        body.on_posture.append(self._drop_targets)
 
     # ---------------------------------------------------------------- places
 
@@ -120,12 +121,16 @@ class WholeBody(Service):
     def set_target(self, effector: str, target: Any) -> None:
         """Where its hand is to go, in the frame of the robot."""
         self._check(effector in self.controlled, f"{effector} is not under control")
-        x, y, z = map(float, target)
+        x, y, z = map(finite, target)
         self.controlled[effector] = x, y, z
 
     def _check(self, good: bool, what: str) -> None:
         if not self.balancing or not good:
             raise Failed(f"ALMotion: the whole body balancer is off, or refuses: {what}")
+
+    def _drop_targets(self) -> None:
+        """A posture takes the arms; they stay under control."""
+        self.controlled = dict.fromkeys(self.controlled)
 
     def _hold(self) -> None:
         for effector in list(self.controlled):

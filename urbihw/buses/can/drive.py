@@ -10,6 +10,7 @@ So that it stops when this process dies, it is asked to watch our heartbeat (0x1
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -29,7 +30,6 @@ HEARTBEAT_TIMEOUT_S: Final = 0.5
 RESEND_AFTER_S: Final = 0.1
 """Seconds after which a control word without effect is sent again."""
 _QUICK_STOP_ON_LOSS = 3
-_CAN_TURN = 0x04  # in 0x6502: profile velocity
 _SdoError = (SdoAbortedError, SdoCommunicationError)
 
 
@@ -44,6 +44,7 @@ class DriveInfo:
         increments: of one turn (0x608F); nan if unknown.
         low, high: software limits of the position (0x607D), in increments; -inf and inf if it has none.
         most_speed: in increments/s (0x607F); inf if unknown.
+        rated_torque: of the motor (0x6076), in N m; nan if unknown, or if the drive has no torque mode.
         watches: it supervises the master's heartbeat and stops by itself when that ends.
     """
 
@@ -54,6 +55,7 @@ class DriveInfo:
     low: float = -math.inf
     high: float = math.inf
     most_speed: float = math.inf
+    rated_torque: float = math.nan
     watches: bool = False
 
 
@@ -84,6 +86,8 @@ class Drive:
         self._sent: tuple[int, int] | None = None
         self._sent_at = -math.inf
         self._quick = False
+        self._homing = False
+        self._sent_pdos: dict[int, tuple[int, ...]] = dict(c.SENT)
         self.info = self._set_up(number, period)
         # Only now: heartbeats and emergencies during the set-up are ignored.
         self._node.nmt.add_heartbeat_callback(self._on_heartbeat)
@@ -99,21 +103,34 @@ class Drive:
             if kind & 0xFFFF != c.SERVO:
                 raise Unavailable(f"node {number} is no drive after CiA 402 (device type 0x{kind:08X})")
             self._node.nmt.state = "PRE-OPERATIONAL"
-            self._map_process_data(period)
+            self._map_process_data(c.RECEIVED, c.SENT, period)
+            modes = int(self._read_optional(c.SUPPORTED, 0, 0))
+            if modes & c.CAN_PUSH:
+                self._map_torque(period)
             self._node.sdo[c.HEARTBEAT].raw = round(HEARTBEAT_PERIOD_S * 1000)
-            info = self._read_info(number)
+            info = self._read_info(number, modes)
             self._node.nmt.state = "OPERATIONAL"
         except _SdoError as error:
             raise Unavailable(f"drive {number} cannot be set up: {error}") from error
         return info
 
-    def _map_process_data(self, period: float) -> None:
-        for number, objects in c.RECEIVED.items():
+    def _map_process_data(
+        self, received: Mapping[int, tuple[int, ...]], sent: Mapping[int, tuple[int, ...]], period: float
+    ) -> None:
+        for number, objects in received.items():
             self._map_pdo(self._node.rpdo[number], objects, 0x100 + 0x100 * number)
-        for number, objects in c.SENT.items():
+        for number, objects in sent.items():
             pdo = self._node.tpdo[number]
             pdo.event_timer = max(1, round(period * 1000))
             self._map_pdo(pdo, objects, 0x80 + 0x100 * number)
+
+    def _map_torque(self, period: float) -> None:
+        try:
+            self._map_process_data(c.RECEIVED_TORQUE, c.SENT_TORQUE, period)
+        except SdoAbortedError:
+            # A drive with fewer process data can be used without its torque mode.
+            return
+        self._sent_pdos |= c.SENT_TORQUE
 
     def _map_pdo(self, pdo: Any, objects: tuple[int, ...], base: int) -> None:
         pdo.cob_id = base + self._node.id
@@ -124,16 +141,18 @@ class Drive:
         pdo.enabled = True
         pdo.save()
 
-    def _read_info(self, number: int) -> DriveInfo:
+    def _read_info(self, number: int, modes: int) -> DriveInfo:
+        rated = self._read_optional(c.RATED_TORQUE, 0, 0) if self.has_torque else 0
         turns = self._read_optional(0x608F, 2, 1.0) or 1.0
         return DriveInfo(
             id=number,
             name=str(self._read_optional(0x1008, 0, "")).strip("\0 "),
-            modes=int(self._read_optional(c.SUPPORTED, 0, 0)),
+            modes=modes,
             increments=self._read_optional(0x608F, 1, math.nan) / turns,
             low=self._read_optional(0x607D, 1, -math.inf),
             high=self._read_optional(0x607D, 2, math.inf),
             most_speed=self._read_optional(0x607F, 0, math.inf),
+            rated_torque=rated / 1000 or math.nan,
             watches=self._enable_heartbeat_watch(),
         )
 
@@ -175,13 +194,19 @@ class Drive:
         return c.state_of(self.status)
 
     @property
+    def has_torque(self) -> bool:
+        """Whether it has the torque mode."""
+        return len(self._sent_pdos) > len(c.SENT)
+
+    @property
     def heard(self) -> bool:
         """Whether all its process data have arrived since it was set up."""
-        return all(self._node.tpdo[number].is_received for number in c.SENT)
+        return all(self._node.tpdo[number].is_received for number in self._sent_pdos)
 
     def values(self) -> dict[str, int]:
-        """Return the measured items, in increments and increments/s."""
-        return {
+        """Return the measured items, in increments, increments/s, and thousandths of the rated torque."""
+        torque = {"torque": int(self._process_value(3, c.TORQUE_SHOWN))} if self.has_torque else {}
+        return torque | {
             "status": self.status,
             "mode": int(self._process_value(1, c.MODE_SHOWN)),
             "position": int(self._process_value(2, c.PLACE)),
@@ -198,28 +223,58 @@ class Drive:
     def enable(self) -> None:
         """Power on at standstill; earlier targets are dropped."""
         self.wanted, self._halted, self._quick, self._point = True, False, False, None
-        self._mode = c.POSITION if self.info.modes and not self.info.modes & _CAN_TURN else c.VELOCITY
+        self._mode = c.POSITION if self.info.modes and not self.info.modes & c.CAN_TURN else c.VELOCITY
+        self._homing = False
         self._send_object(2, c.TARGET_SPEED, 0)
 
     def set_velocity(self, speed: int) -> None:
         """Turn at a velocity, in increments/s."""
-        self._mode, self._halted, self._point = c.VELOCITY, False, None
+        self._mode, self._halted, self._point, self._homing = c.VELOCITY, False, None, False
         self._send_object(2, c.TARGET_SPEED, speed)
+
+    def set_torque(self, torque: int) -> None:
+        """Push with a torque, in thousandths of the rated one."""
+        self._mode, self._halted, self._point, self._homing = c.TORQUE, False, None, False
+        self._send_object(4, c.TARGET_TORQUE, torque)
 
     def set_position(self, place: int) -> None:
         """Go to a position, in increments."""
-        self._mode, self._halted = c.POSITION, False
+        self._mode, self._halted, self._homing = c.POSITION, False, False
         self._send_object(3, c.TARGET_PLACE, place)
         self._point, self._point_sent = place, False
 
+    def start_homing(self, method: int) -> None:
+        """Look for the home position by a method of 0x6098. Raises SdoAbortedError, SdoCommunicationError."""
+        self.write_object(c.HOMING_METHOD, 0, method)
+        self._mode, self._halted, self._point, self._homing = c.HOMING, False, None, True
+
+    def homing_result(self) -> bool | None:
+        """Whether homing has found the position, or failed or been ended; None while it goes on."""
+        if not self._homing:
+            return False
+        if self._sent is None or self._sent[1] != c.HOMING or not self._sent[0] & c.START_HOMING:
+            return None
+        status = self.status
+        if status & c.HOMING_ERROR:
+            self._homing = False
+            return False
+        found = c.HOME_FOUND | c.REACHED
+        if self._now - self._sent_at < RESEND_AFTER_S or status & found != found:
+            return None
+        self._homing = False
+        return True
+
     def halt(self) -> None:
-        """Brake and hold."""
-        self._halted, self._point = True, None
+        """Brake and hold; in torque mode by the speed 0, because a torque of 0 lets it run out."""
+        self._halted, self._point, self._homing = True, None, False
         self._send_object(2, c.TARGET_SPEED, 0)
+        if self._mode == c.TORQUE:
+            self._mode = c.VELOCITY
+            self._send_object(4, c.TARGET_TORQUE, 0)
 
     def quick_stop(self) -> None:
         """Brake as hard as the drive can, then power off."""
-        self._quick, self.wanted, self._point = True, None, None
+        self._quick, self.wanted, self._point, self._homing = True, None, None, False
 
     def send_control_word(self, now: float) -> None:
         """Send the next control word, if it differs from the last one or that one had no effect."""
@@ -258,6 +313,8 @@ class Drive:
     def _moving_word(self, word: int) -> int:
         if self._halted:
             word |= c.HALT
+        if self._homing and self._process_value(1, c.MODE_SHOWN) == c.HOMING:
+            word |= c.START_HOMING
         if self._mode == c.POSITION:
             word |= c.AT_ONCE
             if self._point is not None and self._process_value(1, c.MODE_SHOWN) == c.POSITION:
@@ -288,7 +345,7 @@ class Drive:
 
     def update_heard_at(self, now: float) -> None:
         """Update `heard_at` from the time stamps of the messages received."""
-        stamps = [self._node.tpdo[number].timestamp for number in c.SENT]
+        stamps = [self._node.tpdo[number].timestamp for number in self._sent_pdos]
         stamps.append(self._node.nmt.timestamp)
         self.heard_at = max([self.heard_at, *(stamp for stamp in stamps if stamp is not None)])
         # canopen stores every emergency without bound; a drive may send many.

@@ -1,11 +1,13 @@
 """The driver of CiA 402 drives on one CAN bus, in the worker.
 
-Devices are node numbers. Targets: "velocity" in increments/s, "position" in increments; they move a drive that is on
-and are dropped by one that is off. Items measured: "status", "mode", "position", "velocity".
+Devices are node numbers. Targets: "velocity" in increments/s, "position" in increments, "torque" in thousandths of the
+rated torque; they move a drive that is on and are dropped by one that is off. Items measured: "status", "mode",
+"position", "velocity", and "torque" if the drive has a torque mode.
 
 Requests: "enable", "disable", "quick_stop" (brake hard, then off) and "reset" (of a fault) are answered when the drive
-has reached the state, or with an error after TRANSITION_TIMEOUT_S; "read" and "write" take an object as item, "6081" or
-"607D:1".
+has reached the state, or with an error after TRANSITION_TIMEOUT_S; "home" (value: the method, object 6098) when the
+position is found, or with an error when something else has ended it, or after HOMING_TIMEOUT_S; "read" and "write"
+take an object as item, "6081" or "607D:1".
 
 The start of the worker switches no drive on. A drive keeps its commanded state while it is present: one that was lost,
 or has restarted, is off until it is switched on again.
@@ -47,6 +49,8 @@ SEARCH_S: Final = 0.2
 """Seconds to wait for the answers of all nodes on the bus."""
 TRANSITION_TIMEOUT_S: Final = 2.0
 """Seconds within which a drive must have changed its state."""
+HOMING_TIMEOUT_S: Final = 120.0
+"""Seconds within which a drive must have found its home position."""
 _HEARTBEAT_OPERATIONAL = b"\x05"
 _GOAL_STATES: Final = {
     "enable": (c.ENABLED,),
@@ -55,6 +59,8 @@ _GOAL_STATES: Final = {
     "reset": (c.DISABLED, c.READY, c.SWITCHED_ON),
 }
 """Verb -> states in which it is done."""
+_LARGEST: Final = {"velocity": (1 << 31) - 1, "position": (1 << 31) - 1, "torque": (1 << 15) - 1}
+"""Target -> largest number of its object."""
 
 
 @dataclass(frozen=True)
@@ -146,11 +152,15 @@ class DrivesDriver(Driver):
         refused: list[FromWorker] = []
         for (number, item), value in message.values.items():
             drive = self._drives.get(number)
-            if item not in ("velocity", "position") or not isinstance(value, int) or abs(value) >= 1 << 31:
-                refused.append(Refused(number, item, f"no such target, or {value!r} is no number of increments"))
+            most = _LARGEST.get(item, 0)
+            if not isinstance(value, int) or abs(value) > most:
+                refused.append(Refused(number, item, f"no such target, or {value!r} is not a number of its units"))
             elif drive is not None and number not in self._lost and drive.wanted and drive.state == c.ENABLED:
-                set_target = drive.set_velocity if item == "velocity" else drive.set_position
-                self._try_send(lambda set_target=set_target, value=value: set_target(value))  # type: ignore[misc]
+                if item == "torque" and not drive.has_torque:
+                    refused.append(Refused(number, item, "the drive has no torque mode"))
+                    continue
+                actions = {"velocity": drive.set_velocity, "position": drive.set_position, "torque": drive.set_torque}
+                self._try_send(lambda set_target=actions[item], value=value: set_target(value))  # type: ignore[misc]
         return refused
 
     def watch(self, message: Watch, now: float) -> list[FromWorker]:
@@ -164,6 +174,8 @@ class DrivesDriver(Driver):
             return [Reply(message.reply_id, False, error=f"drive {message.device} is not there")]
         if message.verb in _GOAL_STATES:
             return self._start_transition(message, drive)
+        if message.verb == "home":
+            return self._start_homing(message, drive)
         if message.verb in ("read", "write"):
             return [self._access_object(message, drive)]
         return [Reply(message.reply_id, False, error=f"a drive does not know {message.verb!r}")]
@@ -197,8 +209,8 @@ class DrivesDriver(Driver):
         return item == "position" or bool(value)
 
     def request_moves(self, request: Request) -> bool:
-        """True for power on, and for writes of objects, which bypass the targets."""
-        return request.verb in ("enable", "write")
+        """True for power on, homing, and writes of objects, which bypass the targets."""
+        return request.verb in ("enable", "home", "write")
 
     def pose(self, device: Any, item: str) -> float | None:
         """The position in increments, for the target position."""
@@ -238,10 +250,7 @@ class DrivesDriver(Driver):
             self._unsent += 1
 
     def _start_transition(self, message: Request, drive: Drive) -> list[FromWorker]:
-        old = self._transitions.pop(message.device, None)
-        news: list[FromWorker] = []
-        if old is not None:
-            news.append(Reply(old.reply_id, False, error=f"{old.verb} gave way to {message.verb}"))
+        news = self._end_transition(message.device, f"gave way to {message.verb}")
         match message.verb:
             case "enable":
                 self._try_send(drive.enable)
@@ -254,6 +263,26 @@ class DrivesDriver(Driver):
         until = self._clock.now() + TRANSITION_TIMEOUT_S
         self._transitions[message.device] = _Transition(message.reply_id, message.verb, until)
         return news
+
+    def _start_homing(self, message: Request, drive: Drive) -> list[FromWorker]:
+        if not (drive.wanted and drive.state == c.ENABLED):
+            return [Reply(message.reply_id, False, error=f"drive {message.device} is off: switch it on with load = 1")]
+        if not drive.info.modes & c.CAN_HOME:
+            return [Reply(message.reply_id, False, error=f"drive {message.device} has no homing mode (0x6502)")]
+        try:
+            drive.start_homing(int(message.value))
+        except (SdoAbortedError, SdoCommunicationError) as error:
+            why = f"drive {message.device} refuses homing method {message.value}: {error}"
+            return [Reply(message.reply_id, False, error=why)]
+        news = self._end_transition(message.device, f"gave way to {message.verb}")
+        until = self._clock.now() + HOMING_TIMEOUT_S
+        self._transitions[message.device] = _Transition(message.reply_id, message.verb, until)
+        return news
+
+    def _end_transition(self, number: int, reason: str) -> list[FromWorker]:
+        """Answer a pending request of a drive with an error."""
+        wait = self._transitions.pop(number, None)
+        return [] if wait is None else [Reply(wait.reply_id, False, error=f"{wait.verb} {reason}")]
 
     def _access_object(self, message: Request, drive: Drive) -> Reply:
         index, _, sub = message.item.partition(":")
@@ -301,6 +330,8 @@ class DrivesDriver(Driver):
         wait = self._transitions.get(number)
         if wait is None:
             return []
+        if wait.verb == "home":
+            return self._check_homing(number, drive, wait, now)
         state = drive.state
         if state in _GOAL_STATES[wait.verb]:
             drive.resets = False
@@ -314,3 +345,15 @@ class DrivesDriver(Driver):
         if wait.verb == "enable":
             drive.wanted = None
         return [Reply(wait.reply_id, False, error=f"drive {number} stays in {state}")]
+
+    def _check_homing(self, number: int, drive: Drive, wait: _Transition, now: float) -> list[FromWorker]:
+        result = drive.homing_result() if drive.state == c.ENABLED else False
+        if result is None and now >= wait.until:
+            self._try_send(drive.halt)
+            return self._end_transition(number, f"has not found the home position within {HOMING_TIMEOUT_S:.0f} s")
+        if result is None:
+            return []
+        if not result:
+            return self._end_transition(number, "was ended, or failed, before the home position was found")
+        del self._transitions[number]
+        return [Reply(wait.reply_id, True, drive.values()["position"])]

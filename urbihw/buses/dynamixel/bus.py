@@ -23,12 +23,13 @@ class DynamixelBus(TransactionChannel):
 
     def ping(self, device: int, retries: int = _RETRIES) -> Status:
         """Ping; protocol 2.0 answers model and firmware. Raises BusTimeout, BadFrame, LinkGone."""
-        size = 3 if self.protocol == 2 else 0
-        return self.ask_with_retries(packet.ping_packet(self.protocol, device), device, size, retries)
+        protocol = self.protocol_of(device)
+        size = 3 if protocol == 2 else 0
+        return self.ask_with_retries(packet.ping_packet(protocol, device), device, size, retries)
 
     def read(self, device: int, address: int, size: int, retries: int = _RETRIES) -> bytes:
         """Return `size` bytes from `address`. Raises BusTimeout, BadFrame, DeviceRefused, LinkGone."""
-        request = packet.read_packet(self.protocol, device, address, size)
+        request = packet.read_packet(self.protocol_of(device), device, address, size)
         return self._raise_refusal(self.ask_with_retries(request, device, size, retries)).params
 
     def write(self, device: int, address: int, data: bytes, answered: bool = True, retries: int = _RETRIES) -> None:
@@ -36,7 +37,8 @@ class DynamixelBus(TransactionChannel):
 
         Raises BusTimeout, BadFrame, DeviceRefused, LinkGone.
         """
-        self._send_command(packet.write_packet(self.protocol, device, address, data), device, answered, retries)
+        request = packet.write_packet(self.protocol_of(device), device, address, data)
+        self._send_command(request, device, answered, retries)
 
     def reboot(self, device: int) -> None:
         """Restart a protocol 2.0 device, the only way to clear a hardware alert. Raises as `write`."""

@@ -6,9 +6,9 @@ advances it by waiting for answers (on a `SimClock` that is a jump).
 A tick in order:
   1. the SYNC_WRITE packets of all changed targets (`plan.sync_writes`); they are sent in one write together with the
      first question, since no device answers them;
-  2. the reads of healthy devices that are due. Protocol 1.0: one READ per device and block. Protocol 2.0: one SYNC
-     READ per block (FAST if all support it), then single READs for missing answers, because a silent device can
-     silence those behind it in the list;
+  2. the reads of healthy devices that are due; where both protocols are spoken, those of 1.0 first. Protocol 1.0: one
+     READ per device and block. Protocol 2.0: one SYNC READ per block (FAST if all support it), then single READs for
+     missing answers, because a silent device can silence those behind it in the list;
   3. one single READ for each suspect device. They come last, because each may cost a whole time-out;
   4. a ping to one lost device whose probe is due.
 The wire is kept busy: the next question is sent first, then the last answer is decoded while the servo prepares the
@@ -17,7 +17,7 @@ next one. A lost device costs only its pings: a cycle with 5 of 18 lost spends 2
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from urbihw.buses.dynamixel import packet, plan
@@ -68,6 +68,7 @@ class Cycle:
     def __init__(self, bus: DynamixelBus, devices: Iterable[Device], period: float, fast: bool = True) -> None:
         self.bus = bus
         self.members = {device.id: Member(device) for device in sorted(devices, key=lambda device: device.id)}
+        bus.protocols = {number: member.device.protocol for number, member in self.members.items()}
         self.period = period
         self.fast = fast
         self._prefix = b""
@@ -99,7 +100,8 @@ class Cycle:
         """Read `names` of a device each `period` seconds, see `Member.watch`. Raises BadValue."""
         members = list(self.members)
         # In protocol 1.0 each device costs a question of its own, so slow items are spread over their period.
-        spread = members.index(device) / len(members) if self.bus.protocol == 1 and device in self.members else 0.0
+        alone = device in self.members and self.members[device].device.protocol == 1
+        spread = members.index(device) / len(members) if alone else 0.0
         self.member(device).watch(names, period, now + spread * (period or 0.0))
 
     def tick(
@@ -115,10 +117,11 @@ class Cycle:
         self._retry_until = now + self.period * _RETRY_SHARE
         self._prefix = self._pop_write_packets()
         healthy, suspects, lost = self._collect_due_reads(now)
-        if self.bus.protocol == 2:
-            self._read_groups(healthy, tick)
-        elif healthy:
-            self._read_each(healthy, tick)
+        alone = [read for read in healthy if read[0].device.protocol == 1]
+        if alone:
+            self._read_each(alone, tick)
+        if len(alone) < len(healthy) and not (alone and urgent()):
+            self._read_groups([read for read in healthy if read[0].device.protocol == 2], tick)
         for member, questions in suspects:
             if not urgent():
                 self._read_alone(member, questions, tick)
@@ -145,13 +148,14 @@ class Cycle:
                 alike.setdefault((member.table.name, tuple(member.pending)), []).append(member)
         if not alike:
             return b""
-        groups: list[tuple[tuple[Run, ...], list[tuple[int, Mapping[str, int]]]]] = []
+        groups: dict[int, list[plan.WriteGroup]] = {}
         for key, members in alike.items():
             runs = self._runs.get(key)
             if runs is None:
                 runs = self._runs[key] = plan.write_runs(members[0].table, key[1])
-            groups.append((runs, [(member.device.id, member.pending) for member in members]))
-        packets = plan.sync_writes(self.bus.protocol, groups)
+            protocol = members[0].device.protocol
+            groups.setdefault(protocol, []).append((runs, [(each.device.id, each.pending) for each in members]))
+        packets = [each for protocol, one in groups.items() for each in plan.sync_writes(protocol, one)]
         for members in alike.values():
             for member in members:
                 member.mark_sent()
@@ -290,8 +294,9 @@ class Cycle:
         if member is None or member.health.next_probe > now:
             return
         number = member.device.id
-        size = 3 if self.bus.protocol == 2 else 0
-        ping = packet.ping_packet(self.bus.protocol, number)
+        protocol = self.bus.protocol_of(number)
+        size = 3 if protocol == 2 else 0
+        ping = packet.ping_packet(protocol, number)
         try:
             # It may have lost power, or be another device with the same id: identify it again.
             pong = self.bus.ask(ping, number, size, self._pop_prefix(), brief=True)
@@ -301,6 +306,9 @@ class Cycle:
             member.update_device(found)
         except (BusTimeout, BadFrame, DeviceRefused):
             member.health.record_probe(self.bus.clock.now(), False)
+            if self.bus.auto and not member.device.is_known:
+                # It is expected, but nobody knows its protocol: the next probe tries the other one.
+                self.bus.protocols[number] = 3 - protocol
             return
         member.drop_targets()
         change = member.health.record_probe(self.bus.clock.now(), True)

@@ -26,6 +26,7 @@ from urbihw.buses.dynamixel.stop import (
     safe_stop,
     stop_what_moves,
 )
+from urbihw.buses.dynamixel.toss import enter_toss_mode, has_toss_speed, request_toss_mode
 from urbihw.buses.errors import BadValue, BusError, LinkGone
 from urbihw.buses.link import Port, byte_link
 from urbihw.buses.messages import (
@@ -92,7 +93,9 @@ class DynamixelDriver(Driver):
     def attach(self, port: Port) -> list[FromWorker]:
         """Find the devices on an open link: all (or the configured) ones the first time, the known ones later."""
         bus = DynamixelBus(byte_link(port), self._options.protocol)
-        outcome = scan(bus, sorted(self._known) if self._known else self._expected or self._ids)
+        if self._options.controller:
+            enter_toss_mode(bus.link)
+        outcome = self._scan_bus(bus, sorted(self._known) if self._known else self._expected or self._ids)
         wanted = {number: Device(number, 0, 0, bus.protocol) for number in self._options.ids} | self._known
         # A known device is kept even when its answer was damaged: it may be turning, and must be stopped.
         there = {device.id for device in outcome.devices} | ({*outcome.conflicts} - self._known.keys())
@@ -113,6 +116,7 @@ class DynamixelDriver(Driver):
             return self._scan_if_due(cycle, now)
         self._urgent = urgent
         tick = cycle.tick(now, meanwhile, urgent)
+        self._request_toss_if_silent(cycle, now)
         execute_pending_stops(cycle)
         if tick.fired:
             # They stand and accept no goals. So long a silence on the bus counts as a stop of the whole robot.
@@ -246,13 +250,31 @@ class DynamixelDriver(Driver):
         self._next_scan_at = cycle.bus.clock.now() + _SCAN_PERIOD_S
         return messages if self._known else []
 
+    def _request_toss_if_silent(self, cycle: Cycle, now: float) -> None:
+        """Where all devices of a CM-5 are lost, it may have been switched off and on, which ends its toss mode."""
+        if now < self._next_scan_at or not has_toss_speed(cycle.bus.link):
+            return
+        self._next_scan_at = now + _SCAN_PERIOD_S
+        if all(member.health.state == "lost" for member in cycle.members.values()):
+            request_toss_mode(cycle.bus.link)
+
+    def _scan_bus(
+        self, bus: DynamixelBus, ids: Iterable[int] | None, urgent: Callable[[], bool] = no_stop
+    ) -> Scan:
+        """Scan; where nothing answers at the speed of a CM-5, it may be one that is not in toss mode yet."""
+        outcome = scan(bus, ids, urgent)
+        if outcome.devices or outcome.conflicts or not has_toss_speed(bus.link):
+            return outcome
+        enter_toss_mode(bus.link)
+        return scan(bus, ids, urgent)
+
     def _rescan(self, cycle: Cycle) -> list[FromWorker]:
-        auto, protocol = cycle.bus.auto, cycle.bus.protocol
+        auto, protocol, protocols = cycle.bus.auto, cycle.bus.protocol, cycle.bus.protocols
         cycle.bus.auto = self._options.protocol == "auto"
         try:
-            outcome = scan(cycle.bus, self._ids, self._urgent)
+            outcome = self._scan_bus(cycle.bus, self._ids, self._urgent)
         except ScanInterrupted:
-            cycle.bus.auto, cycle.bus.protocol = auto, protocol
+            cycle.bus.auto, cycle.bus.protocol, cycle.bus.protocols = auto, protocol, protocols
             raise
         self.detach()
         self._known = {}
@@ -265,7 +287,7 @@ class DynamixelDriver(Driver):
             member.update_device(identify(bus, message.device))
             return member.device.model
         if message.verb == "reboot":
-            if bus.protocol == 1:
+            if member.device.protocol == 1:
                 raise BadValue("protocol 1.0 devices cannot be rebooted; switch the power off and on")
             bus.reboot(message.device)
             member.drop_targets()

@@ -8,6 +8,10 @@ from typing import Literal
 from urbihw.settings import SWITCH, Table, choice, setting, wholes
 
 _LAST_ID = 252
+_CONTROLLERS = (
+    '"", "cm5" or "cm510"; a CM-530 has no documented mode that passes bytes through: connect a USB2Dynamixel, U2D2 or '
+    "USB2AX to the bus instead; an OpenCM needs no setting with the maker's bridge program on it"
+)
 
 
 @dataclass(frozen=True)
@@ -17,9 +21,12 @@ class Options(Table):
     Attributes:
         protocol: of the wire: 1, 2 or "auto"; read when the link opens.
         ids: devices to look for when the link opens; all if empty.
+        controller: "cm5" or "cm510": ask it for its toss mode before the first scan. Without it that is done when
+            nothing answers at the speed of such a controller, 57 600 bps.
         fast_read: use FAST SYNC READ where all devices of a group can do it.
     """
 
     protocol: Literal[1, 2, "auto"] = setting("auto", choice(1, 2, "auto", wants='1, 2 or "auto"'))
     ids: tuple[int, ...] = setting((), wholes(0, _LAST_ID, "[1, 2, 100]"))
+    controller: Literal["", "cm5", "cm510"] = setting("", choice("", "cm5", "cm510", wants=_CONTROLLERS))
     fast_read: bool = setting(True, SWITCH)

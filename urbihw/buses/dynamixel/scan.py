@@ -35,25 +35,40 @@ class ScanInterrupted(BusError):
 def scan(bus: DynamixelBus, ids: Iterable[int] | None = None, urgent: Callable[[], bool] = lambda: False) -> Scan:
     """Find the devices on `bus`, all ids or the given ones.
 
-    With protocol "auto" 1.0 is tried first, then 2.0; the first with an answer becomes the protocol of the bus.
-    Nothing is written to any device. Raises LinkGone, and ScanInterrupted when `urgent`, called between two ids.
+    With protocol "auto" both are tried, 1.0 first; the first with an answer becomes the protocol of the bus, and
+    `bus.protocols` has that of each device. An id that answers in both is a conflict. Nothing is written to any
+    device. Raises LinkGone, and ScanInterrupted when `urgent`, called between two ids.
     """
     wanted = None if ids is None else sorted(set(ids))
     bus.echo = _detect_echo(bus)
+    found: dict[int, Device] = {}
+    conflicts: set[int] = set()
+    spoken = []
+    bus.protocols = {}
     for protocol in (1, 2) if bus.auto else (bus.protocol,):
         bus.protocol = protocol
         asked = range(packet.MAX_ID[protocol] + 1) if wanted is None else wanted
-        possible = [device for device in asked if device <= packet.MAX_ID[protocol]]
+        known = found.keys() if wanted is not None else set()
+        possible = [device for device in asked if device <= packet.MAX_ID[protocol] and device not in known]
         heard, doubtful = _Sweep(bus, urgent).run(possible)
         if wanted is not None and heard:
             # Ids from the settings that did not answer are pinged a second time.
             again, more = _Sweep(bus, urgent).run([device for device in possible if device not in heard])
             heard, doubtful = {**heard, **again}, doubtful | more
-        if heard or doubtful:
-            return _confirm(bus, heard, doubtful)
+        twice = heard.keys() & found.keys()
+        conflicts |= twice
+        new = {device: status for device, status in heard.items() if device not in twice}
+        outcome = _confirm(bus, new, doubtful - twice)
+        conflicts.update(outcome.conflicts)
+        if new or doubtful:
+            spoken.append(protocol)
+        for device in outcome.devices:
+            if device.id not in found:
+                found[device.id] = device
+                bus.protocols[device.id] = protocol
     if bus.auto:
-        bus.protocol = 1
-    return Scan(())
+        bus.protocol = spoken[0] if spoken else 1
+    return Scan(tuple(found[number] for number in sorted(found.keys() - conflicts)), tuple(sorted(conflicts)))
 
 
 def _detect_echo(bus: DynamixelBus) -> bool:
@@ -178,21 +193,22 @@ def identify(bus: DynamixelBus, number: int, pong: Status | None = None) -> Devi
     A device that answers nothing but pings (status return level 0) gets model 0.
     Raises BusTimeout, BadFrame, LinkGone.
     """
-    if pong is None or (bus.protocol == 2 and len(pong.params) != 3):
+    protocol = bus.protocol_of(number)
+    if pong is None or (protocol == 2 and len(pong.params) != 3):
         pong = bus.ping(number)
     try:
-        about = pong.params if bus.protocol == 2 else bus.read(number, 0, 3)
+        about = pong.params if protocol == 2 else bus.read(number, 0, 3)
     except (BusTimeout, DeviceRefused):
-        return Device(number, 0, 0, bus.protocol, {"status_return_level": 0})
+        return Device(number, 0, 0, protocol, {"status_return_level": 0})
     model = about[0] | about[1] << 8
-    return Device(number, model, about[2], bus.protocol, _setup(bus, number, model))
+    return Device(number, model, about[2], protocol, _setup(bus, number, model))
 
 
 def _setup(bus: DynamixelBus, number: int, model: int) -> dict[str, int]:
     table = table_of(model)
     values: dict[str, int] = {}
     if table is not None:
-        for block in read_blocks(table, table.setup_items, bus.protocol):
+        for block in read_blocks(table, table.setup_items, bus.protocol_of(number)):
             try:
                 values.update(block.unpack(bus.read(number, block.address, block.size)))
             except (BusTimeout, DeviceRefused):

@@ -109,12 +109,13 @@ def _is_on_its_way(bus: DynamixelBus, member: Member) -> bool:
 
 
 def _write(bus: DynamixelBus, members: Iterable[Member], values: Mapping[int, Mapping[str, int]]) -> None:
-    groups: list[plan.WriteGroup] = []
+    groups: dict[int, list[plan.WriteGroup]] = {}
     for member in members:
         wanted = values.get(member.device.id)
         if wanted:
-            groups.append((plan.write_runs(member.table, wanted), [(member.device.id, wanted)]))
-    packets = b"".join(plan.sync_writes(bus.protocol, groups))
+            group = plan.write_runs(member.table, wanted), [(member.device.id, wanted)]
+            groups.setdefault(member.device.protocol, []).append(group)
+    packets = b"".join(each for protocol, one in groups.items() for each in plan.sync_writes(protocol, one))
     if packets:
         for _ in range(_REPEATS):
             bus.send(packets)

@@ -47,6 +47,7 @@ class TransactionChannel:
     Attributes:
         link: the wire; the channel does not close it.
         protocol: the present protocol; with "auto" it is 1 until a scan has found devices.
+        protocols: device -> protocol, where both are spoken on one wire; `protocol` is that of all others.
         auto: the scan determines the protocol.
         echo: the adapter returns our own bytes; determined by the scan.
         patience: the learnt time-out.
@@ -58,11 +59,16 @@ class TransactionChannel:
         self.clock = link.clock
         self.auto = protocol == "auto"
         self.protocol: int = 1 if protocol == "auto" else protocol
+        self.protocols: dict[int, int] = {}
         self.echo = False
         self.response_timeout = ResponseTimeoutEstimator()
         self.counters = Counters()
         self._wire_free_at = 0.0
         self._overdue: tuple[int, float] | None = None
+
+    def protocol_of(self, device: int) -> int:
+        """Return the protocol of a device."""
+        return self.protocols.get(device, self.protocol)
 
     def send(self, data: bytes) -> None:
         """Send one or more packets without an answer. Raises LinkGone."""
@@ -147,7 +153,8 @@ class TransactionChannel:
         if self.echo:
             # A one-wire adapter: our own bytes come first.
             return None, b""
-        expected = size + packet.OVERHEAD[self.protocol]
+        protocol = self.protocols.get(device, self.protocol)
+        expected = size + packet.OVERHEAD[protocol]
         answer_time = wire_end + expected * self.link.byte_time
         deadline = answer_time + allowance
         read = self.link.read
@@ -157,7 +164,7 @@ class TransactionChannel:
             if not more:
                 break
             data += more
-        status = exact_answer(self.protocol, data, device, expected)
+        status = exact_answer(protocol, data, device, expected)
         if status is not None:
             self.response_timeout.add_delay(self.clock.now() - answer_time)
         return status, data
@@ -177,14 +184,16 @@ class TransactionChannel:
         wire_end = self._dispatch(prefix + request)
         if meanwhile is not None:
             meanwhile()
-        overhead = packet.OVERHEAD[self.protocol]
+        protocol = self.protocol_of(reads[0][0])
+        overhead = packet.OVERHEAD[protocol]
         total = sum(size + overhead for _, size in reads) + (len(prefix + request) if self.echo else 0)
         longest = (max(size for _, size in reads) + overhead) * self.link.byte_time
         answer_time = wire_end + total * self.link.byte_time
         self._sleep_until_answer(total, answer_time)
         longest_data = max(size for _, size in reads)
         # With an echo in front nothing is exactly where it is expected.
-        group = GroupAnswer(self.protocol, reads, self._decoder(longest_data, prefix + request), not self.echo)
+        decoder = self._decoder(protocol, longest_data, prefix + request)
+        group = GroupAnswer(protocol, reads, decoder, not self.echo)
         deadline = max(wire_end, self.clock.now()) + longest + self.response_timeout.allowance
         while group.missing and (data := self.link.read(max(total, overhead), deadline)):
             total -= len(data)
@@ -253,9 +262,10 @@ class TransactionChannel:
         self, sent: bytes, device: int, size: int, data: bytes, wire_end: float, allowance: float
     ) -> Status:
         """Decode all bytes until `device` has answered or the time-out."""
-        decoder = self._decoder(size, sent)
-        byte_time = self.link.byte_time
-        answer_time = wire_end + (size + packet.OVERHEAD[self.protocol]) * byte_time
+        protocol = self.protocol_of(device)
+        overhead = packet.OVERHEAD[protocol]
+        decoder = self._decoder(protocol, size, sent)
+        answer_time = wire_end + (size + overhead) * self.link.byte_time
         deadline = answer_time + allowance
         while True:
             for status in decoder.feed(data):
@@ -263,7 +273,7 @@ class TransactionChannel:
                     self.response_timeout.add_delay(self.clock.now() - answer_time)
                     return status
                 self._record_late_answer(status.device)
-            data = self.link.read(size + packet.OVERHEAD[self.protocol] + len(sent), deadline)
+            data = self.link.read(size + overhead + len(sent), deadline)
             if not data:
                 break
         for status in decoder.flush():
@@ -271,15 +281,15 @@ class TransactionChannel:
                 return status
         self._overdue = (device, answer_time)
         # The echo of our own bytes does not count as a damaged answer.
-        noise = decoder.noise - (len(sent) if self.echo and self.protocol == 2 else 0)
+        noise = decoder.noise - (len(sent) if self.echo and protocol == 2 else 0)
         self._count_failures(1, noise)
         if noise > 0:
             raise BadFrame(f"the answer of device {device} on {self.link.url.text} came damaged")
         raise BusTimeout(f"device {device} on {self.link.url.text} does not answer; is it powered and plugged in?")
 
-    def _decoder(self, max_params: int, sent: bytes) -> packet.Decoder:
+    def _decoder(self, protocol: int, max_params: int, sent: bytes) -> packet.Decoder:
         """Return a decoder for the answers to `sent`, whose echo it drops if there is one."""
-        decoder = packet.decoder(self.protocol)
+        decoder = packet.decoder(protocol)
         decoder.max_params = max(max_params, 1)
         if self.echo and isinstance(decoder, packet.Decoder1):
             decoder.expect_echo(sent)
@@ -296,8 +306,8 @@ class TransactionChannel:
         data = b""
         while more := self.link.read(1024, self.clock.now()):
             data += more
-        if data:
-            for status in packet.decoder(self.protocol).feed(data):
+        if data and self._overdue is not None:
+            for status in packet.decoder(self.protocol_of(self._overdue[0])).feed(data):
                 self._record_late_answer(status.device)
 
     def _record_late_answer(self, device: int) -> None:

@@ -10,7 +10,7 @@ from urbihw.buses.errors import BadFrame, LinkGone
 from urbihw.buses.link import Link
 from urbihw.buses.qi import frames as f
 from urbihw.buses.qi.login import describe_stranger
-from urbihw.buses.qi.session import TIMEOUT_S, Call, Counters, Heard, first_line
+from urbihw.buses.qi.session import TIMEOUT_S, Call, Counters, Heard, first_line, unusable
 from urbihw.buses.qi.signatures import parse
 from urbihw.buses.qi.values import decode, encode
 
@@ -71,12 +71,21 @@ class Connection:
             self.stranger = describe_stranger(where, data)
             raise LinkGone(f"{where}: {error}; connecting again") from error
         for message in messages:
-            if message.type == f.EVENT:
-                self._dispatch_event(message)
-            elif message.type in (f.REPLY, f.ERROR, f.CANCELLED):
-                self._handle_answer(message)
-            elif message.type in (f.CALL, f.POST, f.CANCEL):
-                self.answer_call(self, message)
+            try:
+                self._handle_message(message)
+            except LinkGone:
+                raise
+            except Exception as error:
+                # Nothing that the other side sends may end the worker.
+                raise unusable(self.link.url.text, error) from error
+
+    def _handle_message(self, message: f.Message) -> None:
+        if message.type == f.EVENT:
+            self._dispatch_event(message)
+        elif message.type in (f.REPLY, f.ERROR, f.CANCELLED):
+            self._handle_answer(message)
+        elif message.type in (f.CALL, f.POST, f.CANCEL):
+            self.answer_call(self, message)
 
     def _handle_answer(self, message: f.Message) -> None:
         call, address, returns = self._calls.pop(message.id, (None, None, ""))
@@ -86,17 +95,19 @@ class Connection:
         if address != (message.service, message.object, message.action):
             call.finish(error="the answer is damaged")
             raise LinkGone(f"{self.link.url.text}: what came is no message of QiMessaging; connecting again")
+        value, problem = None, ""
         try:
             if message.type == f.ERROR:
                 self._counters.refused += 1
-                call.finish(error=first_line(decode("m", message.payload)))
+                problem = first_line(decode("m", message.payload))
             elif message.type == f.CANCELLED:
-                call.finish(error="NAOqi has cancelled it")
+                problem = "NAOqi has cancelled it"
             else:
-                call.finish(decode("m" if message.flags & f.DYNAMIC else returns, message.payload))
+                value = decode("m" if message.flags & f.DYNAMIC else returns, message.payload)
         except BadFrame as error:
             self._counters.unreadable += 1
-            call.finish(error=f"the answer cannot be read: {error}")
+            problem = f"the answer cannot be read: {error}"
+        call.finish(value, problem)
 
     def _dispatch_event(self, message: f.Message) -> None:
         listeners = self._listeners.get((message.service, message.object, message.action))

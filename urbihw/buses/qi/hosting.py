@@ -27,6 +27,7 @@ from urbihw.buses.errors import BadValue, LinkGone, Unavailable
 from urbihw.buses.link import Port
 from urbihw.buses.listening import Listener
 from urbihw.buses.qi.login import Login
+from urbihw.buses.qi.login_guard import LoginGuard
 from urbihw.buses.qi.metaobject import MetaObject
 from urbihw.buses.qi.serving import ObjectServer, ServedMethod, ServedObject
 from urbihw.buses.qi.session import Call, Service, Session
@@ -80,6 +81,7 @@ class Hosting:
 
     Attributes:
         settings: take effect when the end point is opened.
+        guard: counts wrong logins of callers, by whatever way they come; a new one for each session.
     """
 
     def __init__(self) -> None:
@@ -87,6 +89,7 @@ class Hosting:
         self._entries: dict[str, _Entry] = {}
         self._session: Session | None = None
         self._port: Port
+        self.guard: LoginGuard
         self._server: ObjectServer
         self._listener: Listener | None = None
         self._refusal = ""
@@ -132,6 +135,7 @@ class Hosting:
     def begin(self, session: Session, port: Port) -> None:
         """Use this session from now on, and register all objects.  Raises LinkGone."""
         self._session, self._port = session, port
+        self.guard = LoginGuard(port.clock.now)
         self._server = ObjectServer(port.clock.now)
         self._refusal = ""
         try:
@@ -245,8 +249,8 @@ class Hosting:
         if self._listener is None:
             server = self._server
 
-            def welcome(now: float) -> QiVisitor:
-                return QiVisitor(server, now, self.settings.login)
+            def welcome(now: float, address: str) -> QiVisitor:
+                return QiVisitor(server, now, address, self.guard, self.settings.login)
 
             self._listener = Listener(wanted.host or self._host(), wanted.port, welcome)
         host = self._listener.host

@@ -18,8 +18,9 @@ from collections.abc import Callable, Mapping
 from queue import Empty, SimpleQueue
 from typing import Any, Final
 
-from urbihw.buses.errors import BadValue, LinkGone, Unavailable
+from urbihw.buses.errors import BadFrame, BadValue, LinkGone, Unavailable
 from urbihw.buses.link import Context, Url
+from urbihw.buses.qi.checked import is_name, show_text, to_row
 from urbihw.buses.qi.libqi_values import DYNAMIC, from_libqi, meta_value, to_libqi
 from urbihw.buses.qi.link import LINE_BITS, PORT, TLS_PORT, split_address
 from urbihw.buses.qi.login import (
@@ -44,6 +45,7 @@ from urbihw.buses.qi.session import (
     find_member,
     first_line,
     no_such_signal,
+    unusable,
 )
 from urbihw.buses.qi.signatures import Type, parse
 from urbihw.settings import Rule
@@ -121,7 +123,13 @@ class LibqiSession(Session):
         try:
             work = self._news.get(timeout=pause) if pause > 0 else self._news.get_nowait()
             for _ in range(_MOST_NEWS):
-                work()
+                try:
+                    work()
+                except LinkGone:
+                    raise
+                except Exception as error:
+                    # Nothing that the other side sends may end the worker.
+                    raise unusable(self._port.url.text, error) from error
                 if call is not None and call.done:
                     return
                 work = self._news.get_nowait()
@@ -219,15 +227,18 @@ class LibqiSession(Session):
     def names(self) -> list[str]:
         """Ask the directory for the services, sorted.  Raises Unavailable, LinkGone."""
         found = self.wait(self._follow(self._session.services(_async=True)))
-        return sorted(row["name"] for row in found)
+        return sorted(row["name"] for row in to_row(found) if is_name(row["name"]))
 
     def look_up(self, name: str) -> Service:
         """Find a service, and what it offers; both are remembered.  Raises Unavailable, LinkGone."""
         if name not in self._services:
             found = self.wait(self._follow(self._session.service(name, _async=True)))
-            meta = found.metaObject()
+            try:
+                meta = MetaObject.from_value(meta_value(found.metaObject()))
+            except (BadFrame, AttributeError) as error:
+                raise Unavailable(errno.EPROTO, f"{show_text(name)} does not tell what it offers: {error}") from error
             self._objects[name] = found
-            self._services[name] = Service(name, 0, MetaObject.from_value(meta_value(meta)))
+            self._services[name] = Service(name, 0, meta)
         return self._services[name]
 
     # ---------------------------------------------------------------- services

@@ -39,7 +39,7 @@ _PIN: Final = frozenset("0123456789abcdef")
 def split_address(url: Url, default_port: int) -> tuple[str, int]:
     """Host and port of a url; the port may be left out.  Raises BadUrl."""
     host, colon, port = url.target.partition(":")
-    if not host or (colon and not (port.isdigit() and 0 < int(port) < 65536)):
+    if not host or (colon and not (port.isascii() and port.isdigit() and len(port) < 6 and 0 < int(port) < 65536)):
         raise BadUrl(f"bus url {url.text!r}: write {url.scheme}://host or {url.scheme}://host:port")
     return host, int(port) if colon else default_port
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import stat
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Final
 
 from urbihw.buses.errors import Unavailable
@@ -20,6 +20,7 @@ AUTH_ERROR, AUTH_CONTINUE, AUTH_DONE = 1, 2, 3
 NEW_TOKEN: Final = "auth_newToken"
 """What a robot that has no password yet hands out, once."""
 REFUSED: Final = "the robot refuses user or password: options.user, options.password"
+LONGEST_TOKEN: Final = 256
 TLS_ALERT, TLS_HANDSHAKE = 0x15, 0x16
 
 
@@ -32,6 +33,7 @@ class Login:
         user_key, token_key: under which names the two are sent.
         token_file: where a token is kept that the robot hands out; "" to accept none.  Once there, it replaces
             ``token``.
+        other_hosts: whether to log in at end points of other hosts, if the robot's directory names some.
     """
 
     user: str = ""
@@ -39,17 +41,23 @@ class Login:
     user_key: str = "auth_user"
     token_key: str = "auth_token"
     token_file: str = ""
+    other_hosts: bool = False
 
     def current_token(self) -> str:
         """The token in use: that of the file, if the file is there.  Raises Unavailable if it cannot be read."""
         if not self.token_file:
             return self.token
         try:
-            return Path(self.token_file).read_text("utf-8").strip()
+            found = _read_file(self.token_file).strip()
         except FileNotFoundError:
             return self.token
-        except (OSError, UnicodeDecodeError) as error:
-            raise Unavailable(errno.EACCES, f"options.token_file: {self.token_file} cannot be read: {error}") from error
+        except OSError as error:
+            why = "it is a link" if error.errno == errno.ELOOP else error.strerror
+            raise Unavailable(errno.EACCES, f"options.token_file: {self.token_file} cannot be read: {why}") from error
+        if not _is_token(found):
+            text = f"options.token_file: {self.token_file} has no token: 1 to {LONGEST_TOKEN} printable characters"
+            raise Unavailable(errno.EACCES, text)
+        return found
 
     def words(self) -> dict[str, Any]:
         """The credentials as they are sent; none for a robot that asks nobody.  Raises Unavailable."""
@@ -59,7 +67,8 @@ class Login:
     def keep_token(self, where: str, token: str) -> None:
         """Write a new token to its file, readable for this user only.  Raises Unavailable.
 
-        The robot knows no other way in afterwards, so it is written before it is used.
+        The robot knows no other way in afterwards, so it is written before it is used.  A password or token that is
+        there already is kept: the one that is lost would be that of our robot, for one of a stranger.
         """
         if not self.token_file:
             raise Unavailable(
@@ -67,16 +76,37 @@ class Login:
                 f"{where}: the robot has no password yet and hands out a token, which must be kept: set "
                 "options.token_file, or a password on the robot's own page",
             )
+        if self.current_token():
+            kept = "delete the file" if self.current_token() != self.token else "remove options.password"
+            text = f"{where}: {REFUSED}; it hands out a new token, which is not taken: if the robot was reset, {kept}"
+            raise Unavailable(errno.EACCES, text)
+        if not _is_token(token):
+            text = f"{where}: the robot hands out a token that is none: 1 to {LONGEST_TOKEN} printable characters"
+            raise Unavailable(errno.EACCES, text)
         fresh = f"{self.token_file}.new"
         try:
             with contextlib.suppress(FileNotFoundError):
                 os.unlink(fresh)
             with open(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as file:
                 file.write(token + "\n")
-            os.replace(fresh, self.token_file)
+            # Unlike a renaming, this replaces nothing.
+            os.link(fresh, self.token_file)
+            os.unlink(fresh)
         except OSError as error:
             why = f"which cannot be written to {self.token_file}: {error.strerror}"
             raise Unavailable(errno.EACCES, f"{where}: the robot hands out a token, {why}") from error
+
+
+def _read_file(path: str) -> str:
+    """The beginning of a file that is one, and no link.  Raises OSError."""
+    with open(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise OSError(errno.EINVAL, "it is no file")
+        return file.read(2 * LONGEST_TOKEN).decode("latin-1")
+
+
+def _is_token(text: str) -> bool:
+    return 0 < len(text) <= LONGEST_TOKEN and text.isascii() and text.isprintable() and " " not in text
 
 
 def describe_stranger(where: str, data: bytes) -> str:

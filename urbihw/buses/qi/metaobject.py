@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any, Self
 
 from urbihw.buses.errors import BadFrame, BadValue
+from urbihw.buses.qi.checked import LONGEST_LINE, is_name, show_text, to_row, to_whole
 from urbihw.buses.qi.signatures import parse
 from urbihw.buses.qi.values import mismatch
 
@@ -48,15 +49,18 @@ class MetaObject:
 
     @classmethod
     def from_value(cls, value: Any) -> Self:
-        """The description in a decoded answer to ``metaObject``; members with a signature that is none are left out."""
+        """The description in a decoded answer to ``metaObject``.
+
+        Members with a signature or a name that is none are left out.  Raises BadFrame for another form.
+        """
+        rows, signals, properties = to_row(value, 3)[:3]
         methods: dict[str, list[Method]] = {}
-        for uid, returns, name, parameters, description, _, _ in value[0].values():
-            if _is_type(returns) and _is_type(parameters):
-                methods.setdefault(name, []).append(Method(uid, name, returns, parameters, description))
-        signals, properties = (
-            {row[1]: Signal(*row) for row in rows.values() if _is_type(row[2])} for rows in value[1:3]
-        )
-        return cls(methods, signals, properties)
+        for row in _rows(rows):
+            uid, returns, name, parameters, description = to_row(row, 5)[:5]
+            if is_name(name) and _is_type(returns) and _is_type(parameters):
+                method = Method(_to_number(uid), name, returns, parameters, str(description))
+                methods.setdefault(name, []).append(method)
+        return cls(methods, _to_signals(signals), _to_signals(properties))
 
     def names(self) -> list[str]:
         """The methods that are the service's own, sorted."""
@@ -68,15 +72,32 @@ class MetaObject:
         if not overloads:
             near = get_close_matches(name, self.methods, 1)
             hint = f"; did you mean {near[0]}?" if near else ""
-            raise BadValue(f"{service} has no method {name}{hint}")
+            raise BadValue(f"{show_text(service)} has no method {show_text(name)}{hint}")
         fits = [(cost, method) for method in overloads if (cost := _cost(method, arguments)) is not None]
         if not fits:
-            known = " or ".join(map(str, overloads))
+            known = show_text(" or ".join(map(str, overloads)), LONGEST_LINE)
             raise BadValue(f"{service}.{name} does not take these {len(arguments)} arguments; it takes {known}")
         return min(fits, key=lambda row: row[0])[1]
 
 
-def _is_type(signature: str) -> bool:
+def _rows(value: Any) -> Iterable[Any]:
+    if not isinstance(value, Mapping):
+        raise BadFrame("what a service offers is told in no map")
+    return value.values()
+
+
+def _to_signals(value: Any) -> dict[str, Signal]:
+    rows = [to_row(row, 3)[:3] for row in _rows(value)]
+    return {name: Signal(_to_number(uid), name, sign) for uid, name, sign in rows if is_name(name) and _is_type(sign)}
+
+
+def _to_number(uid: Any) -> int:
+    return to_whole(uid, 0, 0xFFFFFFFF)
+
+
+def _is_type(signature: Any) -> bool:
+    if not isinstance(signature, str):
+        return False
     try:
         parse(signature)
     except BadFrame:

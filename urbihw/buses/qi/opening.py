@@ -32,4 +32,7 @@ def open_session(port: Port) -> Session:
         link.open()
         return link
 
-    return WireSession(byte_link(port), open_link)
+    link = byte_link(port)
+    # A pipe of a test has no address.
+    robot = link.peer_host if isinstance(link, TcpLink) else port.url.target.partition(":")[0]
+    return WireSession(link, open_link, robot)

@@ -9,8 +9,9 @@
 
     ServedObject("mathematics", "sums", [ServedMethod("add", add, "(mm)")])
 
-What comes in is never trusted: the number of calls under way and the time of each are bounded, and an argument that
-cannot be read is answered with an error of one line.
+What comes in is never trusted: calls under way, the time of each, calls per second of a caller and the size of the
+arguments are bounded (see ``call_limits``), and what exceeds them, or cannot be read, is answered with an error of one
+line.
 """
 
 from __future__ import annotations
@@ -21,9 +22,11 @@ from typing import Any, Final, Protocol
 
 from urbihw.buses.errors import BadFrame, BadValue, BusError
 from urbihw.buses.qi import frames as f
+from urbihw.buses.qi.call_limits import CALL_BURST, CALLS_A_SECOND, MOST_READ, TokenBucket, check_arguments
 from urbihw.buses.qi.metaobject import FIRST_USER_UID
 from urbihw.buses.qi.metatype import META_OBJECT
 from urbihw.buses.qi.values import decode, encode
+from urbihw.settings import one_line
 
 CALL_TIMEOUT_S: Final = 60.0
 """Seconds that a call may take; then its caller gets an error."""
@@ -31,6 +34,8 @@ MOST_CALLS: Final = 32
 """Calls under way, of all callers together."""
 MOST_CALLS_OF_ONE: Final = 16
 """Calls under way of one caller."""
+LONGEST_ERROR: Final = 300
+"""Characters of an error that a caller gets."""
 MAIN: Final = 1
 """The object that is the service itself."""
 REGISTER_EVENT, UNREGISTER_EVENT, GET_META_OBJECT, TERMINATE = range(4)
@@ -79,8 +84,8 @@ class IncomingCall:
         self._end(value, "")
 
     def fail(self, error: str) -> None:
-        """Answer with an error, in one line.  Raises LinkGone."""
-        self._end(None, error or "no reason is known")
+        """Answer with an error, of which one line is sent.  Raises LinkGone."""
+        self._end(None, shorten_error(error) or "no reason is known")
 
     def cancel(self, error: str = "") -> None:
         """End it from the caller's side: with an error to send, "" for a caller that has left.  Raises LinkGone."""
@@ -167,6 +172,7 @@ class ObjectServer:
         self.objects: dict[int, ServedObject] = {}
         self._now = now
         self._pending: list[_Pending] = []
+        self._rates: dict[object, TokenBucket] = {}
 
     # ---------------------------------------------------------------- messages
 
@@ -191,7 +197,8 @@ class ObjectServer:
         elif (method := served.find_method(message.action)) is None:
             raise BadValue(f"{served.name} has no method or signal of the number {message.action}")
         else:
-            arguments = decode("m" if message.flags & f.DYNAMIC else method.parameters, message.payload)
+            signature = "m" if message.flags & f.DYNAMIC else method.parameters
+            arguments = decode(signature, message.payload, MOST_READ)
             if not isinstance(arguments, tuple | list):
                 raise BadValue(f"{served.name}.{method.name}: the arguments are no list")
             self._run(caller, message, method, arguments)
@@ -218,7 +225,7 @@ class ObjectServer:
 
     def _refuse(self, caller: Caller, message: f.Message, error: str) -> None:
         if message.type == f.CALL:
-            caller.send(f.ERROR, _address(message), encode("m", error), message.id)
+            caller.send(f.ERROR, _address(message), encode("m", shorten_error(error)), message.id)
 
     # ---------------------------------------------------------------- calls under way
 
@@ -240,8 +247,16 @@ class ObjectServer:
         if len(self._pending) >= MOST_CALLS or own >= MOST_CALLS_OF_ONE:
             call.fail(f"{method.name}: too many calls at once")
             return
-        self._pending.append(_Pending(call, caller, number, self._now() + CALL_TIMEOUT_S))
+        now = self._now()
+        rate = self._rates.get(caller)
+        if rate is None:
+            rate = self._rates[caller] = TokenBucket(CALLS_A_SECOND, CALL_BURST, now)
+        if not rate.take(now):
+            call.fail(f"{method.name}: more than {CALLS_A_SECOND:g} calls a second")
+            return
         try:
+            check_arguments(arguments)
+            self._pending.append(_Pending(call, caller, number, now + CALL_TIMEOUT_S))
             method.run(call)
         except (BusError, ValueError, TypeError) as error:
             call.fail(f"{method.name}: {error}")
@@ -255,12 +270,14 @@ class ObjectServer:
 
     def drop_caller(self, caller: object) -> None:
         """A caller is gone: its calls are cancelled; what it has posted goes on."""
+        self._rates.pop(caller, None)
         for each in [each for each in self._pending if each.caller is caller and each.number is not None]:
             self._pending.remove(each)
             each.call.cancel()
 
     def drop_all(self) -> None:
         """All callers are gone."""
+        self._rates.clear()
         pending, self._pending = self._pending, []
         for each in pending:
             each.call.cancel()
@@ -273,6 +290,11 @@ class ObjectServer:
         for each in [each for each in self._pending if each.caller is caller and each.number == number]:
             self._pending.remove(each)
             each.call.cancel("cancelled")
+
+
+def shorten_error(error: str) -> str:
+    """An error as a caller gets it: one line, without control characters, of bounded length."""
+    return one_line(error[:LONGEST_ERROR])[:LONGEST_ERROR]
 
 
 def _address(message: f.Message) -> Address:

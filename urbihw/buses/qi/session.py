@@ -20,7 +20,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from urbihw.buses.clock import Clock
-from urbihw.buses.errors import BadValue, Unavailable
+from urbihw.buses.errors import BadValue, LinkGone, Unavailable
+from urbihw.buses.qi.checked import LONGEST_SHOWN, describe_error, show_text
 from urbihw.buses.qi.frames import Message
 from urbihw.buses.qi.login import Login
 from urbihw.buses.qi.metaobject import MetaObject
@@ -143,7 +144,7 @@ class Session(ABC):
 
     @abstractmethod
     def names(self) -> list[str]:
-        """The services that there are, sorted.  Raises Unavailable, LinkGone."""
+        """The services that there are, sorted.  Raises Unavailable, BadFrame, LinkGone."""
 
     @abstractmethod
     def look_up(self, name: str) -> Service:
@@ -199,17 +200,22 @@ class Session(ABC):
 def find_member(service: Service, kind: str, members: Mapping[str, Any], name: str) -> Any:
     """The signal or property of this name.  Raises BadValue, naming what there is."""
     if name not in members:
-        known = ", ".join(sorted(members)) or "none"
-        raise BadValue(f"{service.name} has no {kind} {name}; it has {known}")
+        known = show_text(", ".join(sorted(members)) or "none")
+        raise BadValue(f"{show_text(service.name)} has no {kind} {show_text(name)}; it has {known}")
     return members[name]
 
 
 def no_such_signal(name: str) -> BadValue:
     """The error for an object of a method that cannot be listened to."""
-    return BadValue(f"what NAOqi returned is no object with a signal {name}")
+    return BadValue(f"what NAOqi returned is no object with a signal {show_text(name)}")
 
 
 def first_line(text: Any) -> str:
     """The part of an error text of NAOqi that is for people: behind it come the lines of the server's own source."""
-    head = str(text).strip().partition("\n\n")[0]
-    return " ".join(head.split())[:300] or "NAOqi gives no reason"
+    head = str(text)[: 4 * LONGEST_SHOWN].strip().partition("\n\n")[0]
+    return show_text(" ".join(head.split())) or "NAOqi gives no reason"
+
+
+def unusable(where: str, error: Exception) -> LinkGone:
+    """The error for a message that cannot be handled: whatever the other side sends ends its link, not the worker."""
+    return LinkGone(f"{where}: what came cannot be handled: {describe_error(error)}; connecting again")

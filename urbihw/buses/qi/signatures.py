@@ -35,6 +35,8 @@ class Type:
 
 
 _CLOSING: Final = {"[": "]", "{": "}", "(": ")"}
+_SINGLE: Final = {letter: Type(letter) for letter in PLAIN}
+"""One object for each: signatures of others are kept, and must take little memory."""
 
 
 @lru_cache(maxsize=1024)
@@ -50,8 +52,8 @@ def parse(text: str) -> Type:
 
 def _parse(text: str, at: int, depth: int) -> tuple[Type, int]:
     letter = text[at : at + 1]
-    if letter in PLAIN and letter:
-        return Type(letter), at + 1
+    if (single := _SINGLE.get(letter)) is not None:
+        return single, at + 1
     if letter not in _CLOSING or depth >= DEEPEST:
         raise BadFrame(f"signature {text[:60]!r}: no type at {at}")
     parts: list[Type] = []

@@ -33,10 +33,12 @@ _OBJECT: Final = parse(f"({META_OBJECT}II)")
 class Reader:
     """Reads values from the bytes of a message; ``at`` is where the next one begins."""
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes, elements: int | None = None) -> None:
+        """``elements`` bounds those of all lists and maps together, the fields of structs that take no bytes, and the
+        letters of dynamic signatures; None for the bytes of the message."""
         self.data = data
         self.at = 0
-        self._elements = len(data)
+        self._most = self._left = len(data) if elements is None else elements
 
     def read(self, kind: Type, depth: int = 0) -> Any:
         """The next value, of this type.  Raises BadFrame."""
@@ -47,14 +49,22 @@ class Reader:
             raise BadFrame("values too deep in each other")
         match letter:
             case "m":
-                return self.read(parse(self._text()), depth + 1)
+                signature = self._text()
+                # As ``_spend`` does; most values of a robot come this way.
+                self._left -= len(signature)
+                if self._left < 0:
+                    raise self._too_many()
+                return self.read(parse(signature), depth + 1)
             case "s":
                 return self._text()
             case "[":
                 (part,) = kind.parts
                 return [self.read(part, depth + 1) for _ in range(self._count())]
             case "(":
-                return tuple([self.read(part, depth + 1) for part in kind.parts])
+                began = self.at
+                fields = tuple([self.read(part, depth + 1) for part in kind.parts])
+                self._spend(max(0, len(fields) - (self.at - began)))
+                return fields
             case "{":
                 key, value = kind.parts
                 rows = range(self._count())
@@ -83,12 +93,17 @@ class Reader:
         return found
 
     def _count(self) -> int:
-        """Number of elements: of all lists of a message together at most its bytes, as some elements take none."""
         found = self._length()
-        self._elements -= found
-        if self._elements < 0:
-            raise BadFrame(f"a list of {found} elements in a message of {len(self.data)} bytes")
+        self._spend(found)
         return found
+
+    def _spend(self, elements: int) -> None:
+        self._left -= elements
+        if self._left < 0:
+            raise self._too_many()
+
+    def _too_many(self) -> BadFrame:
+        return BadFrame(f"more than {self._most} elements in a message of {len(self.data)} bytes")
 
     def _text(self) -> str:
         return self._bytes(self._length()).decode("utf-8", "replace")
@@ -102,9 +117,10 @@ def _key(value: Any) -> Any:
     return value
 
 
-def decode(signature: str, data: bytes) -> Any:
-    """The value of a message.  Bytes behind it are left alone: newer servers add fields.  Raises BadFrame."""
-    return Reader(data).read(parse(signature))
+def decode(signature: str, data: bytes, elements: int | None = None) -> Any:
+    """The value of a message of at most so many elements (see ``Reader``).  Bytes behind it are left alone: newer
+    servers add fields.  Raises BadFrame."""
+    return Reader(data, elements).read(parse(signature))
 
 
 # ---------------------------------------------------------------- writing

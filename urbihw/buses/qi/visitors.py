@@ -1,6 +1,6 @@
 """A connection that somebody else has made to us: log in, then call our objects.  No I/O.
 
-Who has not logged in may send little, and is dismissed after a few seconds.
+Who has not logged in may send little, and is dismissed after a few seconds, or at once when the login is wrong.
 """
 
 from __future__ import annotations
@@ -13,17 +13,20 @@ from urbihw.buses.errors import BadFrame, Unavailable
 from urbihw.buses.listening import Visitor
 from urbihw.buses.qi import frames as f
 from urbihw.buses.qi.login import AUTH_DONE, AUTH_ERROR, AUTH_STATE, Login
+from urbihw.buses.qi.login_guard import LoginGuard
 from urbihw.buses.qi.serving import Address, ObjectServer
 from urbihw.buses.qi.values import decode, encode
 
 LARGEST_LOGIN: Final = 4096
 """Bytes of a message before the login."""
 LARGEST: Final = 72 << 10
-"""Bytes of a message after it: 170 ms of four microphones have 65 kB.  The worst of this size takes 40 ms."""
+"""Bytes of a message after it: 170 ms of four microphones have 65 kB."""
 BYTES_A_UNIT: Final = 1024
 """Bytes of a message that count as one more message."""
 LOGIN_TIMEOUT_S: Final = 5.0
 """Seconds in which a visitor must have logged in."""
+MOST_WORDS: Final = 64
+"""Elements of a login."""
 SERVER: Final = 0
 AUTHENTICATE: Final = 8
 REASON: Final = "__qi_auth_err_reason"
@@ -32,9 +35,13 @@ REASON: Final = "__qi_auth_err_reason"
 class QiVisitor(Visitor):
     """One connection.  Who calls must know what ``login`` knows; everybody may where that is nothing."""
 
-    def __init__(self, server: ObjectServer, now: float, login: Login | None = None) -> None:
+    def __init__(
+        self, server: ObjectServer, now: float, address: str, guard: LoginGuard, login: Login | None = None
+    ) -> None:
+        """``address`` is where the connection comes from; ``guard`` counts its wrong logins."""
         super().__init__(now + LOGIN_TIMEOUT_S)
         self._server = server
+        self._address, self._guard = address, guard
         self._login = login if login is not None else Login()
         self._allowed = False
         self._framer = f.Framer(LARGEST_LOGIN)
@@ -79,16 +86,20 @@ class QiVisitor(Visitor):
 
     def _log_in(self, message: f.Message) -> None:
         try:
-            words = decode("{sm}", message.payload)
+            words = decode("{sm}", message.payload, MOST_WORDS)
         except BadFrame:
             words = {}
-        self._allowed = message.action == AUTHENTICATE and self._may_enter(words)
+        reason = self._guard.find_refusal(self._address)
+        if not reason and not (message.action == AUTHENTICATE and self._may_enter(words)):
+            reason = "user or password is wrong"
+            self._guard.count_wrong(self._address)
+        self._allowed = not reason
         answer: dict[str, Any] = {AUTH_STATE: AUTH_DONE}
         if self._allowed:
             self.deadline = None
             self._framer.largest = LARGEST
         else:
-            answer = {AUTH_STATE: AUTH_ERROR, REASON: "user or password is wrong"}
+            answer = {AUTH_STATE: AUTH_ERROR, REASON: reason}
             self.closing = True
         self._say(f.REPLY, message, encode("{sm}", answer))
 

@@ -12,9 +12,10 @@ import math
 from collections.abc import Callable
 from typing import Any, Final
 
-from urbihw.buses.errors import BadUrl, BadValue, BusError, LinkGone, Unavailable
+from urbihw.buses.errors import BadFrame, BadUrl, BadValue, BusError, LinkGone, Unavailable
 from urbihw.buses.link import Link
 from urbihw.buses.qi import frames as f
+from urbihw.buses.qi.checked import is_name, show_text, to_row, to_whole
 from urbihw.buses.qi.connection import Connection, Listener
 from urbihw.buses.qi.endpoints import Place
 from urbihw.buses.qi.login import (
@@ -63,13 +64,14 @@ PROBE_S: Final = 1.0
 class WireSession(Session):
     """A session in QiMessaging of our own.
 
-    ``link`` leads to the ServiceDirectory and stays its owner's; ``open_link`` opens links to other end points, by
-    their urls.
+    ``link`` leads to the ServiceDirectory at the address ``robot`` and stays its owner's; ``open_link`` opens links to
+    other end points, by their urls.
     """
 
-    def __init__(self, link: Link, open_link: Callable[[str], Link]) -> None:
+    def __init__(self, link: Link, open_link: Callable[[str], Link], robot: str) -> None:
         super().__init__(link.clock)
         self._main = Connection(link, self.counters)
+        self._robot = robot
         self._open_link = open_link
         self._login = Login()
         self._others: dict[str, Connection] = {}
@@ -157,8 +159,9 @@ class WireSession(Session):
         return call.value
 
     def names(self) -> list[str]:
-        """Ask the directory for the services, sorted.  Raises Unavailable, LinkGone."""
-        return sorted(row[0] for row in self.wait(self.call(self._directory(), "services")))
+        """Ask the directory for the services, sorted.  Raises Unavailable, BadFrame, LinkGone."""
+        rows = to_row(self.wait(self.call(self._directory(), "services")))
+        return sorted(name for name in (to_row(row, 1)[0] for row in rows) if is_name(name))
 
     def look_up(self, name: str) -> Service:
         """Find a service and connect to where it lives; both are remembered.  Raises Unavailable, LinkGone."""
@@ -178,12 +181,17 @@ class WireSession(Session):
         found = self.wait(self.call(self._directory(), "service", name))
         try:
             return Place.from_value(found)
-        except (TypeError, ValueError, IndexError) as error:
-            raise Unavailable(errno.EPROTO, f"the ServiceDirectory does not tell where {name} is") from error
+        except BadFrame as error:
+            text = f"the ServiceDirectory does not tell where {show_text(name)} is: {error}"
+            raise Unavailable(errno.EPROTO, text) from error
 
     def _describe(self, connection: Connection, name: str, number: int) -> Service:
         call = connection.call((number, MAIN, GET_META_OBJECT), encode("(I)", (0,)), META_OBJECT)
-        made = Service(name, number, MetaObject.from_value(self.wait(call)))
+        value = self.wait(call)
+        try:
+            made = Service(name, number, MetaObject.from_value(value))
+        except BadFrame as error:
+            raise Unavailable(errno.EPROTO, f"{show_text(name)} does not tell what it offers: {error}") from error
         self._services[name] = made
         self._homes[number] = connection
         self._gone.discard(number)
@@ -198,8 +206,10 @@ class WireSession(Session):
         link = self._main.link
         if place.is_with(self._directory_place):
             return self._main
-        urls = place.urls(link.url.target, link.url.scheme == "qis")
-        problem = f"its end points are {', '.join(place.endpoints)[:200]}"
+        urls = place.urls(self._robot, link.url.scheme == "qis", self._login.other_hosts)
+        problem = f"its end points are {place.describe()}"
+        if not urls and place.urls(self._robot, link.url.scheme == "qis", True):
+            problem += ", on another host than the robot: options.other_hosts = true sends user and password there"
         for url in urls:
             if url in self._others:
                 return self._others[url]
@@ -214,7 +224,8 @@ class WireSession(Session):
             except (Unavailable, BadUrl, LinkGone) as error:
                 problem = str(error)
                 self._unreachable[url] = self._clock.now() + RETRY_S, problem
-        raise Unavailable(errno.EHOSTUNREACH, f"{place.name} is in another process, out of reach: {problem}")
+        text = f"{show_text(place.name)} is in another process, out of reach: {problem}"
+        raise Unavailable(errno.EHOSTUNREACH, text)
 
     def _connect(self, url: str) -> Connection:
         connection = Connection(self._open_link(url), self.counters)
@@ -275,9 +286,10 @@ class WireSession(Session):
     def listen_to_object(self, found: Any, name: str, heard: Heard) -> Subscription:
         """Listen to an object that a method has returned.  Raises BadValue, LinkGone."""
         try:
-            meta, service, object_ = found
+            meta, service, object_ = to_row(found, 3)[:3]
+            service, object_ = (to_whole(number, 0, 0xFFFFFFFF) for number in (service, object_))
             signal = MetaObject.from_value(meta).signals[name]
-        except (TypeError, ValueError, KeyError) as error:
+        except (BadFrame, KeyError) as error:
             raise no_such_signal(name) from error
         return self._listen((service, object_, signal.uid), signal.signature, heard)
 

@@ -39,7 +39,7 @@ class NoAnswer(Exception):
 @dataclass(frozen=True)
 class Description:
     """The description of a slot; ``source`` is the text of a function, ``slots`` are the slots that not every object
-    has."""
+    has: names, or of a device name, value, unit, range and meaning, separated by tabs."""
 
     type: str
     text: str

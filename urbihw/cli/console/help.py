@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import textwrap
+from collections.abc import Sequence
 from typing import Final
 
 from prompt_toolkit.formatted_text import AnyFormattedText, FormattedText
@@ -35,8 +36,27 @@ def described(name: str, what: Description) -> AnyFormattedText:
         lines = what.source.splitlines()
         cut = [*lines[:MAX_LINES], "..."] if len(lines) > MAX_LINES else lines
         parts.append(("", textwrap.indent("\n".join(cut), "  ") + "\n"))
+    if any("\t" in slot for slot in what.slots):
+        parts.append(("", _table(what.slots)))
+        return FormattedText(parts)
     slots = [slot for slot in what.slots if _IDENTIFIER.fullmatch(slot) and not slot.startswith("_")]
     if slots:
         width = max(40, shutil.get_terminal_size().columns - 2)
         parts.append(("class:other", textwrap.indent(textwrap.fill("  ".join(sorted(slots)), width), "  ") + "\n"))
     return FormattedText(parts)
+
+
+def _table(rows: Sequence[str]) -> str:
+    """The slots of a device, one in a line: name, present value with its unit, meaning and range."""
+    lines = []
+    for row in rows:
+        name, value, unit, span, meaning = row.split("\t")
+        shown = f"{value} {unit}" if unit not in ("", "1") and value not in ("", "nil", "nan") else value
+        # Where no value has the unit with it, the note has.
+        note = f"{span} {unit}".strip() if span or shown == value else ""
+        note = note.removesuffix("1").rstrip() if unit == "1" else note
+        lines.append((name, shown, f"{meaning} ({note})" if note else meaning))
+    widths = [max(len(line[column]) for line in lines) for column in (0, 1)]
+    return "".join(
+        f"  {name:<{widths[0]}}  {value:<{widths[1]}}  {rest}".rstrip() + "\n" for name, value, rest in lines
+    )

@@ -3,8 +3,9 @@
 A value is written at each multiple of the generator's period P.  A movement of length T ends at the first step with T -
 t < P, which writes the target itself.  Open-loop kinds (time, speed, smooth, accel, sin, cos) write f(t) whatever the
 present value is.  Closed-loop kinds (time and speed with ``adaptive: true``) continue from the present value, and
-``adaptive: true`` alone waits until a device has reached the target.  A speed of 0 keeps the value for ever.  Time is
-the job's own: while it is frozen, it stands still.  The properties of the slot limit range and speed (see ``Limits``),
+``adaptive: true`` alone waits until a device has reached the target.  A speed that is not
+above 0 and a period of 0 are errors; a duration of 0 or below writes the target at once.  Time is the job's own: while
+it is frozen, it stands still.  The properties of the slot limit range and speed (see ``Limits``),
 and define how movements of the same variable are blended (module ``blend``).  Source: manual, TrajectoryGenerator and
 "Trajectories".
 """
@@ -95,6 +96,7 @@ class Trajectory:
             raise errors.primitive(f"unknown trajectory attribute: {', '.join(unknown or attributes)}", None)
         self._kind = kinds[0] if kinds else ""
         self._parameter = self._number(attributes[self._kind], self._kind) if kinds else 0.0
+        self._check_parameter()
         self._period = world.period
         self._written: float | None = None
         """The value that a closed loop wrote and the variable does not have yet."""
@@ -139,8 +141,7 @@ class Trajectory:
             length = math.sqrt(2 * way / parameter) if way else 0.0
             return lambda t: start + parameter * t * t / 2, length
         if self._kind == "speed":
-            speed = self._not_negative(parameter)
-            parameter = abs(way) / speed if speed else math.inf if way else 0.0
+            parameter = abs(way) / parameter
         if self._kind == "smooth":
             length = self._limits.length(parameter, abs(way) * math.pi / 2)
             return lambda t: start + way * (1 - math.cos(math.pi * t / length)) / 2, length
@@ -180,7 +181,7 @@ class Trajectory:
             self._write_found(value + way * self._period / left)
 
     def _closed_speed(self, speed: float) -> None:
-        speed = self._limits.speed(self._not_negative(speed))
+        speed = self._limits.speed(speed)
         reach = speed * self._period
         self._pace = speed
         for _, value in self._found():
@@ -234,10 +235,13 @@ class Trajectory:
         self._write(value)
         self._written = None if self._read() == value else value
 
-    def _not_negative(self, speed: float) -> float:
-        if speed < 0:
-            raise errors.primitive(f"speed must not be negative, got {speed:g}", None)
-        return speed
+    def _check_parameter(self) -> None:
+        """Raise the error for a parameter with which the movement would never end or has no meaning."""
+        kind, parameter = self._kind, self._parameter
+        if kind == "speed" and parameter <= 0:
+            raise errors.primitive(f"speed must be above 0, got {parameter:g}", None)
+        if kind in ("sin", "cos") and parameter == 0:
+            raise errors.primitive(f"{kind} must not be 0: it is the period in seconds", None)
 
     # ---------------------------------------------------------------- time
 

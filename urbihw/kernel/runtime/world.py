@@ -370,6 +370,10 @@ class World:
 
     # ---------------------------------------------------------------- conversions
 
+    def global_name(self, value: Value) -> str | None:
+        """The name of the first slot of Global that holds a value; None if there is none."""
+        return next((name for name, held in self.global_.slots.items() if held is value), None)
+
     def from_python(self, value: Value) -> Value:
         """A Python value as an urbiscript one (see ``convert``)."""
         return convert.from_python(self, value)

@@ -21,6 +21,8 @@ from urbihw.kernel.runtime.slot import peek_meta
 from urbihw.kernel.runtime.values import String
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib import MODULES, prototype
+from urbihw.kernel.stdlib.device_slots import Row, rows_of
+from urbihw.kernel.stdlib.interface import kinds_of
 from urbihw.kernel.value import Value
 
 _COMMENTED = re.compile(r"((?:^//.*\n)+)^(?:function (\w+(?:\.\w+)*)\.|class )(\w+)", re.MULTILINE)
@@ -82,24 +84,42 @@ class Docstrings:
         if holder is None:
             return ""
         value = holder.slots[name]
-        text = _of_device_function(holder, name) or self._noted(holder, name)
-        if not text and isinstance(value, Executable):
-            text = self._functions.get(id(value), "")
-        if not text and isinstance(value, Primitive):
-            text = value.source.__doc__ or ""
+        text = self._of_slot(self._world.peek_obj(this), holder, name)
         if not text and not isinstance(value, Executable):
             text = self._of_value(value)
         measures = " ".join(self._measures(self._world.peek_obj(this), name))
         return "\n".join(filter(None, (inspect.cleandoc(text).replace("``", ""), measures)))
 
     def _measures(self, this: Obj, name: str) -> Iterator[str]:
-        """The unit and the range of a slot, from the properties of the slot or of the interfaces of its object."""
+        """The unit and the range of a slot, in words."""
+        unit, span = self.unit(this, name), self.range(this, name)
+        if unit:
+            yield "Unit: none." if unit == "1" else f"Unit: {unit}."
+        if span:
+            yield f"Range: {span}."
+
+    def unit(self, this: Obj, name: str) -> str:
+        """The unit of a slot, from the properties of the slot or of the interfaces of its object."""
         unit = self._property(this, name, "unit")
-        if isinstance(unit, String) and unit.s:
-            yield "Unit: none." if unit.s == "1" else f"Unit: {unit.s}."
+        return unit.s if isinstance(unit, String) else ""
+
+    def range(self, this: Obj, name: str) -> str:
+        """The range of a slot."""
         least, most = (self._property(this, name, end) for end in ("rangemin", "rangemax"))
         if least.__class__ is float and most.__class__ is float and (math.isfinite(least) or math.isfinite(most)):
-            yield f"Range: {least:g} to {most:g}."
+            return f"{least:g} to {most:g}"
+        return ""
+
+    def table(self, this: Value) -> list[Row]:
+        """All slots of a device: see ``device_slots``."""
+        obj = self._world.peek_obj(this)
+        rows = []
+        for row in rows_of(self._world, obj):
+            holder = obj.find(row.name)
+            text = "" if holder is None else inspect.cleandoc(self._of_slot(obj, holder, row.name))
+            meaning = text.partition("\n\n")[0].replace("\n", " ").replace("``", "")
+            rows.append(row._replace(unit=self.unit(obj, row.name), range=self.range(obj, row.name), meaning=meaning))
+        return rows
 
     def _property(self, this: Obj, name: str, wanted: str) -> Value:
         """A property of a slot, or of the slot of that name in the first prototype that has the property; None if there
@@ -126,6 +146,30 @@ class Docstrings:
     def of_objects(self, prototype: Value, name: str) -> str:
         """The description of a slot that only instances of the class have."""
         return self._slots[id(self._world.peek_obj(prototype)), name]
+
+    def _of_slot(self, this: Obj, holder: Obj, name: str) -> str:
+        """What is said of a slot itself, not of the class of its value."""
+        value = holder.slots[name]
+        text = _of_device_function(holder, name) or self._meaning(this, holder, name)
+        if not text and isinstance(value, Executable):
+            text = self._functions.get(id(value), "")
+        if not text and isinstance(value, Primitive):
+            text = value.source.__doc__ or ""
+        return text
+
+    def _meaning(self, this: Obj, holder: Obj, name: str) -> str:
+        """What a device's class, a note, or a kind of the device says of a slot."""
+        # A variable of a device may be shared with other objects, under other names.
+        value = holder.slots[name]
+        text = ""
+        for place, own in ((holder, name), (getattr(value, "holder", None), getattr(value, "name", ""))):
+            describe = getattr(getattr(place, "kind", None), "describe_slot", None)
+            text = text or ("" if describe is None else describe(own)[0])
+        if not text:
+            text = self._noted(holder, name)
+        for kind in kinds_of(self._world, this):
+            text = text or self._slots.get((id(kind), name), "")
+        return text
 
     def _noted(self, holder: Obj, name: str) -> str:
         """The entry in ``NOTES`` for a slot, or for the slot of that name in a prototype."""
@@ -167,5 +211,12 @@ def install(world: World, programs: Any) -> None:
     def documentation(world: World, this: Value, holder: Value, name: str) -> str:
         """The description of a slot of an object, as a String; empty if there is none."""
         return docstrings().of(holder, name)
+
+    @table.primitive("slotTable")
+    def slot_table(world: World, this: Value, device: Any) -> Value:
+        """The slots of a device, in alphabetical order: a List of [name, present value, unit, range, meaning] for each,
+        all Strings; the value of a function and of an event is empty."""
+        rows = docstrings().table(device)
+        return world.new_list([world.new_list([world.string(word) for word in row]) for row in rows])
 
     table.install(world, prototype(world, "System"))

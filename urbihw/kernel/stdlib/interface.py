@@ -26,6 +26,8 @@ from urbihw.kernel.runtime.slot import meta_of, peek_meta
 from urbihw.kernel.runtime.values import Dictionary, List
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib import prototype
+from urbihw.kernel.stdlib.interface_notes import NOTES as NOTES
+from urbihw.kernel.stdlib.object import as_string as object_text
 from urbihw.kernel.value import Value
 
 TABLE = Table("Interface")
@@ -119,18 +121,20 @@ class Promise(Executable):
         return errors.primitive(f"this {self.kind} does not have the optional slot", self.name)
 
 
-def provider(world: World, target: Value, name: str) -> Obj | None:
-    """The object among a device and its ancestors that has a slot of this name which is no promise; None if there is
-    none.
+def provider(world: World, target: Value, name: str, beside: tuple[Obj, ...] = ()) -> Obj | None:
+    """The object among a device and its ancestors, but those of ``beside``, that has a slot of this name which is no
+    promise; None if there is none.
     """
-    seen: set[int] = set()
+    seen = {id(one) for one in beside}
 
     def search(obj: Obj) -> Obj | None:
+        if id(obj) in seen:
+            return None
         seen.add(id(obj))
         if name in obj.slots and not isinstance(obj.slots[name], Promise):
             return obj
         for proto in obj.protos:
-            if isinstance(proto, Obj) and id(proto) not in seen:
+            if isinstance(proto, Obj):
                 found = search(proto)
                 if found is not None:
                     return found
@@ -167,6 +171,15 @@ class KindObject(Obj):
         meta = meta_of(self, promise.name)
         meta.accessor = promise
         meta.properties = {"unit": unit}
+
+
+def promised_unit(world: World, target: Value, slot: str) -> Value:
+    """The unit that the kinds of a device declare for a slot; void if they do not."""
+    for kind in kinds_of(world, target):
+        meta = peek_meta(kind, slot)
+        if meta is not None and meta.properties and "unit" in meta.properties:
+            return meta.properties["unit"]
+    return world.void
 
 
 def kinds_of(world: World, target: Value) -> list[KindObject]:
@@ -242,6 +255,21 @@ def needs(world: World, this: Value, device: Any) -> Value:
 def offers(world: World, this: Value, device: Any) -> Value:
     """The names of the optional slots of a kind, or of the kinds of a device, in alphabetical order."""
     return _names(world, device, lambda promise: not promise.needed)
+
+
+@TABLE.primitive("load")
+def load(world: World, this: Value, *args: Value) -> Value:
+    """``load`` of the device itself, for motors their power; ``load`` of Object would look for a file."""
+    holder = provider(world, this, "load", (prototype(world, "Interface"), world.object, world.global_))
+    if holder is None:
+        raise errors.lookup_failed("load")
+    return world.invoke(world.ops.get_slot(holder, "load"), this, args, "load")
+
+
+@TABLE.primitive("asString")
+def as_string(world: World, this: Value) -> str:
+    """The name of the first slot of Global that holds a device, such as ``motor6``; without one as other objects."""
+    return world.global_name(this) or object_text(world, this)
 
 
 def _names(world: World, device: Any, wanted: Callable[[Promise], bool]) -> Any:

@@ -9,6 +9,7 @@ from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.slot import meta_of, peek_meta
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.accessors import set_getter, set_setter
+from urbihw.kernel.stdlib.interface import promised_unit
 from urbihw.kernel.stdlib.support import slot_holder
 from urbihw.kernel.value import Value
 
@@ -32,8 +33,11 @@ def get_property(world: World, this: Value, slot: str, name: str) -> Value:
         if meta.changed is None:
             meta.changed = Event(world, [world.event_proto])
         return meta.changed
-    found = _all(world, holder, slot)
-    return found.get(name, world.void)
+    found = _all(world, holder, slot).get(name)
+    if found is None and name == "unit":
+        # Its kinds declare it for each device.
+        return promised_unit(world, this, slot)
+    return world.void if found is None else found
 
 
 @TABLE.primitive("setProperty")

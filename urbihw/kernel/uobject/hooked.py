@@ -119,9 +119,15 @@ class Hooked(Executable):
         self.add_slot(holder, name)
 
     def add_slot(self, holder: Obj, name: str) -> None:
-        """Store this variable in one more slot."""
+        """Store this variable in one more slot, with the same properties."""
+        meta = meta_of(holder, name)
+        meta.accessor = self
+        if self._homes:
+            first = meta_of(*self._homes[0])
+            if first.properties is None:
+                first.properties = {}
+            meta.properties = first.properties
         self._homes.append((holder, name))
-        meta_of(holder, name).accessor = self
         self.world.ops.put_slot(holder, name, self)
 
     @property

@@ -216,8 +216,7 @@ class Host:
 
     def name_of(self, device: UObject) -> str | None:
         """The name of the first slot of Global that holds a device; None if there is none."""
-        slots = self.world.global_.slots
-        return next((name for name, value in slots.items() if value is device.face), None)
+        return self.world.global_name(device.face)
 
     def put(self, name: str, value: Any) -> None:
         """Set a slot of Global to a Python value, a device or an urbiscript value."""

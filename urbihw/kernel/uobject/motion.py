@@ -24,7 +24,9 @@ from urbihw.kernel import errors
 from urbihw.kernel.runtime.backtrace import calling_frame, current_stack
 from urbihw.kernel.uobject.declarations import event, reading
 from urbihw.kernel.uobject.uobject import UObject
+from urbihw.kernel.uobject.uvalue import from_urbi
 from urbihw.kernel.uobject.uvar import UVar
+from urbihw.kernel.uobject.values import finite_number
 
 if TYPE_CHECKING:
     from urbihw.kernel.sched.job import Job
@@ -59,6 +61,13 @@ class Origin:
     def __str__(self) -> str:
         tag = f", tag {self.tag}" if self.tag else ""
         return f"{self.client}{tag}" + (f", at {self.place}" if self.place else "")
+
+    def warn(self, text: str) -> None:
+        """Print a warning for the client that wrote, with the place in its program."""
+        output = getattr(self.lease, "output", None)
+        if output is not None:
+            place = f"{self.place}: " if self.place else ""
+            output.line(f"!!! {place}warning: {text}", "warning")
 
 
 class Motion:
@@ -247,7 +256,9 @@ class Effector:
         Raises an urbiscript error if the writer may not move the robot (see ``Motion.admit``) or the value is no finite
         number.
         """
-        if wanted.__class__ is float and not math.isfinite(wanted):
+        if wanted.__class__ is not float:
+            self._check_number(wanted)
+        elif not math.isfinite(wanted):
             raise errors.primitive(f"takes a finite number, not {wanted:g}", self._var.name)
         frame, job = calling_frame(), self._motion.running
         statement = None if frame is None else (id(job), frame.f_code, frame.f_lasti)
@@ -255,6 +266,13 @@ class Effector:
         self.origin = self._motion.admit(self.device, known, statement)
         self._statement = statement
         self._face.wrote(self, wanted, value)
+
+    def _check_number(self, wanted: Any) -> None:
+        """Raise the error for a value that is neither a number nor a truth value; nothing was requested by it."""
+        try:
+            finite_number(from_urbi(wanted))
+        except ValueError as error:
+            raise errors.primitive(str(error), self._var.name) from error
 
     @property
     def limited(self) -> tuple[Any, str] | None:
@@ -289,6 +307,13 @@ class EffectorDevice(UObject):
     """
 
     off_is_error: ClassVar[bool] = False
+    slot_words = {
+        "requested": ("value last written", "1"),
+        "applied": ("value last written after the limits, nan while the device is off", "1"),
+        "limitedBy": ("limit that changed the value last written, empty for none", ""),
+        "why": ("who wrote last: connection, tag, place in the program, time", ""),
+        "limited": ("event: a limit begins to act; with its name", ""),
+    }
 
     requested = reading(math.nan)
     applied = reading(math.nan)
@@ -309,7 +334,7 @@ class EffectorDevice(UObject):
         if off:
             self.show_applied(math.nan, OFF)
             if not self.off_is_error:
-                self._warn(effector.origin, off)
+                self.warn(effector.origin, off)
             return
         if self._warned:
             self._warned = []
@@ -344,14 +369,12 @@ class EffectorDevice(UObject):
     _warned: Sequence[Any] = ()
     """The clients that were warned since the device was switched off."""
 
-    def _warn(self, origin: Origin, text: str) -> None:
+    def warn(self, origin: Origin, text: str) -> None:
         """Warn the writing client once; a trajectory writes at each of its steps."""
-        output = getattr(origin.lease, "output", None)
-        if output is not None and all(lease is not origin.lease for lease in self._warned):
+        if origin.lease is not None and all(lease is not origin.lease for lease in self._warned):
             present = [lease for lease in self._warned if getattr(lease, "connected", True)]
             self._warned = [*present, origin.lease]
-            place = f"{origin.place}: " if origin.place else ""
-            output.line(f"!!! {place}warning: {text}", "warning")
+            origin.warn(text)
 
     def _tell_why(self) -> None:
         if self._last_effector is not None:

@@ -30,6 +30,16 @@ thousands.
 """
 
 
+# ---------------------------------------------------------------- UObject
+
+
+@UOBJECT.primitive("asString")
+def as_string(world: World, this: Value) -> Value:
+    """The name of the first slot of Global that holds a device, such as ``motor6``; without one as other objects."""
+    name = world.global_name(this) if isinstance(this, UObjectFace) and this.python is not None else None
+    return world.invoke(world.object.slots["asString"], this, (), "asString") if name is None else world.string(name)
+
+
 # ---------------------------------------------------------------- UVar
 
 
@@ -243,6 +253,8 @@ def install(world: World, programs: Programs) -> Host:
     world.record.open_ended.append(registry.holder)
     UVAR.install(world, world.uvar_proto)
     UOBJECT.install(world, world.uobject_proto)
+    # A device without a switch of its own is on; "load" of Object would look for a file.
+    world.uobject_proto.slots["load"] = 1.0
     UOBJECTS.install(world, registry.holder)
     SYSTEM.install(world, slots["System"])
     hook = HookChanged(registry)

@@ -11,7 +11,7 @@ methods may be called from any thread.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from urbihw.kernel.runtime.event import Event
@@ -67,6 +67,9 @@ class UObject(Device):
 
     uname: ClassVar[str] = ""
     """The name of the urbiscript class; the Python name if empty."""
+    slot_words: ClassVar[Mapping[str, tuple[str, str]]] = {}
+    """Slot -> what it means, and its unit ("1" for a number without unit, "" for what is no number): for ``help`` and
+    ``->unit``.  Those of base classes count too."""
 
     def __init__(self, host: Host, face: UObjectFace) -> None:
         self.host = host
@@ -88,6 +91,15 @@ class UObject(Device):
         """The unique name of this instance: its slot in ``uobjects``."""
         return self.host.world.text(self.face.slots["__uobjectName"])
 
+    @classmethod
+    def describe_slot(cls, name: str) -> tuple[str, str]:
+        """The meaning and the unit of a slot from ``slot_words``; empty where nothing is known."""
+        for base in cls.__mro__:
+            found = base.__dict__.get("slot_words", {}).get(name)
+            if found is not None:
+                return found  # type: ignore[no-any-return]
+        return "", ""
+
     # ---------------------------------------------------------------- binding
 
     def bind_var(self, name: str, value: Any = None, *, owned: bool = False, writable: bool = True) -> UVar:
@@ -101,6 +113,9 @@ class UObject(Device):
         if not writable:
             made.protect()
         self.variables[name] = made
+        unit = self.describe_slot(name)[1]
+        if unit:
+            made.set_property("unit", unit)
         self.host.bound_var(self, made)
         return made
 

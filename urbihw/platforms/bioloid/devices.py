@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import ClassVar
+from dataclasses import dataclass
+from typing import ClassVar, Final
 
 from urbihw.buses.dynamixel import units
 from urbihw.buses.dynamixel.device import DeviceInfo
@@ -15,6 +16,7 @@ from urbihw.buses.dynamixel.item import Table
 from urbihw.buses.dynamixel.tables import table_of
 from urbihw.buses.messages import Reply
 from urbihw.kernel.uobject import UObject, UVar, event, function, number, reading, set_range
+from urbihw.platforms.bioloid import words
 from urbihw.platforms.bioloid.slots import Facts, Kind, Slot, facts_of
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.devicelog import DeviceLog
@@ -23,10 +25,23 @@ ChangeHandler = Callable[[int, float], None]
 """Called with the new raw count of a register and its time."""
 Refused = Callable[["Device", str, str], None]
 """Called for a write that the device refused: device, slot, reason."""
+WRITE_LATENCY_S: Final = 0.25
+"""Seconds after an unconfirmed write in which a reading with another value is taken for an older one."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Wanted:
+    """A write whose result is not known yet: its value, the value before it, and when a reading must show it."""
+
+    raw: int
+    before: int | None
+    until: float
 
 
 class Device(UObject):
     """A servo or a sensor.  ``state`` is "ok", "suspect", "lost" or "back"; ``stale``: the values are old."""
+
+    slot_words = words.DEVICE
 
     kind_of_device: ClassVar[str] = "device"
 
@@ -56,6 +71,7 @@ class Device(UObject):
         self.facts: Facts = facts_of(info.name)
         self.protocol = info.protocol
         self.raw: dict[str, int] = {}
+        self._wanted: dict[str, _Wanted] = {}
         self._values: Mapping[str, int] = {}
         self._stamp = self.host.now()
         self._read_at: dict[str, float] = {}
@@ -126,6 +142,7 @@ class Device(UObject):
 
     def _write_setting(self, row: Slot, raw: int) -> None:
         self.settings[row.item] = raw
+        self._show_wanted(row.item, raw)
         self.channel.set_target(self.number, row.item, raw)
 
     def _write_setting_confirmed(self, row: Slot, raw: int) -> None:
@@ -146,23 +163,61 @@ class Device(UObject):
         outside the limits it was just given), or its answer may have got lost; so the register is then read back.
         """
 
+        wanted = self._show_wanted(item, raw)
+
         def replied(reply: Reply) -> None:
             if reply.ok:
                 # A limit may have changed the value.
-                self.update_values({item: raw if reply.value is None else reply.value}, self.host.now())
+                self._end_write(item, wanted, raw if reply.value is None else reply.value)
                 done(True)
             else:
                 self.channel.read(self.number, item, lambda second: looked(second, reply.error))
 
         def looked(reply: Reply, error: str) -> None:
-            if reply.ok and reply.value is not None:
-                self.update_values({item: reply.value}, self.host.now())
+            self._end_write(item, wanted, reply.value if reply.ok else None)
             obeyed = reply.ok and reply.value == raw
             if not obeyed:
                 self.refused(slot, self.explain_error(error))
             done(obeyed)
 
         self.channel.write(self.number, item, raw, replied)
+
+    def _show_wanted(self, item: str, raw: int) -> _Wanted:
+        """Show the value of a write at once, and until its result is known, or until a reading must have it."""
+        old = self._wanted.get(item)
+        before = self.raw.get(item) if old is None else old.before
+        made = self._wanted[item] = _Wanted(raw, before, self.host.now() + WRITE_LATENCY_S)
+        self._show(item, raw, self.host.now())
+        return made
+
+    def _end_write(self, item: str, wanted: _Wanted, raw: int | None) -> None:
+        """Show the value that the device has told, None if it has not answered; a later write is shown instead."""
+        if self._wanted.get(item) is not wanted:
+            return
+        del self._wanted[item]
+        if raw is not None:
+            self.update_values({item: raw}, self.host.now())
+        elif wanted.before is not None:
+            self._show(item, wanted.before, self._stamp)
+
+    def _show(self, item: str, raw: int, stamp: float) -> None:
+        if self.raw.get(item) != raw:
+            self.raw[item] = raw
+            for handler in self._handlers.get(item, ()):
+                handler(raw, stamp)
+
+    def _without_outdated(self, values: Mapping[str, int], stamp: float) -> Mapping[str, int]:
+        """Return a sample without the readings that may be older than the last write of their register."""
+        outdated = set()
+        for item, wanted in list(self._wanted.items()):
+            raw = values.get(item)
+            if raw is None:
+                continue
+            if raw != wanted.raw and stamp < wanted.until:
+                outdated.add(item)
+            else:
+                del self._wanted[item]
+        return {item: raw for item, raw in values.items() if item not in outdated}
 
     def refused(self, slot: str, reason: str) -> None:
         """Report a write of urbiscript that was not executed."""
@@ -183,14 +238,14 @@ class Device(UObject):
     def update_values(self, values: Mapping[str, int], stamp: float) -> None:
         """Update from the values of one tick.  The unchanged samples of a robot at rest cost one comparison."""
         self.seen = stamp
-        if values == self._values:
+        if values == self._values and not self._wanted:
             self._stamp = stamp
             return
         if values.keys() != self._values.keys():
             self._clear_last_sample()
         self._values, self._stamp = values, stamp
         known, handlers = self.raw, self._handlers
-        for item, raw in values.items():
+        for item, raw in (self._without_outdated(values, stamp) if self._wanted else values).items():
             if known.get(item) != raw:
                 known[item] = raw
                 for handler in handlers.get(item, ()):

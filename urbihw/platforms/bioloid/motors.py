@@ -22,6 +22,7 @@ from urbihw.buses.dynamixel.device import DeviceInfo
 from urbihw.buses.messages import Reply
 from urbihw.kernel.uobject import EffectorDevice, Motion, Origin, UVar, number, reading, set_range
 from urbihw.platforms.base import LimitNamer, LimitTable
+from urbihw.platforms.bioloid import words
 from urbihw.platforms.bioloid.devices import ChangeHandler, Device, Refused
 from urbihw.platforms.bioloid.servolimits import ServoLimits
 from urbihw.platforms.bioloid.slots import Slot
@@ -35,6 +36,8 @@ Step = tuple[str, Any]
 
 class Servo(Device, EffectorDevice):
     """The base of both kinds of servos."""
+
+    slot_words = words.SERVO
 
     kind_of_device = "motor"
     wheel = reading(False)
@@ -215,6 +218,7 @@ class Servo(Device, EffectorDevice):
         if not off:
             self.motion.check_device(self.number)
         self._off = off
+        self.load.sense(0.0 if off else 1.0)
         self._write_steps([("torque_enable", 0)] if self._off else self.plan_on(), "load")
 
     def _write_steps(self, steps: list[Step], slot: str) -> None:
@@ -234,9 +238,15 @@ class Servo(Device, EffectorDevice):
                 self._off = self._off or slot == "load"
                 for item, _ in steps:
                     self.channel.read(self.number, item, lambda read, item=item: self._store_reading(item, read))  # type: ignore[misc]
+                self._show_known()
             self._send_deferred_writes()
 
         self.channel.write_all(self.number, steps, replied, self.motion.origin())
+
+    def _show_known(self) -> None:
+        """Show the limits and the power as last read: what was wanted has not been done."""
+        self._update_limits(self.host.now())
+        self.update_load(self.host.now())
 
     def _store_reading(self, item: str, reply: Reply) -> None:
         if reply.ok and reply.value is not None:
@@ -258,6 +268,7 @@ class Servo(Device, EffectorDevice):
         # A change of mode may move it slightly, so a statement that was stopped must not cause one.
         self.motion.check()
         self._limits_wanted[var.name] = number(var)
+        var.sense(number(var))
         least, most = self._wanted_limits()
         # A speed that is written after the limits refers to the mode that they select.
         set_range(self.speed, *self.speed_range(least == most == 0))

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final
+from typing import Any, Final
 
 from urbihw.buses import messages as m
 from urbihw.buses.dynamixel.device import DeviceInfo
-from urbihw.kernel.uobject import BadConfig, NotReady, Opened, RobotSettings, UObject, event, function
+from urbihw.kernel.uobject import BadConfig, NotReady, Opened, RobotSettings, UObject, event, function, reading
 from urbihw.platforms.base import LimitedDevice, WiredRobot
 from urbihw.platforms.bioloid.ax12 import AX12
 from urbihw.platforms.bioloid.devices import Device
@@ -91,6 +91,7 @@ class Bioloid(WiredRobot):
     back = event()
     found = event()
     refused = event()
+    missing = reading([])
 
     def init(self) -> None:
         """Called by ``new``; nothing happens before ``open``."""
@@ -116,7 +117,7 @@ class Bioloid(WiredRobot):
         self._set_period(settings.rate)
 
     def _set_period(self, rate: float) -> None:
-        """With the default period of 20 ms a movement would give a bus of 100 Hz a new goal in every second tick only."""
+        """With the default of 20 ms a movement would give a bus of 100 Hz a new goal in every second tick only."""
         self.host.run(f"System.period = {1 / rate!r};", "bioloid.period")
 
     def status(self) -> str:
@@ -162,6 +163,24 @@ class Bioloid(WiredRobot):
         """Mark all devices as stale."""
         for device in self.devices.values():
             device.link_changed(False)
+
+    def signed_target(self, device: Any, item: str, raw: Any) -> float:
+        """See ``WiredRobot``: the speed of an AX wheel has its sign in a bit."""
+        scale = self._wheel_scale(device, item)
+        return float(raw) if scale is None else scale[0].speed_of(int(raw)) * scale[1]
+
+    def raw_target(self, device: Any, item: str, signed: float) -> Any:
+        """See ``WiredRobot``."""
+        scale = self._wheel_scale(device, item)
+        return signed if scale is None else scale[0].speed_target(signed / scale[1], True)[1]
+
+    def _wheel_scale(self, device: Any, item: str) -> tuple[Servo, float] | None:
+        """The servo, and its counts for 1 rad/s, of a target that is the speed of a wheel; None for others."""
+        servo = self.devices.get(device)
+        if not isinstance(servo, Servo) or not servo.wheel.sensed:
+            return None
+        speed, scale = servo.wheel_scale()
+        return (servo, scale) if item == speed else None
 
     # ---------------------------------------------------------------- devices
 
@@ -229,7 +248,8 @@ class Bioloid(WiredRobot):
         device.log = self.log
         if isinstance(device, Servo):
             device.mode_changed = self.send_limits
-        self._missing.pop(info.id, None)
+        if self._missing.pop(info.id, 0) is None:
+            self.missing.sense([float(number) for number in self._missing])
         self.devices[info.id] = table.members[info.id] = device
         self._new.append(device)
 
@@ -239,6 +259,7 @@ class Bioloid(WiredRobot):
         if device is None:
             if message.new == "lost":
                 self._missing[message.device] = None
+                self.missing.sense([float(number) for number in self._missing])
                 self.log.log_event(MISSING, str(message.device))
             return
         device.changed_state(message.new, message.reason)

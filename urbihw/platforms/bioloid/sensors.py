@@ -2,6 +2,11 @@
 
 Infrared and light are amounts, 0..255; larger is nearer, or brighter.  ``soundVolume`` is 0..1.  ``remocon`` is the
 last word that came from a remote control when read, and sends one when written.
+
+``clapCount`` is the number of claps of the last burst, from 0.8 s after its last clap until the next clap, so that two
+bursts of four are 4, 0, 4: the manual's ``at (clapCount == 4)`` happens for both.  The register itself keeps its count
+(e-manual, AX-S1, address 37), so it is set to 0 when it has been read; the next clap shows in the time of the last
+sound (address 38).
 """
 
 from __future__ import annotations
@@ -11,9 +16,10 @@ import math
 from urbihw.buses.dynamixel import units
 from urbihw.buses.dynamixel.status import state_words
 from urbihw.buses.messages import Reply
-from urbihw.kernel.uobject import event, function, number, owned, set_range, variable
-from urbihw.platforms.bioloid import slots
-from urbihw.platforms.bioloid.devices import Device
+from urbihw.kernel.uobject import UVar, event, function, number, owned, set_range, variable
+from urbihw.platforms.bioloid import slots, words
+from urbihw.platforms.bioloid.devices import ChangeHandler, Device
+from urbihw.platforms.bioloid.slots import Slot
 
 _MELODY = 255
 """As ringing time: play the melody whose number is in the note register."""
@@ -21,6 +27,8 @@ _MELODY = 255
 
 class AXS1(Device):
     """An AX-S1."""
+
+    slot_words = words.SENSOR
 
     kind_of_device = "sensor"
     rows = slots.AXS1
@@ -41,6 +49,35 @@ class AXS1(Device):
         self.notify_change(self.buzzerTime, self._write_time)
         self.notify_change(self.remocon, self._send_word)
         self.on_change("remocon_arrived", self._read_word)
+        self.claps = self.variables["clapCount"]
+        set_range(self.claps, 0.0, 0.0)
+        self.notify_change(self.claps, self._restart_claps)
+        self.on_change("sound_time", self._begin_burst)
+
+    # ---------------------------------------------------------------- claps
+
+    def change_handler(self, row: Slot, var: UVar) -> ChangeHandler:
+        """Return the handler of the claps, whose register counts one burst and is set to 0 after it."""
+        if row.name != "clapCount":
+            return super().change_handler(row, var)
+
+        def show_burst(raw: int, stamp: float) -> None:
+            if raw:
+                var.sense(float(raw), stamp)
+                self.write(row.item, 0, row.name)
+            elif math.isnan(var.sensed):
+                var.sense(0.0, stamp)
+
+        return show_burst
+
+    def _begin_burst(self, raw: int, stamp: float) -> None:
+        if not self._values.get("sound_count"):
+            # Otherwise the burst began and ended between two readings.
+            self.claps.sense(0.0, stamp)
+
+    def _restart_claps(self) -> None:
+        self.claps.sense(0.0)
+        self.write("sound_count", 0, "clapCount")
 
     # ---------------------------------------------------------------- buzzer
 

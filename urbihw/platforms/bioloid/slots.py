@@ -174,7 +174,7 @@ AXS1: Final = (
     Slot("lightDetectedRight", "light_detected", FAST, view=bit(2)),
     Slot("soundVolume", "sound", FAST, view=VOLUME),
     Slot("soundVolumeMax", "sound_max_hold", FAST, Kind.COUNTER, LOUDEST),
-    Slot("clapCount", "sound_count", FAST, Kind.COUNTER),
+    Slot("clapCount", "sound_count", FAST, Kind.OWN),
     Slot("soundTime", "sound_time", FAST, Kind.COUNTER),
     Slot("obstacleThreshold", "obstacle_compare", SLOW, Kind.SETTING),
     Slot("lightThreshold", "light_compare", SLOW, Kind.SETTING),

@@ -29,6 +29,7 @@ class Cia402(WiredRobot):
     lost = event()
     back = event()
     refused = event()
+    emergency = event()
 
     def init(self) -> None:
         """Called by ``new``; nothing happens before ``open``."""
@@ -103,7 +104,8 @@ class Cia402(WiredRobot):
         """Show an emergency message, and log a node that is not commanded."""
         drive = self.members.get(message.device)
         if message.what == "emergency" and drive is not None:
-            drive.show_emergency(message.value[0])
+            text = drive.show_emergency(message.value[0])
+            self.emergency.emit(drive, float(message.value[0]), text)
         elif message.what == "left alone":
             self.log.warning("%s; it is left alone", message.value)
 

@@ -22,8 +22,8 @@ from urbihw.platforms.nao.walk_part import AXES, FASTEST, WALK
 
 DCM: Final = "DCM"
 MOVING: Final = frozenset({
-    MOTION, DCM, "ALRobotPosture", BEHAVIOURS, "ALTracker", "ALNavigation", "ALAutonomousLife", "ALAutonomousMoves",
-    "ALBasicAwareness", "ALAnimationPlayer", "ALAnimatedSpeech", "ALMovementDetection",
+    MOTION, DCM, "ALRobotPosture", BEHAVIOURS, "ALFrameManager", "ALTracker", "ALNavigation", "ALAutonomousLife",
+    "ALAutonomousMoves", "ALBasicAwareness", "ALAnimationPlayer", "ALAnimatedSpeech", "ALMovementDetection",
 })  # fmt: skip
 """Services that move joints, or let the robot walk."""
 FREE: Final = frozenset({

@@ -5,8 +5,9 @@ from __future__ import annotations
 import contextlib
 from typing import Any, Final
 
-from urbihw.buses.errors import Unavailable
+from urbihw.buses.errors import BadFrame, LinkGone, Unavailable
 from urbihw.buses.messages import FromWorker, Happened, Refused, Reply, Request
+from urbihw.buses.qi.checked import describe_error, to_row, to_text
 from urbihw.buses.qi.session import Call, Subscription
 from urbihw.platforms.nao.exchange import LINK_LOST, Exchange
 from urbihw.platforms.nao.finding import LEDS, MEMORY, SONAR
@@ -27,6 +28,15 @@ ASKING: Final = ("get", "is", "are", "robotIs", "moveIs", "walkIs", "list", "pin
 BEHAVIOURS: Final = "ALBehaviorManager"
 STARTING: Final = ("runBehavior", "startBehavior")
 """Methods that begin a behaviour; the first argument is its name."""
+RUNNING: Final = "runBehavior"
+"""The one of them that is answered at its end."""
+BEGUN: Final = "urbihw/begun"
+"""Key of ALMemory under which the robot keeps what was begun here and not stopped since: whether services were told to
+do something that may move the robot, and the names of behaviours.  A worker that is killed leaves it to the next one,
+and to ``watchdog.py`` on the robot.
+"""
+MOST_BEGUN: Final = 1000
+"""Names that are read from there."""
 MOST_EVENTS: Final = 200
 STAND_TIMEOUT_S: Final = 3.0
 """Seconds that a walk may need to end in a stop, before ``killAll`` ends everything else."""
@@ -51,6 +61,7 @@ class CallPart(Part):
         self._events: dict[str, Subscription | None] = {}
         self._behaviours: dict[str, None] = {}
         self._moved = False
+        self._noted: tuple[bool, tuple[str, ...]] = False, ()
         self._ends_at = 0.0
         self._delayed: list[Request] = []
 
@@ -95,15 +106,55 @@ class CallPart(Part):
 
     def _call(self, message: Request) -> None:
         exchange = self.exchange
+        service = exchange.session.look_up(str(message.device))
+        begun = self._find_behaviour(message)
+        fresh = begun not in self._behaviours
 
         def answered(call: Call) -> None:
             exchange.news.append(Reply(message.reply_id, not call.error, call.value, call.error))
+            ended = fresh if call.error else message.item == RUNNING
+            if begun and ended and exchange.linked:
+                self._behaviours.pop(begun, None)
+                self._note_begun()
 
-        service = exchange.session.look_up(str(message.device))
+        if may_move(service.name, message.item):
+            # The robot knows it before it begins: the worker may be killed at any moment.
+            service.meta.choose(service.name, message.item, message.value)
+            self._moved = True
+            if begun:
+                self._behaviours[begun] = None
+            self._note_begun()
         exchange.session.call(service, message.item, *message.value, then=answered, timeout=BLOCKING_TIMEOUT_S)
-        self._moved = self._moved or may_move(str(message.device), message.item)
-        if service.name == BEHAVIOURS and message.item in STARTING and isinstance(message.value[0], str):
-            self._behaviours[message.value[0]] = None
+
+    def _find_behaviour(self, message: Request) -> str:
+        """The name of the behaviour that a call begins, "" if it begins none."""
+        if message.device == BEHAVIOURS and message.item in STARTING and message.value:
+            return message.value[0] if isinstance(message.value[0], str) else ""
+        return ""
+
+    def _note_begun(self) -> None:
+        """Tell the robot what was begun here, if that has changed."""
+        noted = self.is_moving(), tuple(self._behaviours)
+        if noted != self._noted:
+            self._noted = noted
+            self.exchange.post(self.exchange.memory, "insertData", BEGUN, [noted[0], list(noted[1])])
+
+    def find_moving(self) -> list[Any]:
+        """See ``Part``: what was begun by a worker that was killed, or whose daemon was."""
+        exchange = self.exchange
+        values = to_row(exchange.ask(exchange.memory, "getListData", [BEGUN]), 1)
+        try:
+            moved, names = to_row(values[0], 2)[:2]
+            behaviours = [to_text(name) for name in to_row(names)[:MOST_BEGUN]]
+        except BadFrame:
+            # There is no such key, or not by us.
+            return []
+        self._noted = bool(moved), tuple(behaviours)
+        if not (moved or behaviours):
+            return []
+        self._moved = True
+        self._behaviours |= dict.fromkeys(behaviours)
+        return [SERVICES]
 
     def _listen(self, key: str) -> None:
         exchange = self.exchange
@@ -113,7 +164,7 @@ class CallPart(Part):
         subscriber = exchange.ask(exchange.memory, "subscriber", key)
 
         def heard(values: tuple[Any, ...]) -> None:
-            if is_bounded(values[0]):
+            if values and is_bounded(values[0]):
                 exchange.news.append(Happened("event", key, values[0]))
             else:
                 exchange.news.append(Refused("event", key, "its value is too long, or no value for programs"))
@@ -144,6 +195,7 @@ class CallPart(Part):
             self._ends_at = exchange.now() + STAND_TIMEOUT_S
         else:
             exchange.post_motion("killAll")
+        self._note_begun()
 
     def send(self) -> None:
         """See ``Part``: end a stop once the robot stands; motions that were asked for meanwhile follow."""
@@ -162,12 +214,15 @@ class CallPart(Part):
     def _kill_all(self) -> None:
         self._ends_at = 0.0
         self.exchange.post_motion("killAll")
+        self._note_begun()
         delayed, self._delayed = self._delayed, []
         for message in delayed:
             try:
                 self._call(message)
-            except (Unavailable, ValueError, TypeError, IndexError) as error:
-                self.exchange.news.append(Reply(message.reply_id, False, error=str(error)))
+            except LinkGone:
+                raise
+            except Exception as error:
+                self.exchange.news.append(Reply(message.reply_id, False, error=describe_error(error)))
 
     def _refuse_delayed(self, reason: str) -> None:
         delayed, self._delayed = self._delayed, []

@@ -10,6 +10,7 @@ from urbihw.buses.messages import Reply
 from urbihw.kernel.uobject import UImage, UVar, number, owned, reading, set_range
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.devicelog import DeviceLog
+from urbihw.platforms.nao import words
 from urbihw.platforms.nao.camera_part import CAMERA, FILM, RETRY_S, VIDEO
 from urbihw.platforms.nao.pictures import FORMATS, JPEG, NO_PILLOW, RESOLUTIONS, YUV, CameraMode, Picture, has_pillow
 from urbihw.platforms.streamed import Streamed
@@ -28,6 +29,8 @@ class NaoCamera(Streamed):
     are those of the pictures, ``xfov`` and ``yfov`` the angles of view (rad), ``frames`` counts pictures.  ``threaded``
     changes nothing: pictures always come by the worker, a process of its own.
     """
+
+    slot_words = words.CAMERA
 
     nothing = UImage.of(b"", 0, 0, "jpeg")
     load = owned(0.0)

@@ -17,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from urbihw.buses.errors import Unavailable
+from urbihw.buses.qi.checked import show_text, to_whole
 from urbihw.buses.qi.session import Call, Service
 from urbihw.platforms.nao.dcm_clock import DcmClock
 from urbihw.platforms.nao.dcm_course import JointCourse
@@ -51,7 +52,7 @@ class Aliases:
         answer = self._exchange.ask(self._dcm, "createAlias", [f"{ALIAS}All", keys])
         found = answer[-1] if isinstance(answer, list | tuple) and answer else None
         if not isinstance(found, list | tuple) or len(found) != len(keys):
-            raise Unavailable(errno.EPROTO, f"createAlias of the DCM answers {str(answer)[:60]}")
+            raise Unavailable(errno.EPROTO, f"createAlias of the DCM answers {show_text(repr(answer), 60)}")
         return [name for name, key in zip(joints, found, strict=True) if key]
 
     def get_name(self, joints: tuple[str, ...]) -> str:
@@ -108,7 +109,7 @@ class DcmWriter(JointWriter):
         }
         for _ in range(FIRST_SAMPLES):
             sent = exchange.now()
-            self._clock.add_sample(sent, int(exchange.ask(found, "getTime", 0)))
+            self._clock.add_sample(sent, _to_time(exchange.ask(found, "getTime", 0)))
         self._asked_at = exchange.now()
 
     # ---------------------------------------------------------------- goals
@@ -193,7 +194,7 @@ class DcmWriter(JointWriter):
             return
         self._asked_at = now
         clock = self._clock
-        exchange.call("time", self._dcm, "getTime", 0, then=lambda call: clock.add_sample(now, int(call.value)))
+        exchange.call("time", self._dcm, "getTime", 0, then=lambda call: clock.add_sample(now, _to_time(call.value)))
 
     # ---------------------------------------------------------------- stops
 
@@ -210,6 +211,11 @@ class DcmWriter(JointWriter):
             self._courses.pop(name, None)
             exchange.post(self._dcm, "set", [_key(name), "ClearAll", [[place, date]]])
         self.trace.write(now, places.items())
+
+
+def _to_time(value: object) -> int:
+    """A time of the DCM, whose 32 bits may have a sign.  Raises BadFrame."""
+    return to_whole(value, -(1 << 31), (1 << 32) - 1)
 
 
 def _key(joint: str) -> str:

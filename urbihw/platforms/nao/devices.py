@@ -8,6 +8,8 @@ from typing import Final
 
 from urbihw.kernel.uobject import NIL, UObject, UVar, number, owned, reading, set_range
 from urbihw.platforms.channel import DeviceChannel
+from urbihw.platforms.measured import Measured
+from urbihw.platforms.nao import words
 from urbihw.platforms.nao.light_part import LED
 
 ONE_COLOUR_PARTS: Final = ("Ear", "Brain")
@@ -23,6 +25,8 @@ class NaoLed(UObject):
     lights one by one.  A light of one colour (the ears, which are blue, the top of the head, and the groups of one
     colour) is as bright as the brightest part that was written.
     """
+
+    slot_words = words.LED
 
     val = owned(0.0)
     r = owned(0.0)
@@ -66,8 +70,10 @@ class NaoLed(UObject):
             var.sense((colour >> shift & 0xFF) / 255)
 
 
-class NaoSensor(UObject):
+class NaoSensor(Measured):
     """A sensor of one value."""
+
+    slot_words = words.SENSOR
 
     val = reading(math.nan)
 
@@ -77,6 +83,7 @@ class NaoSensor(UObject):
 
     def show(self, values: Mapping[str, float], stamp: float) -> None:
         """Show what was measured."""
+        self.mark_fresh()
         if self.item in values:
             self.val.sense(values[self.item], stamp)
 
@@ -86,16 +93,19 @@ class NaoBumper(NaoSensor):
 
     def show(self, values: Mapping[str, float], stamp: float) -> None:
         """See ``NaoSensor``."""
+        self.mark_fresh()
         both = [values[self.item + side] for side in ("L", "R") if self.item + side in values]
         if both:
             self.val.sense(max(both), stamp)
 
 
-class NaoBattery(UObject):
+class NaoBattery(Measured):
     """The battery: ``remain`` is a share of 1, ``current`` in A, negative while it drains.
 
     NAOqi measures neither its voltage nor its capacity (V, A h): both are nil.
     """
+
+    slot_words = words.BATTERY
 
     remain = reading(math.nan)
     current = reading(math.nan)
@@ -107,12 +117,13 @@ class NaoBattery(UObject):
 
     def show(self, values: Mapping[str, float], stamp: float) -> None:
         """Show what was measured."""
+        self.mark_fresh()
         for var, item in ((self.remain, "charge"), (self.current, "current")):
             if item in values:
                 var.sense(values[item], stamp)
 
 
-class NaoFsr(UObject):
+class NaoFsr(Measured):
     """What the feet feel: ``left``, ``right`` and ``val`` (both) are 1 on the ground; weights in kg."""
 
     val = reading(math.nan)
@@ -126,6 +137,7 @@ class NaoFsr(UObject):
 
     def show(self, values: Mapping[str, float], stamp: float) -> None:
         """Show what was measured."""
+        self.mark_fresh()
         rows = (
             (self.left, "contactL"), (self.right, "contactR"),
             (self.leftFootTotalWeight, "weightL"), (self.rightFootTotalWeight, "weightR"),

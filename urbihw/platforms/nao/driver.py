@@ -28,12 +28,14 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import Any
 
 from urbihw.buses.driver import Driver, ImpliedTarget, no_stop
-from urbihw.buses.errors import BusError, LinkGone, Unavailable
+from urbihw.buses.errors import LinkGone, Unavailable
 from urbihw.buses.link import Port
 from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, Request, Samples, Targets, Watch
+from urbihw.buses.qi.checked import LONGEST_LINE, describe_error, show_text
 from urbihw.buses.qi.hosting import Hosting
 from urbihw.buses.qi.opening import open_session
 from urbihw.platforms.nao.call_limits import CallLimits
@@ -53,6 +55,15 @@ from urbihw.platforms.nao.sound_part import SoundPart
 from urbihw.platforms.nao.walk_part import WALK, WalkPart
 from urbihw.platforms.nao.watchdog_part import WatchdogPart
 from urbihw.platforms.nao.wholebody_part import EFFECTORS, WholeBodyPart
+
+
+def _escaped(message: FromWorker) -> FromWorker:
+    """A message whose reason, which may have words of the robot, can be shown."""
+    if isinstance(message, Refused):
+        return replace(message, reason=show_text(message.reason, LONGEST_LINE))
+    if isinstance(message, Reply) and message.error:
+        return replace(message, error=show_text(message.error, LONGEST_LINE))
+    return message
 
 
 class NaoDriver(Driver):
@@ -97,19 +108,21 @@ class NaoDriver(Driver):
             motion, memory = session.look_up(MOTION), session.look_up(MEMORY)
             found = find(session, motion, memory)
             exchange.info = found.info
+            self.identity = found.info.serial
             self._call_limits.begin({joint.name: joint.speed for joint in found.info.joints})
             self._senses.show_first(found)
             exchange.begin(session, motion, memory)
             self._hosting.begin(session, port)
             for part in self._parts:
                 part.begin()
-        except (ValueError, TypeError, IndexError) as error:
-            # An answer of another form is as bad as none.
-            session.close(LINK_LOST)
-            raise Unavailable(errno.EPROTO, f"{port.url.text}: {error}; is this a Nao?") from error
-        except BusError:
+        except (Unavailable, LinkGone):
             session.close(LINK_LOST)
             raise
+        except Exception as error:
+            # An answer of another form is as bad as none.
+            session.close(LINK_LOST)
+            text = f"{port.url.text}: {describe_error(error)}; is this a Nao?"
+            raise Unavailable(errno.EPROTO, text) from error
         if port.warning:
             exchange.news.append(Refused("connection", port.url.target, port.warning))
         return [Found((exchange.info,)), *self._collect(port.clock.now())]
@@ -145,7 +158,7 @@ class NaoDriver(Driver):
     def _collect(self, now: float) -> list[FromWorker]:
         exchange = self._exchange
         values, exchange.values = exchange.values, {}
-        news, exchange.news = exchange.news, []
+        news, exchange.news = [_escaped(each) for each in exchange.news], []
         if values:
             news.append(Samples(now, values, dict.fromkeys(values, now)))
         return news
@@ -187,9 +200,14 @@ class NaoDriver(Driver):
             for part in self._parts:
                 # "write" is a verb of several parts: the device tells which one is meant.
                 if message.verb in part.verbs and (message.verb != "write" or part.owns(message.device)):
-                    return part.request(message)
+                    return [_escaped(each) for each in part.request(message)]
+        except LinkGone:
+            raise
         except (Unavailable, ValueError, TypeError, IndexError) as error:
-            return [Reply(message.reply_id, False, error=str(error))]
+            return [Reply(message.reply_id, False, error=show_text(error, LONGEST_LINE))]
+        except Exception as error:
+            # Whatever the robot has answered, or a program has asked for: it fails alone.
+            return [Reply(message.reply_id, False, error=describe_error(error))]
         return [Reply(message.reply_id, False, error=f"a Nao knows no request {message.verb!r}")]
 
     # ---------------------------------------------------------------- motion
@@ -210,8 +228,8 @@ class NaoDriver(Driver):
         """See ``Driver``: what another program, or the last worker, has left moving.  Raises LinkGone."""
         try:
             moving = [device for part in self._parts for device in part.find_moving()]
-        except (Unavailable, ValueError, TypeError) as error:
-            raise LinkGone(f"NAOqi does not tell whether it moves: {error}") from error
+        except (Unavailable, ValueError) as error:
+            raise LinkGone(f"NAOqi does not tell whether it moves: {describe_error(error)}") from error
         if moving:
             self.safe_stop()
         return tuple(moving)

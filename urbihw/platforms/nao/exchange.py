@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Any, Final
 
-from urbihw.buses.errors import BadValue, LinkGone, Unavailable
+from urbihw.buses.errors import BadFrame, BadValue, LinkGone, Unavailable
 from urbihw.buses.link import Port
 from urbihw.buses.messages import FromWorker, Refused
 from urbihw.buses.qi.session import Call, Service, Session
@@ -100,13 +100,19 @@ class Exchange:
         *arguments: Any,
         then: Callable[[Call], None] | None = None,
     ) -> None:
-        """Call a method; ``then`` gets its answer.  A failure is told as ``Refused`` of ``kind``.  Raises LinkGone."""
+        """Call a method; ``then`` gets its answer, and raises BadFrame for one of another form.
+
+        A failure is told as ``Refused`` of ``kind``.  Raises LinkGone.
+        """
         session = self.session
 
         def answered(call: Call) -> None:
             if not call.error:
-                if then is not None:
-                    then(call)
+                try:
+                    if then is not None:
+                        then(call)
+                except BadFrame as error:
+                    self.news.append(Refused(kind, method, str(error)))
             elif self._session is session and call.error != LINK_LOST:
                 self.news.append(Refused(kind, method, call.error))
 

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from urbihw.buses.errors import BadFrame
+from urbihw.buses.qi.checked import is_name, show_text, to_number, to_row
 from urbihw.buses.qi.session import Service, Session
 from urbihw.platforms.nao import reading
 from urbihw.platforms.nao.orders import JointInfo
@@ -13,7 +15,7 @@ from urbihw.platforms.nao.orders import JointInfo
 MOTION, MEMORY, LEDS, SONAR = "ALMotion", "ALMemory", "ALLeds", "ALSonar"
 PROXIES: Final = (
     MOTION, MEMORY, LEDS, SONAR, "ALRobotPosture", "ALTextToSpeech", "ALBattery", "ALBehaviorManager", "ALAudioPlayer",
-    "ALSpeechRecognition", "ALAudioDevice", "DCM",
+    "ALSpeechRecognition", "ALAudioDevice", "ALLogger", "ALFrameManager", "ALAutonomousLife", "DCM",
 )  # fmt: skip
 """Services that programs may call without asking for them."""
 _NAME: Final = "urbihw"
@@ -51,37 +53,45 @@ def find(session: Session, motion: Service, memory: Service) -> Finding:
     def ask(service: Service, name: str, *arguments: Any) -> Any:
         return session.wait(session.call(service, name, *arguments))
 
-    names = [str(name) for name in ask(motion, "getBodyNames", "Body")]
-    limits = ask(motion, "getLimits", "Body")
-    joints = tuple(JointInfo(name, *map(float, row[:3])) for name, row in zip(names, limits, strict=True))
+    names = [_joint_name(name) for name in to_row(ask(motion, "getBodyNames", "Body"), 1)]
+    limits = [to_row(row, 3)[:3] for row in to_row(ask(motion, "getLimits", "Body"))]
+    joints = tuple(JointInfo(name, *map(to_number, row)) for name, row in zip(names, limits, strict=True))
     services = tuple(session.names())
     lights: list[str] = []
     if LEDS in services:
         for method in ("listGroups", "listLEDs"):
-            lights += [name for name in ask(session.look_up(LEDS), method) if str(name).isidentifier()]
+            names_of_lights = to_row(ask(session.look_up(LEDS), method))
+            lights += [name for name in names_of_lights if is_name(name) and name.isidentifier()]
     if SONAR in services:
         # Without a subscriber the sonars measure nothing.
         session.post(session.look_up(SONAR), "subscribe", _NAME)
     methods = {name: tuple(session.look_up(name).meta.names()) for name in PROXIES if name in services}
     model = _model(ask(motion, "getRobotConfig"))
-    name, serial = map(_text, ask(memory, "getListData", [BODY_NAME, BODY_ID]))
+    name, serial = map(_text, to_row(ask(memory, "getListData", [BODY_NAME, BODY_ID]), 2)[:2])
     info = NaoInfo(model, joints, services, tuple(dict.fromkeys(lights)), methods, name, serial)
     fast = reading.joint_keys(names)
     keys = fast | reading.slow_keys(names)
-    values = ask(memory, "getListData", list(keys))
+    values = list(to_row(ask(memory, "getListData", list(keys))))
     known = reading.known_keys(keys, values)
     return Finding(info, fast, known, [value for name, value in zip(keys, values, strict=True) if name in known])
 
 
+def _joint_name(value: Any) -> str:
+    """Raises BadFrame."""
+    if not is_name(value) or not value.isidentifier():
+        raise BadFrame(f"a joint is called {show_text(repr(value), MAX_TEXT_LENGTH)}")
+    return str(value)
+
+
 def _text(value: Any) -> str:
-    """A text of ALMemory in one line; "" where the robot has none."""
-    return " ".join(value.split())[:MAX_TEXT_LENGTH] if isinstance(value, str) else ""
+    """A text of the robot in one line; "" where it has none."""
+    return show_text(" ".join(value.split()), MAX_TEXT_LENGTH) if isinstance(value, str) else ""
 
 
 def _model(config: Any) -> str:
     """The "Model Type" of getRobotConfig, whose two lists are names and values."""
     try:
         names, values = config
-        return str(dict(zip(names, values, strict=True)).get("Model Type", "nao"))
+        return _text(dict(zip(names, values, strict=True)).get("Model Type")) or "nao"
     except (TypeError, ValueError):
         return "nao"

@@ -6,9 +6,11 @@ make a browser send one:
 
 - ``Host`` must be an address or a name of this computer that the settings know (a site could give its own name the
   address of this computer);
-- a request that a browser does not call typed by its user, or of the same origin, is refused, and so is one with a
-  foreign ``Origin`` or ``Referer``, and a page that is fetched in advance;
-- a browser that does not tell (it does so for loopback and ``https`` only) is refused.
+- a browser, which is known by any of its headers, must say in ``Sec-Fetch-Site`` that its user has typed the address,
+  or that the page is ours (it does so for loopback and ``https`` only);
+- a foreign ``Origin`` or ``Referer``, and a page that is fetched in advance, are refused.
+
+How the request is read: see ``http_request``.
 """
 
 from __future__ import annotations
@@ -17,12 +19,10 @@ import base64
 import binascii
 import hmac
 import html
-import http.client
-import io
 import ipaddress
 import math
 import socket
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from http import HTTPStatus
 from typing import Any, Final, Protocol
 from urllib.parse import parse_qs, urlsplit
@@ -30,16 +30,25 @@ from urllib.parse import parse_qs, urlsplit
 from urbihw.buses.errors import Unavailable
 from urbihw.buses.listening import Visitor
 from urbihw.buses.qi.login import Login
+from urbihw.buses.qi.login_guard import LoginGuard
+from urbihw.buses.qi.serving import shorten_error
+from urbihw.platforms.nao.http_request import HeadReader, Refusal
 from urbihw.platforms.nao.literals import parse_call
 
-LARGEST: Final = 8192
-"""Bytes of a request."""
 REQUEST_TIMEOUT_S: Final = 5.0
 """Seconds in which a request must have come."""
 REALM: Final = "urbihw"
+BYTES_A_UNIT: Final = 256
+"""Bytes of a request that count as one more small message: literals take 0.6 ms for each 1000 characters."""
 LOOPBACK_NAMES: Final = ("localhost", "127.0.0.1", "[::1]")
 TRUSTED_SITES: Final = ("none", "same-origin")
 """Values of ``Sec-Fetch-Site``: typed by the user, and our own origin."""
+BROWSER_HEADERS: Final = frozenset(
+    ("origin", "referer", "cookie", "accept-language", "dnt", "upgrade-insecure-requests")
+)
+"""Browsers send these, in lower case, and those that begin with ``sec-``, programs do not."""
+IN_ADVANCE: Final = frozenset(("sec-purpose", "purpose", "x-moz", "x-purpose"))
+"""Headers of what a browser fetches before its user has asked for it."""
 
 
 class Ask(Protocol):
@@ -57,14 +66,6 @@ class Ask(Protocol):
         ...
 
 
-class Refusal(Exception):
-    """The request is answered with this status and this line."""
-
-    def __init__(self, status: HTTPStatus, text: str) -> None:
-        super().__init__(text)
-        self.status = status
-
-
 def find_allowed_hosts(host: str, port: int) -> frozenset[str]:
     """What ``Host`` may be for a server that listens there; names in lower case, with and without the port."""
     address = ipaddress.ip_address(host)
@@ -80,17 +81,19 @@ class HttpVisitor(Visitor):
     def __init__(
         self,
         now: float,
+        address: str,
         hosts: Collection[str],
         ask: Ask,
         leave: Callable[[HttpVisitor], None],
-        login: Login | None = None,
+        guard: LoginGuard,
+        login: Login,
     ) -> None:
-        """``leave(visitor)`` is called when the connection is closed; ``login`` is what a caller must know."""
+        """``leave(visitor)`` is called when the connection is closed; ``login`` is what a caller must know, and
+        ``guard`` counts the wrong logins of its address."""
         super().__init__(now + REQUEST_TIMEOUT_S)
-        self._hosts, self._ask, self._leave = hosts, ask, leave
-        self._login = login if login is not None else Login()
-        self._data = b""
-        self._complete = False
+        self._address, self._hosts, self._ask, self._leave = address, hosts, ask, leave
+        self._guard, self._login = guard, login
+        self._head = HeadReader()
         self._begun = False
 
     # ---------------------------------------------------------------- the request
@@ -101,17 +104,11 @@ class HttpVisitor(Visitor):
 
     def receive(self, data: bytes) -> None:
         """Collect the request; what follows it is dropped."""
-        if self._complete:
-            return
-        self._data += data
-        if b"\r\n\r\n" in self._data or b"\n\n" in self._data:
-            self._complete = True
-        elif len(self._data) > LARGEST:
-            self._answer(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, f"a request has {LARGEST} bytes at most")
+        self._head.receive(data)
 
     def work(self, most: int) -> int:
         """Answer the request once it is there."""
-        if not self._complete or self._begun or self.closing or most < 1:
+        if not self._head.complete or self._begun or self.closing or most < 1:
             return 0
         self._begun, self.deadline = True, None
         try:
@@ -120,18 +117,21 @@ class HttpVisitor(Visitor):
             self._answer(refusal.status, str(refusal))
         except ValueError:
             self._answer(HTTPStatus.BAD_REQUEST, "the address cannot be read")
-        return 1
+        return 1 + self._head.size // BYTES_A_UNIT
 
     def leave(self) -> None:
         """The connection is closed."""
         self._leave(self)
 
     def _begin(self) -> None:
-        target, headers = _parse_request(self._data[:LARGEST])
+        target, headers = self._head.parse()
         self._check_origin(headers)
         self._check_credentials(headers)
-        texts = parse_qs(urlsplit(target).query, max_num_fields=8).get("eval", [])
-        if urlsplit(target).path != "/" or len(texts) != 1:
+        if not target.startswith("/"):
+            raise Refusal(HTTPStatus.BAD_REQUEST, "the address begins with /")
+        path, _, query = target.partition("?")
+        texts = parse_qs(query, max_num_fields=8, errors="strict").get("eval", [])
+        if path != "/" or len(texts) != 1:
             raise Refusal(HTTPStatus.NOT_FOUND, "write /?eval=Module.method(arguments)")
         try:
             module, method, arguments = parse_call(texts[0])
@@ -143,39 +143,46 @@ class HttpVisitor(Visitor):
 
     # ---------------------------------------------------------------- who asks
 
-    def _check_origin(self, headers: http.client.HTTPMessage) -> None:
-        if headers.get("Host", "").strip().lower() not in self._hosts:
+    def _check_origin(self, headers: Mapping[str, str]) -> None:
+        if headers["host"].lower() not in self._hosts:
             raise Refusal(HTTPStatus.FORBIDDEN, "Host is no name of this server: options.module_http_host")
-        foreign = [name for name in ("Origin", "Referer") if self._is_foreign(headers.get(name, ""))]
-        site = headers.get("Sec-Fetch-Site", "")
-        if foreign or (site and site not in TRUSTED_SITES):
+        if any(self._is_foreign(headers[name]) for name in ("origin", "referer") if name in headers):
             raise Refusal(HTTPStatus.FORBIDDEN, "this call comes from a page of another site")
-        if headers.get("Sec-Purpose") or headers.get("Purpose") or headers.get("X-Moz"):
+        if not headers.keys().isdisjoint(IN_ADVANCE):
             raise Refusal(HTTPStatus.FORBIDDEN, "a call is not made in advance")
-        if not site and "mozilla" in headers.get("User-Agent", "").lower():
+        if not _comes_from_browser(headers):
+            return
+        site = headers.get("sec-fetch-site")
+        if site is None:
             why = "this browser does not tell where the call comes from: use http://localhost, or curl"
             raise Refusal(HTTPStatus.FORBIDDEN, why)
+        if site not in TRUSTED_SITES:
+            raise Refusal(HTTPStatus.FORBIDDEN, "this call comes from a page of another site")
 
     def _is_foreign(self, origin: str) -> bool:
-        if not origin:
-            return False
         parts = urlsplit(origin)
         return parts.scheme != "http" or parts.netloc.lower() not in self._hosts
 
-    def _check_credentials(self, headers: http.client.HTTPMessage) -> None:
+    def _check_credentials(self, headers: Mapping[str, str]) -> None:
         try:
             known = ":".join(self._login.words().values())
         except Unavailable as error:
             raise Refusal(HTTPStatus.UNAUTHORIZED, "the password of the robot is not known") from error
         if not known:
             return
-        kind, _, coded = headers.get("Authorization", "").partition(" ")
+        if refusal := self._guard.find_refusal(self._address):
+            raise Refusal(HTTPStatus.TOO_MANY_REQUESTS, refusal)
+        kind, _, coded = headers.get("authorization", "").partition(" ")
         try:
             given = base64.b64decode(coded, validate=True) if kind.lower() == "basic" else b""
         except (binascii.Error, ValueError):
             given = b""
-        if not hmac.compare_digest(given, known.encode()):
-            raise Refusal(HTTPStatus.UNAUTHORIZED, "user and password of the robot are needed")
+        if hmac.compare_digest(given, known.encode()):
+            return
+        if "authorization" in headers:
+            # A browser asks without a password first.
+            self._guard.count_wrong(self._address)
+        raise Refusal(HTTPStatus.UNAUTHORIZED, "user and password of the robot are needed")
 
     # ---------------------------------------------------------------- the answer
 
@@ -186,6 +193,8 @@ class HttpVisitor(Visitor):
             self._answer(HTTPStatus.OK, write_value(value))
 
     def _answer(self, status: HTTPStatus, text: str) -> None:
+        if status != HTTPStatus.OK:
+            text = shorten_error(text)
         body = f"<HTML><BODY><PRE>{html.escape(text)}</PRE></BODY></HTML>\n".encode()
         head = [
             f"HTTP/1.0 {status.value} {status.phrase}",
@@ -202,21 +211,10 @@ class HttpVisitor(Visitor):
         self.closing = True
 
 
-def _parse_request(data: bytes) -> tuple[str, http.client.HTTPMessage]:
-    """The target and the headers.  Raises Refusal."""
-    stream = io.BytesIO(data)
-    words = stream.readline().decode("latin-1").split()
-    if len(words) != 3 or not words[2].startswith("HTTP/1."):
-        raise Refusal(HTTPStatus.BAD_REQUEST, "this is no request of HTTP 1")
-    if words[0] != "GET":
-        raise Refusal(HTTPStatus.METHOD_NOT_ALLOWED, f"{words[0][:20]} is not answered, only GET")
-    try:
-        headers = http.client.parse_headers(stream)
-    except http.client.HTTPException as error:
-        raise Refusal(HTTPStatus.BAD_REQUEST, "the headers cannot be read") from error
-    if len(headers.get_all("Host", [])) != 1:
-        raise Refusal(HTTPStatus.BAD_REQUEST, "one Host is needed")
-    return words[1], headers
+def _comes_from_browser(headers: Mapping[str, str]) -> bool:
+    if any(name in BROWSER_HEADERS or name.startswith("sec-") for name in headers):
+        return True
+    return "mozilla" in headers.get("user-agent", "").lower()
 
 
 def write_value(value: Any) -> str:

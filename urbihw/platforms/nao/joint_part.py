@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from urbihw.buses.errors import BadValue, Unavailable
 from urbihw.buses.messages import FromWorker, Refused, Reply, Request
+from urbihw.buses.qi.checked import to_number, to_row
 from urbihw.buses.qi.session import Call
 from urbihw.platforms.nao.dcm_writer import DcmWriter
 from urbihw.platforms.nao.exchange import Exchange
@@ -58,7 +59,7 @@ class JointPart(Part):
             self._dcm.shift = options.dcm_shift
         try:
             self._select_writer(self._dcm if self._wants_dcm else self._angles)
-        except (Unavailable, BadValue) as error:
+        except (Unavailable, ValueError) as error:
             self.exchange.news.append(Refused(MOTORS, "dcm", str(error)))
 
     def end(self) -> None:
@@ -164,8 +165,8 @@ class JointPart(Part):
             return
         try:
             angles = exchange.ask(exchange.motion, "getAngles", sent, True, timeout=WHERE_TIMEOUT_S)
-            where = dict(zip(sent, map(float, angles), strict=True))
-        except (Unavailable, ValueError, TypeError):
+            where = dict(zip(sent, map(to_number, to_row(angles)), strict=True))
+        except (Unavailable, ValueError):
             where = {name: orders.where[name] for name in sent}
         hold = orders.under_way(sent, where)
         hold |= {name: where[name] for name in writer.may_move(sent, exchange.now())}
@@ -183,10 +184,8 @@ class JointPart(Part):
         """Stiff joints that are not at their goals."""
         exchange, orders = self.exchange, self.orders
         names = [joint.name for joint in exchange.info.joints]
-        goals, angles = (
-            dict(zip(names, exchange.ask(exchange.motion, "getAngles", "Body", sensors), strict=True))
-            for sensors in (False, True)
-        )
+        answers = (to_row(exchange.ask(exchange.motion, "getAngles", "Body", sensors)) for sensors in (False, True))
+        goals, angles = (dict(zip(names, map(to_number, each), strict=True)) for each in answers)
         moving = [
             name for name in names
             if orders.stiff.get(name, 0.0) > SLACK and abs(goals[name] - angles[name]) > REACHED

@@ -11,6 +11,8 @@ from urbihw.kernel.uobject import EffectorDevice, Motion, finite_numbers, functi
 from urbihw.platforms.base import LimitNamer, LimitTable
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.limits import DeviceLimits
+from urbihw.platforms.measured import Measured
+from urbihw.platforms.nao import words
 from urbihw.platforms.nao.call_part import SERVICES
 from urbihw.platforms.nao.finding import MOTION
 from urbihw.platforms.nao.gait import parse_gait
@@ -22,13 +24,17 @@ SETTLING_S: Final = 0.5
 """Seconds in which a stiffness that was written is measured; then what is measured counts."""
 Failed = Callable[[str, str], None]
 """Called for what NAOqi has not done: slot, reason."""
+Explain = Callable[[], str]
+"""Tells why the robot cannot walk or balance now, "" if it may."""
 
 
-class NaoJoint(EffectorDevice):
+class NaoJoint(EffectorDevice, Measured):
     """A joint: ``val`` is its angle in rad, ``load`` its stiffness, 0 (slack) to 1.  A slack joint does not move.
 
     A joint that gets stiff stays where it is.
     """
+
+    slot_words = words.JOINT
 
     val = owned(math.nan)
     load = owned(0.0)
@@ -72,6 +78,7 @@ class NaoJoint(EffectorDevice):
 
     def show(self, values: Mapping[str, float], stamp: float) -> None:
         """Show what was measured."""
+        self.mark_fresh()
         if "angle" in values:
             self.val.sense(values["angle"], stamp)
         if "stiffness" in values:
@@ -99,11 +106,11 @@ class NaoHand(NaoJoint):
     pos = owned()
 
     def init(  # type: ignore[override]
-        self, channel: DeviceChannel, motion: Motion, info: JointInfo, device: str, failed: Failed
+        self, channel: DeviceChannel, motion: Motion, info: JointInfo, device: str, explain: Explain, failed: Failed
     ) -> None:
-        """``failed`` gets what NAOqi did not do."""
+        """``explain`` tells why the robot cannot balance, ``failed`` gets what NAOqi did not do."""
         super().init(channel, motion, info, device)
-        self._failed = failed
+        self._explain, self._failed = explain, failed
         self._effector = EFFECTORS[info.name]
         self.pos.sense([math.nan] * 3)
         self.notify_change(self.pos, self._reach)
@@ -112,6 +119,9 @@ class NaoHand(NaoJoint):
     def _reach(self) -> None:
         place = finite_numbers(self.pos.value, 3, 3, "[x, y, z] in m")
         origin = self._motion.admit(self._effector)
+        unable = self._explain()
+        if unable:
+            self.warn(origin, unable)
 
         def done(reply: m.Reply) -> None:
             if not reply.ok:
@@ -153,11 +163,13 @@ class NaoHand(NaoJoint):
         self._channel.call(MOTION, method, [str(self.naoqiName.sensed)], done, origin)
 
 
-class NaoWalk(EffectorDevice):
+class NaoWalk(EffectorDevice, Measured):
     """Walking: speeds ahead and to the left (m/s), and turning to the left (rad/s); where it has come.
 
     ``moveConfig`` has the parameters of its steps, such as [["MaxStepX", 0.02]]; those that are not named are NAOqi's.
     """
+
+    slot_words = words.WALK
 
     xSpeed = owned(0.0)
     ySpeed = owned(0.0)
@@ -167,9 +179,11 @@ class NaoWalk(EffectorDevice):
     y = reading(0.0)
     theta = reading(0.0)
 
-    def init(self, channel: DeviceChannel, motion: Motion) -> None:
-        """Speak to the worker through ``channel``; ``motion`` is who may move the robot."""
-        self._channel = channel
+    def init(self, channel: DeviceChannel, motion: Motion, explain: Explain) -> None:
+        """Speak to the worker through ``channel``; ``motion`` is who may move the robot, ``explain`` tells why it
+        cannot walk.
+        """
+        self._channel, self._explain = channel, explain
         for var, axis in zip((self.xSpeed, self.ySpeed, self.yawSpeed), AXES, strict=True):
             set_range(var, -FASTEST[axis], FASTEST[axis])
             self._bind(var, axis, motion)
@@ -193,8 +207,13 @@ class NaoWalk(EffectorDevice):
 
         self.notify_change(var, write)
 
+    def explain_off(self) -> str:
+        """See ``EffectorDevice``; a speed of 0 needs no explanation."""
+        return "" if self.requested.sensed == 0 else self._explain()
+
     def show(self, values: Mapping[str, float], stamp: float) -> None:
         """Show where it is."""
+        self.mark_fresh()
         for var, item in ((self.x, "x"), (self.y, "y"), (self.theta, "theta")):
             if item in values:
                 var.sense(values[item], stamp)

@@ -15,9 +15,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
-from urbihw.buses.errors import Unavailable
+from urbihw.buses.errors import BadValue, Unavailable
 from urbihw.buses.listening import Listener
 from urbihw.buses.messages import FromWorker, Happened, Refused, Reply, Request
+from urbihw.buses.qi.call_limits import TokenBucket
 from urbihw.buses.qi.hosting import Hosting
 from urbihw.buses.qi.serving import IncomingCall, ServedMethod
 from urbihw.platforms.nao.exchange import Exchange
@@ -29,6 +30,10 @@ MODULE: Final = "module"
 CALL, CANCEL = "call", "cancel"
 HTTP_RETRY_S: Final = 5.0
 """Seconds until a port for HTTP that is taken is tried again."""
+MODULE_CALLS_A_SECOND: Final = 200.0
+"""Calls of all callers together that are passed on, on average: each costs the interpreter of all programs time."""
+MODULE_CALL_BURST: Final = 64
+"""Calls of all callers together at once, after a pause."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,10 +57,15 @@ class ModulePart(Part):
         self._modules: dict[str, dict[str, ServedMethod]] = {}
         self._calls: dict[int, IncomingCall] = {}
         self._count = 0
+        self._rate: TokenBucket
         self._http: Listener | None = None
         self._http_retry_at = 0.0
 
     # ---------------------------------------------------------------- the link
+
+    def begin(self) -> None:
+        """See ``Part``."""
+        self._rate = TokenBucket(MODULE_CALLS_A_SECOND, MODULE_CALL_BURST, self.exchange.now())
 
     def end(self) -> None:
         """See ``Part``: all callers are gone."""
@@ -119,6 +129,8 @@ class ModulePart(Part):
     # ---------------------------------------------------------------- calls
 
     def _pass_on(self, module: str, method: str, call: IncomingCall) -> None:
+        if not self._rate.take(self.exchange.now()):
+            raise BadValue(f"more than {MODULE_CALLS_A_SECOND:g} calls a second, of all callers together")
         self._count += 1
         number = self._count
         self._calls[number] = call
@@ -157,9 +169,10 @@ class ModulePart(Part):
                     server.start_call(visitor, found, arguments, then, number=0)
             return found is not None
 
-        def welcome(now: float) -> HttpVisitor:
+        def welcome(now: float, address: str) -> HttpVisitor:
             hosts = find_allowed_hosts(host, port)
-            return HttpVisitor(now, hosts, ask, server.drop_caller, options.login())
+            guard = self._hosting.guard
+            return HttpVisitor(now, address, hosts, ask, server.drop_caller, guard, options.login())
 
         try:
             self._http = Listener(host, port, welcome)

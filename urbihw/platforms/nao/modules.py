@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from urbihw.buses import messages as m
+from urbihw.buses.qi.serving import shorten_error
 from urbihw.kernel.uobject import UBinary, UObject, event, function
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.devicelog import DeviceLog
@@ -46,6 +47,10 @@ class NaoModules(UObject):
         """
         if not _NAME.fullmatch(name):
             raise ValueError(f"a module cannot have the name {name!r}: letters, digits and _ only")
+        if self._modules.get(name, module) is not module:
+            raise ValueError(
+                f'there is a module {name} already: choose another name, or {SLOT}.withdraw("{name}") first'
+            )
         told = description, tuple(_bound_method(row) for row in methods)
         before = self._modules.get(name), self._told.get(name)
         self._modules[name], self._told[name] = module, told
@@ -72,7 +77,7 @@ class NaoModules(UObject):
         self._running.discard(number)
         value = outcome[0] if outcome else None
         try:
-            told = good, _plain(value) if good else str(value)
+            told = good, _plain(value) if good else shorten_error(str(value))
         except ValueError as error:
             told = False, str(error)
         self._channel.send_request("answer", number, lambda reply: None, value=told)

@@ -24,6 +24,8 @@ class Options(Table):
         user_key, token_key: under which names user and password are sent.
         token_file: where the token is kept that a robot without a password hands out at the first login; "" to accept
             none.  Once the file is there, its token is the password.
+        other_hosts: log in to services on other computers too, if the robot's directory names some: user and password
+            go there.
         fraction: of its greatest speed at which a joint goes to its goal, 0.01 to 1.
         dcm_write: joints are written by dated commands of the DCM, instead of setAngles of ALMotion.
         dcm_shift: s from the writing of such a command to its date.
@@ -42,6 +44,7 @@ class Options(Table):
     user_key: str = setting("auth_user", TEXT)
     token_key: str = setting("auth_token", TEXT)
     token_file: str = setting("", TEXT)
+    other_hosts: bool = setting(False, SWITCH)
     fraction: float = setting(1.0, number(0.01, 1.0))
     dcm_write: bool = setting(False, SWITCH)
     dcm_shift: float = setting(0.05, number(*SHIFTS_S, " s"))
@@ -53,7 +56,9 @@ class Options(Table):
 
     def login(self) -> Login:
         """Who logs in, and how."""
-        return Login(self.user, self.password, self.user_key, self.token_key, self.token_file)
+        return Login(
+            self.user, self.password, self.user_key, self.token_key, self.token_file, self.other_hosts
+        )  # fmt: skip
 
     def end_point(self) -> EndPointSettings:
         """Where modules are called, and by whom.  Raises BadSetting."""

@@ -14,9 +14,12 @@ from importlib.util import find_spec
 from typing import Any, Final
 
 from urbihw.buses.errors import BadValue
+from urbihw.buses.qi.checked import to_row, to_whole
 
 RGB, YUV, JPEG, PPM, YUV422, GREY8, GREY4 = range(1, 8)
 """The values of ``camera.formatDetail`` (manual, section "Camera")."""
+MOST_PIXELS: Final = 100_000
+"""Of a side of a picture that is believed."""
 NO_PILLOW: Final = (
     "JPEG needs Pillow: pip install 'urbihw[images]'; camera.formatDetail = 1 (RGB) and others do without"
 )
@@ -96,7 +99,8 @@ def read_picture(answer: Any, mode: CameraMode) -> Picture | None:
         return None
     wanted = FORMATS[mode.format]
     try:
-        width, height, _, space = map(int, answer[:4])
+        width, height, _, space = (to_whole(each, 0, MOST_PIXELS) for each in to_row(answer, 12)[:4])
+        # An angle that is not known may be nan.
         left, top, right, bottom = map(float, answer[8:12])
     except (TypeError, ValueError) as error:
         raise BadValue("what NAOqi returned is no picture") from error

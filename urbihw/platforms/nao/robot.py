@@ -6,13 +6,15 @@ Proxies of services are made in ``nao.u``, the tree of components (``robot``) in
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Hashable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
 from urbihw.buses import messages as m
-from urbihw.kernel.uobject import BadConfig, Opened, Origin, RobotSettings, event, function, owned, reading, set_range
-from urbihw.platforms.base import LimitedDevice, WiredRobot
+from urbihw.kernel.uobject import BadConfig, Opened, RobotSettings, event, function, owned, reading, set_range
+from urbihw.platforms.base import LINK_DOWN, LimitedDevice, WiredRobot
+from urbihw.platforms.nao import words
 from urbihw.platforms.nao.call_part import SERVICES, may_move
 from urbihw.platforms.nao.camera import NaoCamera
 from urbihw.platforms.nao.camera_part import CAMERA, LOST
@@ -34,7 +36,8 @@ from urbihw.platforms.nao.modules import SLOT as MODULES
 from urbihw.platforms.nao.modules import NaoModules
 from urbihw.platforms.nao.motor_control import SLOT as MOTOR
 from urbihw.platforms.nao.motor_control import NaoMotorControl
-from urbihw.platforms.nao.orders import SHARED_MOTORS
+from urbihw.platforms.nao.old_names import find_new_name, with_old_names
+from urbihw.platforms.nao.orders import SHARED_MOTORS, SLACK
 from urbihw.platforms.nao.reading import SENSOR
 from urbihw.platforms.nao.sense_part import MEMORY_VALUES
 from urbihw.platforms.nao.service_slot import ServiceSlot
@@ -43,12 +46,22 @@ from urbihw.platforms.nao.walk_part import WALK
 from urbihw.platforms.nao.watchdog_part import NAME as WATCHDOG
 from urbihw.platforms.nao.wholebody_part import EFFECTORS
 
+LEG_PARTS: Final = ("Hip", "Knee", "Ankle")
+"""Parts of the names of the joints that carry the robot."""
+SLACK_LEGS: Final = "the legs are slack: motion.wakeUp lets the robot stand"
+"""The warning for a client that lets a robot walk or balance that cannot stand."""
+VARIABLE: Final = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)?", re.ASCII)
+"""A slot, or one of an object."""
+NO_SERVICE: Final = "Cannot find service"
+"""In the answer of NAOqi's directory to a name that it does not know."""
 TREE: Final = "tree.u"
 """Builds the standard robot API, when the robot was found."""
 
 
 class Nao(WiredRobot):
     """A Nao."""
+
+    slot_words = words.BASE
 
     uname = "NaoRobot"
     classes = (
@@ -72,6 +85,7 @@ class Nao(WiredRobot):
         self._sensors: list[Any] = []
         self._methods: Mapping[str, tuple[str, ...]] = {}
         self._count = 0
+        self._moving: set[int] = set()
         self._built = self._complete = False
         set_range(self.volume, 0.0, 100.0)
 
@@ -131,7 +145,7 @@ class Nao(WiredRobot):
         for joint in info.joints:
             device = SHARED_MOTORS.get(joint.name, joint.name)
             if joint.name in EFFECTORS:
-                hand = create(NaoHand, joint.name, channel, motion, joint, device, self._failed)
+                hand = create(NaoHand, joint.name, channel, motion, joint, device, self.explain_standing, self._failed)
                 self.joints[joint.name] = self.hands[EFFECTORS[joint.name]] = hand
             else:
                 self.joints[joint.name] = create(NaoJoint, joint.name, channel, motion, joint, device)
@@ -144,7 +158,7 @@ class Nao(WiredRobot):
         self.speech = create(NaoSpeech, "speech", channel, self.log)
         self._volume = ServiceSlot(self, self.volume, OUTPUT_VOLUME, channel, self.log)
         self.memory = MemoryLinks(self.host, channel, self.log)
-        self.walk = create(NaoWalk, "naoWalk", channel, motion)
+        self.walk = create(NaoWalk, "naoWalk", channel, motion, self.explain_standing)
         self.modules = create(NaoModules, MODULES, channel, self.log)
         self.motor = create(NaoMotorControl, MOTOR, channel, self._settings)
         self._sensors = [create(kind, name, item) for name, (kind, item) in SENSOR_OBJECTS.items()]
@@ -167,6 +181,13 @@ class Nao(WiredRobot):
         if not self._built:
             return {}
         return {name: joint for name, joint in self.joints.items() if name not in SHARED_MOTORS} | {WALK: self.walk}
+
+    def explain_standing(self) -> str:
+        """The reason why the robot cannot walk or balance, in words; "" if it may."""
+        if not self.link.sensed:
+            return LINK_DOWN
+        legs = [joint for name, joint in self.joints.items() if any(part in name for part in LEG_PARTS)]
+        return SLACK_LEGS if any(joint.stiffness <= SLACK for joint in legs) else ""
 
     # ---------------------------------------------------------------- what the worker says
 
@@ -208,6 +229,9 @@ class Nao(WiredRobot):
         """See ``WiredRobot``."""
         if message.device == MOTORS and self._built:
             self.motor.was_refused(message)
+        if message.device == WALK and self._complete:
+            self.walk.halted()
+            self.call("robot.mobility", "fail", message.reason)
         super().on_refused(message)
 
     def on_link_down(self, reason: str) -> None:
@@ -215,38 +239,83 @@ class Nao(WiredRobot):
         if self._built:
             self.walk.halted()
             self.modules.cancel_all()
+            for device in (*self.joints.values(), *self._sensors, self.walk):
+                device.mark_stale()
         if self._complete:
             # It walks on, but will be stopped when the link is back: no speed is kept.
-            self.send("do (Mobility.of(robot)) { abort; xSpeed = 0; yawSpeed = 0 };")
+            self.send("robot.mobility.lose;")
 
     def on_halt(self, reason: str, devices: tuple[Hashable, ...] | None = None) -> None:
         """See ``WiredRobot``."""
         if self._built and (devices is None or WALK in devices):
             self.walk.halted()
+        if devices is None or SERVICES in devices:
+            # Whatever the robot answers, and whenever.
+            moving, self._moving = self._moving, set()
+            for number in sorted(moving):
+                self.answered.emit(float(number), [], reason)
 
     # ---------------------------------------------------------------- what urbiscript calls
 
     @function
     def methods(self, service: str) -> list[str]:
-        """The methods of a service that is known from the start, an empty list for others."""
-        return list(self._methods.get(service, ()))
+        """The methods of a service that is known from the start, with their old names; an empty list for others."""
+        return with_old_names(service, self._methods.get(service, ()))
 
-    @function
-    def describe(self, service: str) -> int:
-        """Ask for the methods of a service; ``answered`` then has this number, the list in a
-        list, which is empty if there is none, and why."""
-        number = self._next()
-        self.channel.send_request("describe", service, self._answer(number))
+    @function("knownService")
+    def known_service(self, name: str) -> list[Any]:
+        """The name, given with or without the AL, and the methods of a service that is known from the start.
+
+        An empty list for others.
+        """
+        return next(([each, self.methods(each)] for each in _service_names(name) if each in self._methods), [])
+
+    @function("findService")
+    def find_service(self, name: str) -> int:
+        """Ask for the name, given with or without the AL, and the methods of a service.
+
+        ``answered`` then has this number, [[name, methods]] or an empty list if there is none, and why.
+        """
+        number, names = self._next(), _service_names(name)
+
+        def describe(service: str, *others: str) -> None:
+            def answered(reply: m.Reply) -> None:
+                if reply.ok:
+                    self.answered.emit(float(number), [[service, list(reply.value)]], "")
+                elif NO_SERVICE not in reply.error:
+                    self.answered.emit(float(number), [], reply.error)
+                elif others:
+                    describe(*others)
+                else:
+                    self.answered.emit(float(number), [], f"this robot has no service {', and no '.join(names)}")
+
+            self.channel.send_request("describe", service, answered)
+
+        describe(*names)
         return number
 
     @function("callService")
     def call_service(self, service: str, method: str, arguments: list[Any]) -> int:
-        """Call a method of a service of NAOqi; ``answered`` as for ``describe``."""
+        """Call a method of a service of NAOqi; ``answered`` then has this number, the result in a list, which is empty
+        if there is none, and the error.
+
+        A stop ends the call of a method that may move the robot: ``answered`` tells so, and the answer is dropped.
+        """
         number = self._next()
-        origin: Origin | None = None
-        if may_move(service, method):
-            origin = self.motion.admit(SERVICES)
-        self.channel.call(service, method, arguments, self._answer(number), origin)
+        method, values = find_new_name(service, method, arguments, self._methods.get(service, ()))
+        answered = self._answer(number)
+        if not may_move(service, method):
+            self.channel.call(service, method, values, answered)
+            return number
+        origin = self.motion.admit(SERVICES)
+
+        def ended(reply: m.Reply) -> None:
+            if number in self._moving:
+                self._moving.discard(number)
+                answered(reply)
+
+        self.channel.call(service, method, values, ended, origin)
+        self._moving.add(number)
         return number
 
     @function("mayMove")
@@ -266,6 +335,16 @@ class Nao(WiredRobot):
         """The slot of ``memoryEvents`` with the Event of an event that is listened to."""
         return self.memory.event_slot(key)
 
+    @function("memoryPath")
+    def memory_path(self, key: Any, name: Any) -> str:
+        """The path "object.slot" of a variable for a place of ALMemory: "b" stands for "stm.b".
+
+        "" for names that are none.
+        """
+        if not (isinstance(key, str) and key and isinstance(name, str) and VARIABLE.fullmatch(name)):
+            return ""
+        return name if "." in name else f"stm.{name}"
+
     @function("bindMemory")
     def bind_memory(self, key: str, path: str) -> int:
         """Let the variable ``path`` follow a place of ALMemory; it cannot be written.  ``answered`` as above."""
@@ -275,7 +354,7 @@ class Nao(WiredRobot):
 
     def _next(self) -> int:
         if not self.link.sensed:
-            raise ValueError("the link to the robot is down")
+            raise ValueError(LINK_DOWN)
         self._count += 1
         return self._count
 
@@ -289,3 +368,9 @@ class Nao(WiredRobot):
 
     def _failed(self, what: str, reason: str) -> None:
         self.log.warning("%s: not done: %s", what, reason)
+
+
+def _service_names(name: str) -> list[str]:
+    """The names that a program can mean."""
+    plain = name.removeprefix("AL")
+    return [f"AL{plain}", plain]

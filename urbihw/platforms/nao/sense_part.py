@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from urbihw.buses.errors import LinkGone
 from urbihw.buses.messages import FromWorker, Reply, Request
+from urbihw.buses.qi.checked import to_row
 from urbihw.buses.qi.session import Call
 from urbihw.platforms.nao import reading
 from urbihw.platforms.nao.exchange import Exchange
@@ -53,7 +54,7 @@ class SensePart(Part):
             if len(self._followed) == MOST_FOLLOWED:
                 raise ValueError(f"{MOST_FOLLOWED} keys of ALMemory are followed: no more")
             self._followed.append(key)
-        (value,) = self.exchange.ask(self.exchange.memory, "getListData", [key])
+        value = to_row(self.exchange.ask(self.exchange.memory, "getListData", [key]), 1)[0]
         if value is not None and not reading.is_bounded(value):
             self._followed.remove(key)
             raise ValueError(f"the value of {key} is too long, or no value for programs")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from urbihw.buses.messages import Reply
-from urbihw.kernel.uobject import UObject, UVar
+from urbihw.kernel.uobject import UObject, UVar, finite_number
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.devicelog import DeviceLog
 
@@ -26,7 +26,7 @@ class Setting:
     service: str
     getter: Sequence[Any]
     setter: Sequence[Any]
-    to_robot: Callable[[Any], Any] = float
+    to_robot: Callable[[Any], Any] = finite_number
     from_robot: Callable[[Any], Any] = float
 
 
@@ -60,10 +60,12 @@ class ServiceSlot:
         value = self._var.value
         method, *first = setting.setter
         arguments = [*first, setting.to_robot(value)]
+        origin = self._channel.origin()
 
         def done(reply: Reply) -> None:
             if not reply.ok:
                 self._log.warning("%s: not set: %s", self._var.name, reply.error)
+                origin.warn(f"{self._var.name} is not set: {reply.error}")
             self.connect((setting.service,))
 
         self._channel.call(setting.service, method, arguments, done)

@@ -7,9 +7,10 @@ from collections.abc import Collection, Sequence
 from typing import Any, Final
 
 from urbihw.buses.messages import Reply
-from urbihw.kernel.uobject import UObject, USound, event, function, owned, reading, set_range
+from urbihw.kernel.uobject import UObject, USound, event, finite_number, function, owned, reading, set_range
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.devicelog import DeviceLog
+from urbihw.platforms.nao import words
 from urbihw.platforms.nao.micro_part import HEAR_RATE, MICRO
 from urbihw.platforms.nao.service_slot import ServiceSlot, Setting
 from urbihw.platforms.nao.sound_part import AUDIO, PLAY_RATE
@@ -53,19 +54,24 @@ def _text(value: Any) -> str:
     return value
 
 
-OUTPUT_VOLUME: Final = Setting(AUDIO, ("getOutputVolume",), ("setOutputVolume",), round)
+def _percent(value: Any) -> int:
+    return round(finite_number(value))
+
+
+OUTPUT_VOLUME: Final = Setting(AUDIO, ("getOutputVolume",), ("setOutputVolume",), _percent)
 """Percent."""
 VOICE_SETTINGS: Final = {
     "volume": Setting(VOICE, ("getVolume",), ("setVolume",)),
     "lang": Setting(VOICE, ("getLanguage",), ("setLanguage",), language_name, language_code),
     "voice": Setting(VOICE, ("getVoice",), ("setVoice",), _text, _text),
     "speed": Setting(
-        VOICE, ("getParameter", "speed"), ("setParameter", "speed"), lambda value: float(value) * 100,
+        VOICE, ("getParameter", "speed"), ("setParameter", "speed"), lambda value: finite_number(value) * 100,
         lambda value: float(value) / 100,
     ),
     # 0 switches the change of pitch off.
     "pitch": Setting(
-        VOICE, ("getParameter", "pitchShift"), ("setParameter", "pitchShift"), float, lambda value: float(value) or 1.0
+        VOICE, ("getParameter", "pitchShift"), ("setParameter", "pitchShift"), finite_number,
+        lambda value: float(value) or 1.0,
     ),
 }  # fmt: skip
 """Slots of the voice (manual, "TextToSpeech"; NAOqi, "ALTextToSpeech")."""
@@ -103,6 +109,8 @@ class NaoVoice(UObject):
     ``pitch`` (1 is regular).  The methods of the service are slots too: ``say``, ``stopAll`` and others.
     """
 
+    slot_words = words.VOICE
+
     volume = owned(math.nan)
     lang = owned("")
     voice = owned("")
@@ -129,6 +137,8 @@ class NaoSpeech(UObject):
 
     ``setVocabulary``, ``start`` and ``stop`` are in ``nao.u``.
     """
+
+    slot_words = words.SPEECH
 
     hear = event()
     confidence = reading(0.0)

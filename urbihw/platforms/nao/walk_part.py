@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from urbihw.buses.errors import BadValue
 from urbihw.buses.messages import FromWorker, Reply, Request
+from urbihw.buses.qi.checked import to_number, to_row
 from urbihw.buses.qi.session import Call
 from urbihw.platforms.nao.exchange import Exchange
 from urbihw.platforms.nao.part import Devices, Part
@@ -30,12 +31,12 @@ class WalkPart(Part):
         super().__init__(exchange)
         self._speeds = dict.fromkeys(AXES, 0.0)
         self._config: list[list[Any]] = []
-        self._due = self._walks = False
+        self._due = self._walks = self._asked = False
         self._cycle = 0
 
     def begin(self) -> None:
         """See ``Part``: a speed that was not sent before is not sent now."""
-        self._due = False
+        self._due = self._asked = False
 
     def owns(self, device: Any) -> bool:
         """See ``Part``."""
@@ -52,11 +53,17 @@ class WalkPart(Part):
     def send(self) -> None:
         """See ``Part``."""
         exchange = self.exchange
-        if not self._due or exchange.busy(WALK):
+        if exchange.busy(WALK):
+            return
+        if self._asked and exchange.last_error(WALK) and not self._due:
+            # It was told already.  The robot stands, and the next speed begins anew.
+            self._speeds = dict.fromkeys(AXES, 0.0)
+        self._asked = False
+        if not self._due:
             return
         self._due = False
         if any(self._speeds.values()):
-            self._walks = True
+            self._walks = self._asked = True
             steps = [self._config] if self._config else []
             exchange.call(WALK, exchange.motion, "move", *self._speeds.values(), *steps)
         elif self._walks:
@@ -80,8 +87,8 @@ class WalkPart(Part):
             exchange.call("place", exchange.motion, "getRobotPosition", True, then=self._show_place)
 
     def _show_place(self, call: Call) -> None:
-        if isinstance(call.value, list) and len(call.value) == 3:
-            self.exchange.values[WALK] = dict(zip(("x", "y", "theta"), map(float, call.value), strict=True))
+        place = map(to_number, to_row(call.value, 3)[:3])
+        self.exchange.values[WALK] = dict(zip(("x", "y", "theta"), place, strict=True))
 
     def drop_targets(self, devices: Devices) -> None:
         """See ``Part``."""

@@ -3,9 +3,10 @@
 
 NAOqi has no watchdog for its clients, so a robot goes on walking when the connection is lost.  This program registers
 the service ``UrbihwWatchdog``.  urbihw calls its ``feed(seconds)`` all the time while something moves, and
-``release()`` when nothing moves.  When the time of the last feed is over, the walk is ended (``ALMotion.stopMove``),
-and then, as soon as the robot stands, everything else that ALMotion does (``killAll``).  Nothing gets slack, and the
-fall manager stays as it is.
+``release()`` when nothing moves.  When the time of the last feed is over, the behaviours that urbihw has begun are
+ended (``ALBehaviorManager.stopBehavior``; their names are in ALMemory), then the walk (``ALMotion.stopMove``), and
+then, as soon as the robot stands, everything else that ALMotion does (``killAll``).  Nothing gets slack, and the fall
+manager stays as it is.
 
 It needs Python 2.7 or 3, and ``qi``; the robot has both.  It uses nothing else of urbihw, so that this file is enough.
 """
@@ -22,7 +23,7 @@ if MYPY:  # Python 2 has no module typing
     from typing import Any
 
 NAME = "UrbihwWatchdog"
-VERSION = "1"
+VERSION = "2"
 PERIOD_S = 0.02
 """Between two looks at the time."""
 LONGEST_S = 10.0
@@ -31,17 +32,23 @@ STAND_S = 3.0
 """How long a walk may need to end, before ``killAll`` ends it wherever its feet are."""
 RETRY_S = 1.0
 """Between two attempts to reach NAOqi, which starts with the robot or is started again."""
+BEGUN = "urbihw/begun"
+"""The key of ALMemory under which urbihw keeps what it has begun: whether something moves, and names of behaviours."""
 OFF, FED, STOPPING, STOPPED = "off", "fed", "stopping", "stopped"
 
 log = logging.getLogger("urbihw-watchdog")
 
 
 class Watchdog(object):
-    """Counts the time down.  ``motion`` is ALMotion; ``feed``, ``release`` and ``state`` may come from any thread."""
+    """Counts the time down; ``feed``, ``release`` and ``state`` may come from any thread.
 
-    def __init__(self, motion):
-        # type: (Any) -> None
+    ``find_service`` gives a service of NAOqi by its name; without it behaviours are left running.
+    """
+
+    def __init__(self, motion, find_service=None):
+        # type: (Any, Any) -> None
         self._motion = motion
+        self._find_service = find_service
         self._lock = threading.Lock()
         self._state = OFF
         self._left = 0.0
@@ -76,11 +83,30 @@ class Watchdog(object):
             state, over = self._state, self._left <= 0
         if state == FED and over:
             log.warning("urbihw was not heard in time: the robot is stopped")
+            # Behaviours first: they would begin another motion.
+            self._stop_behaviors()
             self._motion.stopMove()
             self._change(FED, STOPPING)
         elif state == STOPPING and (over or not self._motion.moveIsActive()):
             self._motion.killAll()
             self._change(STOPPING, STOPPED)
+
+    def _stop_behaviors(self):
+        # type: () -> None
+        """End what urbihw has begun.  The walk is ended whatever happens here."""
+        if self._find_service is None:
+            return
+        try:
+            _, names = self._find_service("ALMemory").getData(BEGUN)
+            manager = self._find_service("ALBehaviorManager")
+        except (RuntimeError, TypeError, ValueError) as error:
+            log.info("no behaviours to end: %s", error)
+            return
+        for name in names:
+            try:
+                manager.stopBehavior(name)
+            except RuntimeError as error:
+                log.info("%s: %s", name, error)
 
     def _change(self, before, after):
         # type: (str, str) -> None
@@ -127,7 +153,7 @@ def serve(url, listen):
     try:
         session.connect(url)
         session.listen(listen)
-        watchdog = Watchdog(session.service("ALMotion"))
+        watchdog = Watchdog(session.service("ALMotion"), session.service)
         session.registerService(NAME, Service(watchdog))
         log.info("ready: NAOqi %s, service at %s", url, ", ".join(session.endpoints()))
         # Python 2 has no clock that nobody can set: a step backwards counts as one period, one ahead stops the robot.

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from urbihw.buses.errors import BadValue
 from urbihw.buses.messages import FromWorker, Reply, Request
+from urbihw.buses.qi.checked import to_number, to_row
 from urbihw.buses.qi.session import Call
 from urbihw.platforms.nao.exchange import Exchange
 from urbihw.platforms.nao.finding import MOTION
@@ -160,9 +161,8 @@ class WholeBodyPart(Part):
 
     def _ask_place(self, effector: str) -> None:
         def show(call: Call) -> None:
-            place = call.value
-            if isinstance(place, list | tuple) and len(place) == 6 and all(isinstance(each, float) for each in place):
-                self.exchange.values[effector] = dict(zip(("x", "y", "z"), place[:3], strict=True))
+            place = map(to_number, to_row(call.value, 6)[:3])
+            self.exchange.values[effector] = dict(zip(("x", "y", "z"), place, strict=True))
 
         exchange = self.exchange
         exchange.call(effector, exchange.motion, "getPosition", effector, ROBOT_FRAME, True, then=show)

@@ -89,6 +89,7 @@ class NxtDriver(Driver):
                 f"{port.url.text}: no NXT answers: is it switched on, and does it run the firmware of LEGO? ({error})"
             ) from error
         now = port.clock.now()
+        self.identity = found.address
         self._exchange = exchange
         self._pending = None
         self._rotations = self._read_rotations(exchange)

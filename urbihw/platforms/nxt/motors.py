@@ -26,6 +26,7 @@ from urbihw.kernel.uobject import (
 from urbihw.platforms.base import LimitNamer, LimitTable
 from urbihw.platforms.limits import DeviceLimits, whole_counts
 from urbihw.platforms.nxt import protocol as p
+from urbihw.platforms.nxt import words
 from urbihw.platforms.nxt.ports import PortDevice
 
 FULL = 100.0
@@ -33,6 +34,8 @@ FULL = 100.0
 
 class Servo(PortDevice, EffectorDevice):
     """A motor of the NXT on port "A", "B" or "C"."""
+
+    slot_words = words.MOTOR
 
     known_ports = p.OUTPUTS
     items = ("rotation",)

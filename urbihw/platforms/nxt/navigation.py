@@ -64,6 +64,8 @@ class Wheel:
     """A driving motor and the last reading of its encoder.
 
     Attributes:
+        count: the last reading, in degrees.
+        read_at: its kernel time, s.
         is_fresh: it was read since the last call of ``turned``.
     """
 
@@ -71,15 +73,20 @@ class Wheel:
         self.servo = servo
         self.is_fresh = False
         self.count = 0.0
+        self.read_at = -math.inf
         self._last: tuple[Any, float] | None = None
+        self._last_at = -math.inf
 
-    def add_count(self, count: float) -> None:
-        """Add a reading of the encoder, in degrees."""
-        self.count, self.is_fresh = count, True
+    def add_count(self, count: float, stamp: float) -> None:
+        """Add a reading of the encoder, in degrees; one older than the last is ignored: it comes from a worker that
+        has ended."""
+        if stamp > self.read_at:
+            self.count, self.read_at, self.is_fresh = count, stamp, True
 
-    def turned(self, seconds: float) -> float:
-        """Return the degrees since the last call, ``seconds`` ago; 0 if the count was reset meanwhile."""
+    def turned(self) -> float:
+        """Return the degrees since the last call; 0 if the count was reset meanwhile."""
         last, now = self._last, (self.servo.place, self.count)
+        seconds, self._last_at = self.read_at - self._last_at, self.read_at
         self.is_fresh = False
         self._last = now if self.servo.is_counting else None
         if last is None or self._last is None or last[0] != now[0]:
@@ -87,9 +94,9 @@ class Wheel:
         turned = now[1] - last[1]
         return turned if abs(turned) <= FASTEST_COUNT * seconds + LEAP else 0.0
 
-    def was_switched_off(self) -> bool:
-        """Return whether the count is that of a brick that was just switched on."""
-        return self._last is not None and abs(self._last[1]) > LEAP and self.count == 0
+    def has_turned_far(self) -> bool:
+        """Return whether the last count that was used is more than a leap from 0."""
+        return self._last is not None and abs(self._last[1]) > LEAP
 
     def forget_count(self) -> None:
         """Forget the last count: the next reading is a new origin."""
@@ -104,7 +111,7 @@ class NxtWheels:
     def __init__(self, robot: Geometry, left: Servo, right: Servo) -> None:
         self._robot = robot
         self._wheels = Wheel(left), Wheel(right)
-        self._read_at = -math.inf
+        self._matched_at = -math.inf
         self._ahead: tuple[UltraSonicSensor, float] | None = None
 
     def uses_motor(self, servo: Servo) -> bool:
@@ -121,18 +128,27 @@ class NxtWheels:
         """Add a reading, at a kernel time in s; with a reading of both wheels, report the distance to the pilot."""
         for wheel in self._wheels:
             if wheel.servo.place == place:
-                wheel.add_count(rotation)
-                if all(each.is_fresh for each in self._wheels):
-                    self._show_way(stamp)
+                wheel.add_count(rotation, stamp)
+        if all(each.is_fresh for each in self._wheels) and self._match():
+            self._show_way()
 
-    def _show_way(self, stamp: float) -> None:
-        seconds = max(0.0, stamp - self._read_at)
-        self._read_at = stamp
-        if all(wheel.was_switched_off() for wheel in self._wheels):
+    def _match(self) -> bool:
+        """Return whether the two readings are of the same moment; else the older one is discarded.
+
+        After a pause one of them may be of before: the robot would seem to turn by the way of the pause.
+        """
+        older, newer = sorted(self._wheels, key=lambda wheel: wheel.read_at)
+        older.is_fresh = newer.read_at - older.read_at <= (newer.read_at - self._matched_at) / 2
+        return older.is_fresh
+
+    def _show_way(self) -> None:
+        self._matched_at = stamp = max(wheel.read_at for wheel in self._wheels)
+        # The counts of a brick that was just switched on.
+        if not any(wheel.count for wheel in self._wheels) and any(wheel.has_turned_far() for wheel in self._wheels):
             for wheel in self._wheels:
                 wheel.forget_count()
         radius, track = float(self._robot.wheelRadius.value), float(self._robot.track.value)
-        left, right = (math.radians(wheel.turned(seconds)) * radius for wheel in self._wheels)
+        left, right = (math.radians(wheel.turned()) * radius for wheel in self._wheels)
         self.pilot.show_way((left + right) / 2, (right - left) / track, stamp)
 
     # ---------------------------------------------------------------- what the pilot asks

@@ -42,7 +42,8 @@ class Options(DrivenBaseOptions):
     battery_full: float = setting(FULL, number(0, _MOST, " V"))
 
     def clashes(self) -> Iterator[Mistake]:
-        """Yield a wheel without a radius, and battery voltages in the wrong order."""
+        """Yield a wheel without a radius, battery voltages in the wrong order, and what is wrong with the laser."""
+        yield from super().clashes()
         if not self.wheel_radius:
             yield Mistake("wheel_radius", "a wheel has a radius other than 0, in m")
         if self.battery_empty >= self.battery_full:

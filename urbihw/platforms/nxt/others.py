@@ -10,6 +10,7 @@ from urbihw.buses.errors import BadValue
 from urbihw.buses.messages import Reply
 from urbihw.kernel.uobject import NIL, Origin, UObject, event, function, reading
 from urbihw.platforms.nxt import protocol as p
+from urbihw.platforms.nxt import words
 from urbihw.platforms.nxt.motion import HIGHEST_HZ, LOWEST_HZ
 from urbihw.platforms.nxt.ports import Gauge, brick_of
 from urbihw.platforms.nxt.reading import BRICK
@@ -25,6 +26,8 @@ class Battery(Gauge):
 
     0 and 1 are the voltages of the options ``battery_empty`` and ``battery_full``.
     """
+
+    slot_words = words.BATTERY
 
     val = reading(math.nan)
     remain = reading(math.nan)

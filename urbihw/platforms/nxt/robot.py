@@ -22,9 +22,11 @@ from urbihw.kernel.uobject import (
     reading,
     variable,
 )
+from urbihw.navigation.lasers.fitting import BaseLaser, fit_laser
 from urbihw.navigation.pilot import Pilot
 from urbihw.platforms.base import LimitedDevice
 from urbihw.platforms.limits import DeviceLimits
+from urbihw.platforms.nxt import words
 from urbihw.platforms.nxt.motors import Servo
 from urbihw.platforms.nxt.navigation import NxtOdometry, NxtPlanner, NxtWheels
 from urbihw.platforms.nxt.options import TRACK, WHEEL_RADIUS, Options
@@ -53,7 +55,9 @@ _ASSIGNED = re.compile(rf"^[ \t]*(\w+)\s*=\s*(?:{'|'.join(kind.__name__ for kind
 class Nxt(Brick):
     """An NXT on USB or Bluetooth."""
 
-    classes = (*_DEVICES, Command, NxtOdometry, NxtPlanner)
+    slot_words = words.BRICK
+
+    classes = (*_DEVICES, Command, NxtOdometry, NxtPlanner, BaseLaser)
 
     robot_name = "nxt"
     model_name = "LEGO MINDSTORMS NXT"
@@ -75,6 +79,7 @@ class Nxt(Brick):
         self._set_options({})
         self._layout_is_done = False
         self._wheels: NxtWheels | None = None
+        self._laser: BaseLaser | None = None
         for var in (self.wheelRadius, self.track, self.fullSpeed):
             self.notify_change(var, partial(self._check_geometry, var))
 
@@ -90,6 +95,12 @@ class Nxt(Brick):
         """Apply new options and settings; the layout is not run again."""
         self._set_options(settings.options)
         super().configure(settings)
+
+    def close(self) -> None:
+        """Close the laser, then the brick."""
+        if self._laser is not None:
+            self._laser.close()
+        super().close()
 
     def status(self) -> str:
         """Return the brick's name and the numbers of motors and sensors."""
@@ -115,6 +126,7 @@ class Nxt(Brick):
         if self._wheels is None:
             odometry = self.host.create(NxtOdometry)
             pilot = Pilot(wheels, odometry, self.motion, self.log)
+            self._laser = pilot.scanner = fit_laser(self, self.options)
             pilot.planner = self.host.create(NxtPlanner, None, pilot)
             self.put_slot("odometry", odometry)
             self.put_slot("planner", pilot.planner)

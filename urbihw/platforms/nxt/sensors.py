@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Final
 
 from urbihw.kernel.uobject import event, function, reading, variable
 from urbihw.platforms.nxt import protocol as p
+from urbihw.platforms.nxt import words
 from urbihw.platforms.nxt.i2c import NO_ECHO
 from urbihw.platforms.nxt.ports import PortDevice
 
@@ -24,6 +25,8 @@ Setting = tuple[int, int]
 
 class Sensor(PortDevice):
     """Base of the sensors."""
+
+    slot_words = words.SENSOR
 
     known_ports = p.INPUTS
     val = reading(math.nan)

@@ -79,7 +79,7 @@ class CanonVcC4:
     MOST_ZOOM: Final = 1960
 
     def connect(self) -> Sequence[bytes]:
-        """Power on, take control, find the middle, allow the whole range of tilt (from the factory it is 30 degrees)."""
+        """Power on, take control, find the middle, allow the whole range of tilt (the factory allows 30 degrees)."""
         tilts = "".join(self._digits(angle) for angle in self.tilt)
         return tuple(_canon(body) for body in (b"\xa01", b"\x900", b"\x580", b"\x641" + tilts.encode("ascii")))
 

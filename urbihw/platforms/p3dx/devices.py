@@ -23,6 +23,7 @@ from urbihw.kernel.uobject import (
     set_range,
 )
 from urbihw.navigation.drive import Safety
+from urbihw.platforms.p3dx import words
 from urbihw.platforms.p3dx.camera import Mechanics
 
 ROBOT: Final = "robot"
@@ -69,6 +70,8 @@ class Switch(UObject):
 
 class Body(Switch):
     """The body: motors, bumpers, and the room to keep."""
+
+    slot_words = words.BODY
 
     uname = "P3dxBody"
 
@@ -122,6 +125,8 @@ class Body(Switch):
 class Wheel(UObject):
     """A wheel: how fast its rim goes, m/s."""
 
+    slot_words = words.WHEEL
+
     uname = "P3dxWheel"
 
     speed = reading(0.0)
@@ -129,6 +134,8 @@ class Wheel(UObject):
 
 class Sonar(UObject):
     """One sonar: m to what it hears, inf when it hears nothing, nan while it is off."""
+
+    slot_words = words.SONAR
 
     uname = "P3dxSonar"
 
@@ -209,6 +216,8 @@ class AxisSpeed(EffectorDevice):
 class XSpeed(AxisSpeed):
     """How fast the robot goes, m/s forward; the ramps in m/s2."""
 
+    slot_words = words.X
+
     uname = "P3dxX"
 
     command = "SETA"
@@ -222,6 +231,8 @@ class XSpeed(AxisSpeed):
 class YawSpeed(AxisSpeed):
     """How fast the robot turns, rad/s to the left; the ramps in rad/s2."""
 
+    slot_words = words.YAW
+
     uname = "P3dxYaw"
 
     command = "SETRA"
@@ -234,6 +245,8 @@ class YawSpeed(AxisSpeed):
 
 class Battery(UObject):
     """The battery; ``remain`` is what the controller says, or an estimate from the voltage."""
+
+    slot_words = words.BATTERY
 
     uname = "P3dxBattery"
 
@@ -273,6 +286,8 @@ class Camera(Switch):
 
     ``load`` 1 makes it ready; orders before that are refused.
     """
+
+    slot_words = words.CAMERA
 
     uname = "P3dxCamera"
 

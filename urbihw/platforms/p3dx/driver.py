@@ -85,6 +85,7 @@ class ArcosDriver(Driver):
         self._framer = Framer()
         info = Handshake(link, self._framer).connect(self._options.host_baud)
         self._link = link
+        self.identity = str(info.config["serial"])
         self._odometer.restart()
         self._sim_laser = packets.SimLaser()
         self._unreadable = 0

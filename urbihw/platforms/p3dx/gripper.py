@@ -11,6 +11,7 @@ from functools import partial
 from typing import Final, Protocol
 
 from urbihw.kernel.uobject import EffectorDevice, Motion, Origin, UVar, function, number, owned, reading, set_range
+from urbihw.platforms.p3dx import words
 from urbihw.platforms.p3dx.commands import (
     CLOSE,
     DEPLOY,
@@ -44,6 +45,8 @@ class Gripper(EffectorDevice):
 
     Writing them moves the paddles or the lift to that end; 0.5 stops them where they are.
     """
+
+    slot_words = words.GRIPPER
 
     uname = "P3dxGripper"
 

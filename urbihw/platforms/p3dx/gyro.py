@@ -11,6 +11,7 @@ import math
 from typing import Final
 
 from urbihw.kernel.uobject import UObject, reading
+from urbihw.platforms.p3dx import words
 
 REST: Final = 512.0
 """The reading at rest before any was averaged."""
@@ -29,6 +30,8 @@ HOST_READS: Final = 1
 
 class Gyro(UObject):
     """How fast the robot turns, rad/s to the left, measured without the wheels."""
+
+    slot_words = words.GYRO
 
     uname = "P3dxGyro"
 

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Final, Protocol
 
 from urbihw.kernel.uobject import Motion
 from urbihw.navigation.base import Log, Worker
+from urbihw.navigation.lasers import fitting
+from urbihw.navigation.lasers.device import LineLaser, Mount
 from urbihw.navigation.navigator import Navigator
 from urbihw.navigation.odometry import Odometry
 from urbihw.navigation.pilot import Pilot, Wheels
-from urbihw.navigation.sicklaser import SickLaser
 from urbihw.platforms.p3dx.factors import Factors
-from urbihw.platforms.p3dx.options import SIMULATED
+from urbihw.platforms.p3dx.options import SIMULATED, Options
 
 SIMULATED_RANGE: Final = 32.0
 """m; the reading of MobileSim's laser without an echo."""
@@ -48,30 +50,30 @@ class P3dxPlanner(Navigator):
     slot_name = "P3dx.planner"
 
 
-class P3dxLaser(SickLaser):
+class P3dxLaser(LineLaser):
     """``P3dx.body.laser``: on its own link, or MobileSim's, whose scans arrive with the robot's packets."""
 
     slot_name = "P3dx.body.laser"
 
     def init(  # type: ignore[override]
-        self, url: str, place: float, start_worker: Callable[..., Worker], watch: Callable[[bool], None], offset: float
+        self, mount: Mount, start_worker: Callable[..., Worker], watch: Callable[[bool], None], offset: float
     ) -> None:
-        """``url`` may also be "sim"; ``watch`` switches the simulated laser; the rest as in ``SickLaser``."""
-        super().init(url, place, start_worker, offset)
+        """The url may also be "sim"; ``watch`` switches the simulated laser; the rest as in ``LineLaser``."""
+        super().init(mount, start_worker, offset)
         self._watch = watch
 
     def connect(self) -> None:
         """Switch MobileSim's laser on, or start the worker of a real one.  Raises ValueError without a laser."""
-        if not self.url:
+        if not self.mount.url:
             raise ValueError("this robot was given no laser; add ?laser=/dev/ttyUSB1 to its url")
-        if self.url == SIMULATED:
+        if self.mount.url == SIMULATED:
             self._watch(True)
         else:
             super().connect()
 
     def disconnect(self) -> None:
         """Switch MobileSim's laser off, or end the worker of a real one."""
-        if self.url == SIMULATED:
+        if self.mount.url == SIMULATED:
             self._watch(False)
         else:
             super().disconnect()
@@ -84,6 +86,7 @@ class P3dxLaser(SickLaser):
             self.show_scan(ranges, stamp, SIMULATED_RANGE)
 
 
-def laser_url(option: str, *, simulator: bool) -> str:
-    """Return the url of the laser: that of the options, or of the simulator; "" for none."""
-    return option or (SIMULATED if simulator else "")
+def mount_of(options: Options, factors: Factors, *, simulator: bool) -> Mount:
+    """Return the laser of the options, or that of the simulator; its place is that of the subclass if none is given."""
+    mount = fitting.mount_of(options)
+    return replace(mount, url=mount.url or (SIMULATED if simulator else ""), place=mount.place or factors.laser_x)

@@ -6,9 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from urbihw import buses
-from urbihw.buses.errors import BadUrl, Unavailable
-from urbihw.buses.link import Context
 from urbihw.navigation.options import DrivenBaseOptions
 from urbihw.platforms.p3dx.camera import CAMERAS
 from urbihw.platforms.p3dx.factors import FACTORS
@@ -45,8 +42,5 @@ class Options(DrivenBaseOptions):
 
     def clashes(self) -> Iterator[Mistake]:
         """Yield a laser url that no bus accepts."""
-        if self.laser not in ("", SIMULATED):
-            try:
-                buses.port_for(self.laser, Context())
-            except (BadUrl, Unavailable) as error:
-                yield Mistake("laser", str(error))
+        if self.laser != SIMULATED:
+            yield from super().clashes()

@@ -28,7 +28,7 @@ from urbihw.navigation.drive import Drive, Limits, State
 from urbihw.navigation.frames import Point
 from urbihw.platforms.base import LimitedDevice, LimitNamer, LimitTable
 from urbihw.platforms.limits import DeviceLimits, whole_counts
-from urbihw.platforms.p3dx import sip
+from urbihw.platforms.p3dx import sip, words
 from urbihw.platforms.p3dx.arcos import ArcosRobot
 from urbihw.platforms.p3dx.camera import CAMERAS
 from urbihw.platforms.p3dx.commands import GRIPPER
@@ -37,7 +37,7 @@ from urbihw.platforms.p3dx.factors import ANGLE, FACTORS, NO_ECHO, SONARS, Facto
 from urbihw.platforms.p3dx.gripper import Gripper
 from urbihw.platforms.p3dx.gyro import HOST_READS, Gyro
 from urbihw.platforms.p3dx.handshake import RobotInfo
-from urbihw.platforms.p3dx.navigation import P3dxLaser, P3dxOdometry, P3dxPilot, P3dxPlanner, laser_url
+from urbihw.platforms.p3dx.navigation import P3dxLaser, P3dxOdometry, P3dxPilot, P3dxPlanner, mount_of
 from urbihw.platforms.p3dx.options import FUSED, Options
 from urbihw.settings import BadSetting
 
@@ -49,6 +49,8 @@ _SIMULATORS = ("SIM", "MobileSim")
 
 class P3dx(ArcosRobot):
     """A Pioneer 3-DX, or another robot that speaks ARCOS."""
+
+    slot_words = words.BASE
 
     uname = "P3dxRobot"
     classes = (
@@ -179,13 +181,13 @@ class P3dx(ArcosRobot):
         self.odometry = create(P3dxOdometry)
         self.pilot = P3dxPilot(self, self.odometry, self.motion, self.log)
         simulator = config["serial"] in _SIMULATORS or info.name in _SIMULATORS
-        laser = laser_url(self.options.laser, simulator=simulator)
+        mount = mount_of(self.options, self.factors, simulator=simulator)
         self.body = create(Body, None, self, self.drive.safety)
         self.wheels = create(Wheel), create(Wheel)
         self.sonar_ring = create(Sonars, None, self)
         self.sonars = [create(Sonar) for _ in SONARS]
         self.laser = create(
-            P3dxLaser, None, laser, self.factors.laser_x, self.start_worker, self._watch_laser, self.offset
+            P3dxLaser, None, mount, self.start_worker, self._watch_laser, self.offset
         )
         self.laser.log = self.log
         self.camera = create(Camera, None, self, CAMERAS[self.options.camera_model]())

@@ -11,22 +11,27 @@ motors is a stop too, unless this driver requested it.
 Two commands are at least SPACING apart (the maker requires 10 ms): a tick that follows too soon after a late one sends
 nothing.
 
+The option "second_channel" is the other bus of the same base (see `channels`), "second_base" the other half of an RMP
+400 (see `bases`): both get the same commands. When the line to one half is gone, the other is told to stop.
+
 Device: "base". Targets: "velocity", "turn", in counts. Requests: "write" of a row of `protocol.CONFIGURATIONS`, "read"
 of a value of the last cycle, "shutdown" (switches the base off: a balancing one falls).
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from urbihw import buses
 from urbihw.buses.can.frame import Frame
 from urbihw.buses.clock import Clock, RealClock
 from urbihw.buses.driver import Driver, no_stop
-from urbihw.buses.errors import BadValue, BusTimeout
+from urbihw.buses.errors import BadValue, BusTimeout, LinkGone
 from urbihw.buses.link import Port
 from urbihw.buses.messages import (
     Configure,
@@ -42,8 +47,10 @@ from urbihw.buses.messages import (
     Watch,
 )
 from urbihw.platforms.segway import protocol as p
+from urbihw.platforms.segway.bases import Bases
+from urbihw.platforms.segway.channels import DoubleLine
 from urbihw.platforms.segway.line import Line, line_over
-from urbihw.platforms.segway.monitor import MOVING_MODES, OTHER_MODE, Monitor
+from urbihw.platforms.segway.monitor import MOVING_MODES, OTHER_MODE
 from urbihw.platforms.segway.options import Options
 from urbihw.platforms.segway.orders import Orders
 
@@ -75,8 +82,10 @@ class RmpDriver(Driver):
 
     def __init__(self) -> None:
         self._clock: Clock = RealClock()
-        self._line: Line | None = None
-        self._monitor = Monitor()
+        self._lines: list[Line] = []
+        self._more_ports: list[Port] = []
+        self._options = Options()
+        self._monitor = Bases()
         self._orders = Orders()
         self._speeds = dict.fromkeys(_LIMITS, 0)
         self._state = ""
@@ -104,24 +113,34 @@ class RmpDriver(Driver):
         """Apply settings. Raises BadValue for an invalid rate, BadSetting for an option."""
         if not SLOWEST <= settings.rate <= FASTEST:
             raise BadValue(f"commands go out every 20 to 50 ms, so the rate must be 20 to 50, not {settings.rate:g}")
-        Options.of(settings.options)
+        self._options = Options.of(settings.options)
         self._fall_on_stop = settings.torque_off_on_stop
         self._tick = 1 / settings.rate
 
     def attach(self, port: Port) -> list[FromWorker]:
-        """Use an open port; the base is found when its first cycle arrives."""
-        line = line_over(port)
-        # Frames that were buffered before are too old.
-        line.receive()
-        self._line = line
+        """Use an open port, and open those of the options; the base is found when its first cycle arrives.
+
+        Raises Unavailable if the second half of an RMP 400 cannot be reached, BadUrl.
+        """
+        self._lines = self._make_lines(port)
+        for line in self._lines:
+            # Frames that were buffered before are too old.
+            line.receive()
         self._clock = port.clock
         self._attached_at = self._clock.now()
         self._state = ""
         return []
 
     def detach(self) -> None:
-        """Drop the closed port, speeds and orders."""
-        self._line = None
+        """Drop the closed port, speeds and orders; stop what is behind the other ports, and close them."""
+        self._stop_lines()
+        for line in self._lines:
+            if isinstance(line, DoubleLine):
+                line.close()
+        self._lines = []
+        for port in self._more_ports:
+            port.close()
+        self._more_ports = []
         self._state = ""
         self._unsent = 0
         self._monitor.drop_partial()
@@ -133,18 +152,24 @@ class RmpDriver(Driver):
     ) -> list[FromWorker]:
         """Send a command, then process the received frames."""
         news, self._pending_messages = self._pending_messages, []
-        line = self._line
-        if line is None:
+        if not self._lines:
             return news
         if self._known:
-            self._command(line, now)
+            self._command(now)
         meanwhile()
-        frames = line.receive()
-        now = self._clock.now()
-        for frame in frames:
-            if frame.id == p.COMMAND:
-                news += self._check_foreign(frame, now)
-            self._monitor.add_frame(frame, now)
+        for which, line in enumerate(self._lines):
+            try:
+                frames = line.receive()
+            except LinkGone:
+                self._stop_lines()
+                raise
+            now = self._clock.now()
+            for frame in frames:
+                if frame.id == p.COMMAND:
+                    news += self._check_foreign(frame, now)
+                self._monitor.add_frame(which, frame, now)
+            if isinstance(line, DoubleLine):
+                news += [Happened(BASE, "channel", text) for text in line.pop_news()]
         return news + self._check_base(now)
 
     def targets(self, message: Targets) -> list[FromWorker]:
@@ -196,12 +221,12 @@ class RmpDriver(Driver):
         if not mine:
             self._pending_messages += self._orders.drop_all("the robot was stopped")
         self._refused.clear()
-        if self._line is None or not self._known:
+        if not self._lines or not self._known:
             return
         if self._fall_on_stop and not mine:
             self._orders.add_order(0, "mode", 0)
         self._clock.sleep_until(self._sent_at + SPACING)
-        self._command(self._line, self._clock.now())
+        self._command(self._clock.now())
 
     def moves(self, device: Any, item: str, value: Any) -> bool:
         """Return whether the speed is not zero."""
@@ -213,7 +238,7 @@ class RmpDriver(Driver):
 
     def errors(self) -> dict[str, int]:
         """Return the number of failures since `attach`."""
-        return {"damaged": self._line.damaged if self._line is not None else 0, "unsent": self._unsent}
+        return {"damaged": sum(line.damaged for line in self._lines), "unsent": self._unsent}
 
     # ---------------------------------------------------------------- commands
 
@@ -235,7 +260,7 @@ class RmpDriver(Driver):
         self._halt()
         self._refused.clear()
 
-    def _command(self, line: Line, now: float) -> None:
+    def _command(self, now: float) -> None:
         if now < self._sent_at + SPACING:
             return
         order = self._orders.next_order(now)
@@ -255,13 +280,37 @@ class RmpDriver(Driver):
         self._sent_at = self._clock.now()
 
     def _send(self, frame: Frame) -> None:
-        assert self._line is not None
         self._own.append(frame.data)
-        try:
-            self._line.send(frame)
-        except BusTimeout:
-            # There is no acknowledgement; the silence time-out reports a lost base.
-            self._unsent += 1
+        for line in self._lines:
+            try:
+                line.send(frame)
+            except BusTimeout:
+                # There is no acknowledgement; the silence time-out reports a lost base.
+                self._unsent += 1
+            except LinkGone:
+                self._stop_lines()
+                raise
+
+    # ---------------------------------------------------------------- the lines
+
+    def _make_lines(self, port: Port) -> list[Line]:
+        options = self._options
+        self._monitor.set_count(2 if options.second_base else 1)
+        if options.second_channel:
+            second = buses.port_for(options.second_channel, port.context)
+            return [DoubleLine(port, second)]
+        if options.second_base:
+            second = buses.open(options.second_base, port.context)
+            self._more_ports.append(second)
+            return [line_over(port), line_over(second)]
+        return [line_over(port)]
+
+    def _stop_lines(self) -> None:
+        """Send a stop on all lines that still work: one half of an RMP 400 must not go on without the other."""
+        if len(self._lines) > 1 and self._known:
+            for line in self._lines:
+                with contextlib.suppress(LinkGone, BusTimeout):
+                    line.send(Frame(p.COMMAND, p.command(0, 0)))
 
     # ---------------------------------------------------------------- what is on the bus
 
@@ -318,6 +367,6 @@ class RmpDriver(Driver):
         if off is not None and now - off <= SILENCE:
             reason = "it is switched off, says its user interface box"
         else:
-            reason = "it says nothing"
+            reason = self._monitor.silent_words(now - SILENCE)
         replies: list[Any] = self._orders.drop_all(f"the base is lost: {reason}")
         return [*replies, DeviceState(BASE, before or "ok", "lost", reason)]

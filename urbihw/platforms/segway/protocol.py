@@ -62,6 +62,8 @@ OLD_BATTERY: Final = ("battery", 2, _UNSIGNED)
 COUNTERS: Final = ("left", "right", "forward", "yaw")
 
 _MOTORS_ON = 0x0080
+ENABLED: Final = _MOTORS_ON | 0x0100
+"""The bits of the first status word that report no fault: motors on, balance mode."""
 _WORD_1: Final = {
     0x0001: "safety shutdown",
     0x0004: "safety shutdown 2",

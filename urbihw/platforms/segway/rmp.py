@@ -34,6 +34,7 @@ from urbihw.navigation.pilot import Pilot
 from urbihw.platforms.base import LimitNamer, LimitTable
 from urbihw.platforms.limits import DeviceLimits, whole_counts
 from urbihw.platforms.segway import protocol as p
+from urbihw.platforms.segway import words as meanings
 from urbihw.platforms.segway.monitor import missing_words, status_missing
 
 BASE: Final = "base"
@@ -46,6 +47,10 @@ _FULL_SPEED: Final = 3.576
 _QUARTERS: Final = 4  # counts of the battery for 1 V
 EMPTY, FULL = 60.0, 78.0
 """Volts between which the battery's charge is interpolated; guessed around the nominal 72."""
+LOW: Final = 66.0
+"""Volts of the base below which its battery is low (Orca)."""
+RECOVERED: Final = 1.0
+"""Volts above that at which it counts as charged again: the voltage sags while the base accelerates."""
 
 _EARLY: Final = 0.01
 """Half the shortest time between two samples, in seconds."""
@@ -99,6 +104,8 @@ class Base(Protocol):
 class RMP(EffectorDevice):
     """A base with its coefficients; a base may have several RMPs."""
 
+    slot_words = meanings.RMP
+
     forwardSpeed = owned(0.0)
     yawSpeed = owned(0.0)
     leftSpeed = reading(0.0)
@@ -119,6 +126,9 @@ class RMP(EffectorDevice):
     velocityCoeff = variable(1.0)
     turnCoeff = variable(1.0)
     torqueCoeff = variable(1.0)
+
+    lowVoltage = variable(LOW)
+    batteryLow = event()
 
     period = reading(0.05)
     state = reading("ok")
@@ -152,6 +162,7 @@ class RMP(EffectorDevice):
         self._raw: Mapping[str, int] = {}
         self._place = ORIGIN
         self._last: tuple[int, float, float] | None = None
+        self._battery_is_low = False
         for var, item, coefficient in (
             (self.forwardSpeed, "velocity", self.velocityCoeff),
             (self.yawSpeed, "turn", self.turnCoeff),
@@ -333,6 +344,7 @@ class RMP(EffectorDevice):
         self.rightTorque.sense(raw.get("right_torque", math.nan) * per_torque, stamp)
         volts = raw.get("battery", math.nan) / 4
         self.voltage.sense(volts, stamp)
+        self._check_battery(volts)
         share = (volts - EMPTY) / (FULL - EMPTY)
         self.remain.sense(share if math.isnan(share) else min(max(share, 0.0), 1.0), stamp)
         self.boxVoltage.sense(1.4 + 0.0125 * raw.get("box_battery", math.nan), stamp)
@@ -348,6 +360,15 @@ class RMP(EffectorDevice):
         elif status_missing(missing):
             self.motors.sense(False)
             self._show_fault("not known: the base does not send its status")
+
+    def _check_battery(self, volts: float) -> None:
+        """Emit ``batteryLow`` when the voltage falls below ``lowVoltage``."""
+        level = float(self.lowVoltage.value)
+        if volts < level and not self._battery_is_low:
+            self._battery_is_low = True
+            self.batteryLow.emit(volts)
+        elif volts >= level + RECOVERED:
+            self._battery_is_low = False
 
     def _show_fault(self, words: str) -> None:
         if words != self.fault.sensed:

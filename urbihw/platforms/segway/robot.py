@@ -14,9 +14,11 @@ from typing import Any, Final
 
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import BadConfig, NotReady, Opened, Origin, RobotSettings, event, function, reading
+from urbihw.navigation.lasers.fitting import BaseLaser, fit_laser
 from urbihw.navigation.pilot import Pilot
 from urbihw.platforms.base import LimitedDevice, WiredRobot
 from urbihw.platforms.limits import DeviceLimits
+from urbihw.platforms.segway import words
 from urbihw.platforms.segway.driver import BASE, FASTEST, SLOWEST
 from urbihw.platforms.segway.navigation import SegwayOdometry, SegwayPlanner, SegwayWheels
 from urbihw.platforms.segway.options import Options
@@ -36,7 +38,9 @@ TREE: Final = "rmp.u"
 class Segway(WiredRobot):
     """A Segway RMP."""
 
-    classes = (RMP, SegwayOdometry, SegwayPlanner)
+    slot_words = words.BASE
+
+    classes = (RMP, SegwayOdometry, SegwayPlanner, BaseLaser)
 
     robot_name = "segway"
     model_name = "Segway RMP"
@@ -58,6 +62,7 @@ class Segway(WiredRobot):
         self.options = Options()
         self._wanted: RobotSettings
         self._pilot: Pilot | None = None
+        self._laser: BaseLaser | None = None
         self._wheels: SegwayWheels | None = None
         self._raw: dict[str, int] = {}
         self._built = False
@@ -79,6 +84,12 @@ class Segway(WiredRobot):
         self._wanted = replace(_safe(settings), rate=self._wanted.rate)
         super().configure(self._wanted)
         self.options = Options.of(settings.options)
+
+    def close(self) -> None:
+        """Close the laser, then the base."""
+        if self._laser is not None:
+            self._laser.close()
+        super().close()
 
     def status(self) -> str:
         """Return the model, the voltage of the battery and the rate."""
@@ -111,6 +122,7 @@ class Segway(WiredRobot):
             self._wheels = SegwayWheels(self, rmp)
             odometry = self.host.create(SegwayOdometry)
             self._pilot = Pilot(self._wheels, odometry, self.motion, self.log)
+            self._laser = self._pilot.scanner = fit_laser(self, self.options)
             self._pilot.planner = self.host.create(SegwayPlanner, None, self._pilot)
             self.put_slot("odometry", odometry)
             self.put_slot("planner", self._pilot.planner)
@@ -206,7 +218,11 @@ class Segway(WiredRobot):
         return False
 
     def on_happened(self, message: m.Happened) -> None:
-        """Report another commander on the bus; after a restart of the base, send its settings again."""
+        """Report another commander on the bus and a channel that fails or is back; after a restart of the base, send
+        its settings again."""
+        if message.what == "channel":
+            self.log.warning("%s", message.value)
+            return
         if message.what != "restarted":
             self.log.warning("another program on the bus commands this base too; end it, or the base jerks")
             return

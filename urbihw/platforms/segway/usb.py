@@ -31,13 +31,14 @@ class UsbReader:
     """Finds packets in received bytes.
 
     Attributes:
-        damaged: number of runs of bytes that were no packet.
+        damaged: number of runs of bytes that were no packet; a long run counts as one for each 18 bytes begun.
     """
 
     def __init__(self) -> None:
         self.damaged = 0
         self._rest = b""
         self._lost = False
+        self._skipped = 0
 
     def feed(self, data: bytes) -> list[Frame]:
         """Return the frames of channel A that these bytes complete."""
@@ -53,8 +54,13 @@ class UsbReader:
             if not self._lost:
                 self._lost = True
                 self.damaged += 1
+                self._skipped = 0
             found = data.find(_HEAD[:1], start + 1)
-            start = end if found < 0 else found
+            found = end if found < 0 else found
+            self._skipped += found - start
+            self.damaged += max(0, self._skipped - 1) // SIZE
+            self._skipped = (self._skipped - 1) % SIZE + 1
+            start = found
         self._rest = data[start:][-_KEPT:]
         return frames
 

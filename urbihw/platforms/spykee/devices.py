@@ -4,40 +4,48 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Final
 
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import NIL, EffectorDevice, Motion, UObject, number, owned, reading, set_range
-from urbihw.platforms.base import LimitNamer, LimitTable
+from urbihw.platforms.base import LINK_DOWN, LimitNamer, LimitTable
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.limits import DeviceLimits, whole_counts
+from urbihw.platforms.measured import Measured
 from urbihw.platforms.spykee import protocol as p
+from urbihw.platforms.spykee import words
+
+DOCKED: Final = "the robot is on its dock: it does not drive before Spykee.chargeStop"
+"""The warning for a client that drives a robot on its dock."""
 
 
 class SpykeeTrack(EffectorDevice):
     """A track: ``val`` is its speed, -100 (backward) to 100.
 
-    The robot measures no speed: the value read is the one ordered, 0 after a stop.
+    The robot measures no speed: the value read is the one ordered, 0 after a stop and while the link is down.
     """
+
+    slot_words = words.TRACK
 
     val = owned(0.0)
 
-    def init(self, channel: DeviceChannel, motion: Motion, name: str, is_docked: Callable[[], bool]) -> None:
-        """Connect to the worker through ``channel``; ``motion`` decides who may move the robot."""
-        self._channel, self._name, self._is_docked = channel, name, is_docked
+    def init(self, channel: DeviceChannel, motion: Motion, name: str, explain: Callable[[], str]) -> None:
+        """Connect to the worker through ``channel``; ``motion`` decides who may move the robot, ``explain`` tells why
+        it stands.
+        """
+        self._channel, self._name, self._explain = channel, name, explain
         set_range(self.val, -p.FULL, p.FULL)
         self._guard = self.guard(motion, name, self.val)
         self.notify_change(self.val, self._write)
 
     def _write(self) -> None:
         speed = number(self.val)
+        self.val.sense(0.0 if self._explain() == LINK_DOWN else speed)
         self._channel.set_target(self._name, "speed", round(speed), self._guard.origin)
-        self.val.sense(speed)
 
     def explain_off(self) -> str:
-        """The warning for a client that drives a robot on its dock."""
-        if not self._is_docked() or self.requested.sensed == 0:
-            return ""
-        return "the robot is on its dock: it does not drive before Spykee.chargeStop"
+        """See ``EffectorDevice``; a speed of 0 needs no explanation."""
+        return "" if self.requested.sensed == 0 else self._explain()
 
     def show_stop(self) -> None:
         """Show that the track stands."""
@@ -58,6 +66,8 @@ class SpykeeTrack(EffectorDevice):
 class SpykeeLed(UObject):
     """A light: on if ``val`` is 1, off if it is 0."""
 
+    slot_words = words.LED
+
     val = owned(0.0)
 
     def init(self, channel: DeviceChannel, name: str) -> None:
@@ -72,11 +82,13 @@ class SpykeeLed(UObject):
         self.val.sense(float(on))
 
 
-class SpykeeBattery(UObject):
+class SpykeeBattery(Measured):
     """The battery: ``remain`` is a share of 1, the last one that was known while it charges.
 
     The robot measures neither capacity (A h) nor current (A) nor voltage (V): they are nil.
     """
+
+    slot_words = words.BATTERY
 
     remain = reading(math.nan)
     charging = reading(False)
@@ -89,6 +101,7 @@ class SpykeeBattery(UObject):
 
     def show_level(self, level: int, stamp: float) -> None:
         """Show a level as the robot sends it: percent, negative while it charges."""
+        self.mark_fresh()
         self.charging.sense(level < 0, stamp)
         if level >= 0:
             self.remain.sense(min(level, 100) / 100, stamp)

@@ -97,6 +97,7 @@ class SpykeeDriver(Driver):
         self._frames_dropped = self._unreadable = 0
         info, self._early = log_in(link, self._framer, self._options.user, self._options.password)
         self._link = link
+        self.identity = info.uid
         self._docked = info.docked
         # It may have been switched off meanwhile.
         self._switches = [_stream(device, True) for device in sorted(self._watched)]

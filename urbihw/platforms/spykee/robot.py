@@ -22,12 +22,13 @@ from urbihw.kernel.uobject import (
     reading,
     set_range,
 )
-from urbihw.platforms.base import LimitedDevice, WiredRobot
+from urbihw.platforms.base import LINK_DOWN, LimitedDevice, WiredRobot
 from urbihw.platforms.spykee import protocol as p
+from urbihw.platforms.spykee import words
 from urbihw.platforms.spykee.audio import SpykeeSpeaker
 from urbihw.platforms.spykee.calibration import Calibration, calibration_file, load, save
 from urbihw.platforms.spykee.clapper import Clapper
-from urbihw.platforms.spykee.devices import SpykeeBattery, SpykeeLed, SpykeeTrack
+from urbihw.platforms.spykee.devices import DOCKED, SpykeeBattery, SpykeeLed, SpykeeTrack
 from urbihw.platforms.spykee.driver import CAMERA, ENGINE, MICRO, POWER, TRACKS
 from urbihw.platforms.spykee.mp3 import SpykeeMp3
 from urbihw.platforms.spykee.options import Options
@@ -41,6 +42,8 @@ TREE: Final = "tree.u"
 
 class Spykee(WiredRobot):
     """A Spykee."""
+
+    slot_words = words.BASE
 
     uname = "SpykeeRobot"
     classes = (SpykeeTrack, SpykeeLed, SpykeeBattery, SpykeeCamera, SpykeeMicro, SpykeeSpeaker, SpykeeMp3, Clapper)
@@ -127,7 +130,7 @@ class Spykee(WiredRobot):
         self._built = True
         create, channel = self.host.create, self.channel
         self.tracks = [
-            create(SpykeeTrack, name, channel, self.motion, name, lambda: bool(self.onDock.sensed)) for name in TRACKS
+            create(SpykeeTrack, name, channel, self.motion, name, self._explain_standing) for name in TRACKS
         ]
         for name in p.LEDS:
             create(SpykeeLed, name, channel, name)
@@ -152,6 +155,16 @@ class Spykee(WiredRobot):
     def limited_devices(self) -> Mapping[str, LimitedDevice]:
         """Return the two tracks by name."""
         return dict(zip(TRACKS, self.tracks, strict=True)) if self._built else {}
+
+    def send_limits(self) -> None:
+        """Also warn of a speed that was meant as a share of 1 or as m/s: with less than 1 % no track runs."""
+        super().send_limits()
+        for name in TRACKS:
+            if self.limits.device(name).speed < 1:
+                self.log.warning(
+                    "%s = %g is percent of full power, so %s does not run; for a third of full power write 33",
+                    self.limits.named(name, "speed"), self.limits.device(name).speed, name,
+                )  # fmt: skip
 
     # ---------------------------------------------------------------- what the worker says
 
@@ -188,14 +201,21 @@ class Spykee(WiredRobot):
         if self._built:
             self.mp3.link_down()
             self._halt_tracks(None)
+            self.battery.mark_stale()
             if self._complete:
                 # A movement is computed from the time alone, so its position is unknown now.
-                self.send("Mobility.of(robot).abort;")
+                self.send("Mobility.of(robot).lose;")
 
     def on_halt(self, reason: str, devices: tuple[Hashable, ...] | None = None) -> None:
         """Set the shown speeds of the stopped tracks to 0."""
         if self._built:
             self._halt_tracks(devices)
+
+    def _explain_standing(self) -> str:
+        """The reason why the tracks do not run, in words; "" if they do."""
+        if not self.link.sensed:
+            return LINK_DOWN
+        return DOCKED if self.onDock.sensed else ""
 
     def _halt_tracks(self, devices: tuple[Hashable, ...] | None) -> None:
         for name, track in zip(TRACKS, self.tracks, strict=True):
@@ -291,7 +311,7 @@ class Spykee(WiredRobot):
     def check_link(self) -> None:
         """Raise ValueError while the link is down."""
         if not self.link.sensed:
-            raise ValueError("the link to the robot is down")
+            raise ValueError(LINK_DOWN)
 
     def _warn(self, what: str) -> Any:
         def done(reply: m.Reply) -> None:

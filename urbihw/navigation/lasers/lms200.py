@@ -16,9 +16,12 @@ from dataclasses import dataclass
 from typing import Final
 
 from urbihw.buses.errors import BadFrame
+from urbihw.navigation.lasers.driver import Scan
 
 STX: Final = 2
 FROM_LASER: Final = 0x80
+ACK: Final = b"\x06"
+"""The byte before the answer to a telegram that was understood."""
 
 START: Final = b"\x20\x24"
 STOP: Final = b"\x20\x25"
@@ -28,7 +31,7 @@ MODE_REPLY, VARIANT_REPLY, SCAN, REFUSED = 0xA0, 0xBB, 0xB0, 0x92
 NO_DISTANCE: Final = 0x1FF7
 """This value and those above it are codes, not distances: no echo, dazzled, overflow, error."""
 
-_MAX_LENGTH: Final = 812
+LONGEST: Final = 812
 """Length of the longest telegram of the listing; a greater one is damaged."""
 _CRC_BYTE: Final = 0x8005
 _UNITS: Final = {0: 0.01, 1: 0.001, 2: 0.1}
@@ -93,7 +96,7 @@ class Framer:
             if len(buffer) < 4:
                 return replies
             size = buffer[2] | buffer[3] << 8
-            if not buffer[1] & FROM_LASER or not 2 <= size <= _MAX_LENGTH:
+            if not buffer[1] & FROM_LASER or not 2 <= size <= LONGEST:
                 # Most likely not STX but a 2 among other bytes.
                 del buffer[:1]
                 continue
@@ -114,15 +117,6 @@ class Framer:
         self._buffer.clear()
 
 
-@dataclass(frozen=True, slots=True)
-class Scan:
-    """One scan: distances in m from right to left (counterclockwise), inf without an echo; ``unit`` in m per count."""
-
-    ranges: tuple[float, ...]
-    unit: float
-    dirty: bool
-
-
 def parse_scan(reply: Reply) -> Scan:
     """The distances of a telegram of kind SCAN.  Raises BadFrame."""
     if len(reply.data) < 2:
@@ -137,4 +131,4 @@ def parse_scan(reply: Reply) -> Scan:
     raw = struct.unpack_from(f"<{count}H", reply.data, 2)
     # Table look-ups and comprehensions for speed: this runs for every reading of every scan.
     ranges = tuple([(value & 0x1FFF) * unit if value & 0x1FFF < NO_DISTANCE else float("inf") for value in raw])
-    return Scan(ranges, unit, bool(reply.status & 0x80))
+    return Scan(ranges, (NO_DISTANCE - 1) * unit, bool(reply.status & 0x80))

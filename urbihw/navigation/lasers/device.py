@@ -1,10 +1,10 @@
-"""A SICK laser on a serial line of its own, with a worker of its own that runs ``sickdriver``."""
+"""A laser on a wire of its own, with a worker of its own that runs the driver of its model."""
 
 from __future__ import annotations
 
-import math
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final
 
 from urbihw.buses import messages as m
@@ -13,27 +13,45 @@ from urbihw.kernel.uobject import reading
 from urbihw.navigation.base import Worker
 from urbihw.navigation.scanner import RangeScanner
 
-FAMILY: Final = "urbihw.navigation.sickdriver:SickDriver"
-_LARGEST_COUNT: Final = 0x1FF6
+MODELS: Final[dict[str, str]] = {
+    "lms200": "urbihw.navigation.lasers.lms200driver:SickDriver",
+    "rplidar": "urbihw.navigation.lasers.rplidardriver:RplidarDriver",
+    "urg": "urbihw.navigation.lasers.scipdriver:ScipDriver",
+    "lms1xx": "urbihw.navigation.lasers.coladriver:ColaDriver",
+}
+"""``laser_model`` in the settings -> the driver: SICK LMS2xx; Slamtec RPLIDAR; Hokuyo with SCIP 2; SICK LMS1xx, TiM."""
 _TICKS: Final = 50.0
 """Ticks of the worker per second; the laser scans more slowly."""
 
 
-class SickLaser(RangeScanner):
-    """A SICK LMS200 or one of its kin."""
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """Which laser a base has, and where.
 
-    laserDistanceMax = reading(_LARGEST_COUNT / 1000)
+    Attributes:
+        url: its line, "" for none.
+        model: a row of MODELS.
+        place: m from the middle of the base ahead to the laser.
+        turn: rad to the left from the front of the base to the front of the laser.
+    """
 
-    def init(  # type: ignore[override]
-        self, url: str, place: float, start_worker: Callable[..., Worker], offset: float
-    ) -> None:
-        """``url`` is the url of its line, "" for none; ``place`` is the distance in m from the middle of the base to
-        the laser.
+    url: str
+    model: str = "lms200"
+    place: float = 0.0
+    turn: float = 0.0
 
-        ``offset`` is the kernel's time at time 0 of the workers.
-        """
-        super().init(place)
-        self.url = url
+
+class LineLaser(RangeScanner):
+    """A laser of one of the MODELS; ``model`` and ``serial`` are what it tells of itself, once it is on."""
+
+    laserDistanceMax = reading(0.0)
+    model = reading("")
+    serial = reading("")
+
+    def init(self, mount: Mount, start_worker: Callable[..., Worker], offset: float) -> None:  # type: ignore[override]
+        """``mount`` names the laser; ``offset`` is the kernel's time at time 0 of the workers."""
+        super().init(mount.place)
+        self.mount = mount
         self._start_worker = start_worker
         self._offset = offset
         self._worker: Worker | None = None
@@ -49,7 +67,9 @@ class SickLaser(RangeScanner):
             self.host.post(lambda: self._heard(message) if session == self._session else None)
 
         try:
-            self._worker = self._start_worker(self.url, post=post, settings=settings, family=FAMILY)
+            self._worker = self._start_worker(
+                self.mount.url, post=post, settings=settings, family=MODELS[self.mount.model]
+            )
         except (BadUrl, BadValue) as error:
             raise ValueError(str(error)) from error
 
@@ -62,6 +82,7 @@ class SickLaser(RangeScanner):
 
     def close(self) -> None:
         """Stop the worker, and wait until it has ended."""
+        self._session += 1
         worker, self._worker = self._worker, None
         if worker is not None:
             worker.stop()
@@ -70,10 +91,13 @@ class SickLaser(RangeScanner):
         if isinstance(message, m.Samples):
             values = message.values["laser"]
             self.dirty.sense(bool(values["dirty"]))
-            self.show_scan(values["ranges"], message.time + self._offset, values["unit"] * _LARGEST_COUNT)
+            self.show_scan(values["ranges"], message.time + self._offset, values["farthest"])
         elif isinstance(message, m.Found):
             (info,) = message.devices
-            self.show_geometry(math.radians(info.field), math.radians(info.resolution / 100))
+            self.show_geometry(info.field, info.resolution, info.middle + self.mount.turn)
+            self.laserDistanceMin.sense(info.nearest)
+            self.model.sense(info.model)
+            self.serial.sense(info.serial)
         elif isinstance(message, m.LinkState | m.WorkerState) and message.reason:
             self.show_lost(message.reason)
         elif isinstance(message, m.Ended):

@@ -1,0 +1,89 @@
+"""Obstacles that the map does not show: marked by echoes, cleared by rays, faded by time; and the way past them."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from urbihw.navigation.base import Echo
+from urbihw.navigation.frames import Pose
+from urbihw.navigation.grid import Grid
+from urbihw.navigation.obstacles import FADE_S, MARK_RANGE, ObstacleLayer, closes_path, free_way
+
+HERE: Pose = (5.0, 5.0, math.pi / 2)
+
+
+def layer() -> ObstacleLayer:
+    """One over an empty hall of 10 by 10 m."""
+    grid = Grid(0, 0, 10, 10, 0.1)
+    for wall in ((0, 0, 10, 0), (10, 0, 10, 10), (10, 10, 0, 10), (0, 10, 0, 0)):
+        grid.block_line(*wall)
+    return ObstacleLayer(grid)
+
+
+def rays(ahead: float, farther: float = 4.9) -> list[Echo]:
+    """A scan of 181 rays: the nine in the middle end at ``ahead`` m."""
+    return [(ahead if abs(degrees) < 5 else farther, math.radians(degrees)) for degrees in range(-90, 91)]
+
+
+def test_an_echo_beside_the_walls_marks_its_cell() -> None:
+    seen = layer()
+    seen.add_scan(HERE, rays(1.0), 0.0)
+    points = seen.points(0.0)
+    assert points and all(math.dist(point, (5.0, 6.0)) < 0.2 for point in points)
+
+
+def test_echoes_of_walls_of_the_map_and_distant_ones_mark_nothing() -> None:
+    seen = layer()
+    seen.add_scan((5.0, 9.0, math.pi / 2), [(1.0, 0.0), (0.9, 0.0), (MARK_RANGE + 0.1, math.pi / 2)], 0.0)
+    assert seen.points(0.0) == []
+
+
+def test_rays_that_pass_through_clear() -> None:
+    seen = layer()
+    seen.add_scan(HERE, rays(1.0), 0.0)
+    seen.add_scan(HERE, rays(4.9), 0.2)
+    assert seen.points(0.2) == []
+
+
+def test_rays_that_end_before_it_clear_nothing() -> None:
+    seen = layer()
+    seen.add_scan(HERE, rays(2.0), 0.0)
+    far = set(seen.points(0.0))
+    seen.add_scan(HERE, rays(1.0), 0.2)
+    assert far < set(seen.points(0.2))
+
+
+def test_a_direction_without_an_echo_proves_nothing() -> None:
+    seen = layer()
+    seen.add_scan(HERE, rays(1.0), 0.0)
+    marked = seen.points(0.0)
+    seen.add_scan(HERE, [ray for ray in rays(4.9) if abs(ray[1]) > 0.2], 0.2)
+    assert seen.points(0.2) == marked
+
+
+def test_marks_fade() -> None:
+    seen = layer()
+    seen.add_points([(5.0, 6.0)], 0.0)
+    assert len(seen.points(FADE_S - 0.1)) == 1
+    assert seen.points(FADE_S) == []
+
+
+@pytest.mark.parametrize(
+    "point, curvature, free",
+    [((1.0, 0.0), 0.0, 0.8), ((1.0, 0.3), 0.0, math.inf), ((-1.0, 0.0), 0.0, math.inf),
+     # A quarter of a circle of 1 m to the left, and to the right.
+     ((1.0, 1.0), 1.0, math.pi / 2 - 0.2), ((1.0, -1.0), -1.0, math.pi / 2 - 0.2), ((1.0, 1.0), -1.0, math.inf),
+     ((1.0, 0.0), 1.0, math.inf)],
+)  # fmt: skip
+def test_the_free_way_along_an_arc(point: tuple[float, float], curvature: float, free: float) -> None:
+    assert free_way([point], curvature, 0.2, 0.03) == pytest.approx(free)
+
+
+def test_what_closes_a_path() -> None:
+    path = [(0.0, 0.0), (2.0, 0.0), (2.0, 3.0)]
+    assert closes_path([(1.0, 0.2)], path, 0.25, 3.0)
+    assert not closes_path([(1.0, 0.3)], path, 0.25, 3.0)
+    assert closes_path([(2.1, 0.8)], path, 0.25, 3.0)
+    assert not closes_path([(2.1, 2.0)], path, 0.25, 3.0)

@@ -1,0 +1,95 @@
+"""The slots of a device with their present values, for ``help``: no function of the device is called."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.binary import BinaryObject
+from urbihw.kernel.runtime.code import Executable
+from urbihw.kernel.runtime.event import Event
+from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.slot import peek_meta
+from urbihw.kernel.runtime.world import World
+from urbihw.kernel.stdlib import prototype
+from urbihw.kernel.stdlib.interface import KindObject, Promise, promised_unit, provider
+from urbihw.kernel.value import Value
+
+MAX_LENGTH: Final = 40
+"""Maximum number of characters of a value."""
+_HIDDEN: Final = frozenset({"init", "type", "clone", "protos"})
+
+
+class Row(NamedTuple):
+    """One slot; all texts."""
+
+    name: str
+    value: str
+    unit: str = ""
+    range: str = ""
+    meaning: str = ""
+
+
+def rows_of(world: World, this: Obj) -> list[Row]:
+    """The slots that a device does not share with every object, in alphabetical order."""
+    return [Row(name, _shown(world, _present(world, this, name))) for name in sorted({*_names(world, this)})]
+
+
+def _names(world: World, this: Obj) -> Iterator[str]:
+    seen = {id(one) for one in (world.object, world.global_, world.uobject_proto)}
+    seen |= {id(prototype(world, name)) for name in ("Interface", "Component", "Localizer")}
+    waiting = [this]
+    while waiting:
+        one = waiting.pop()
+        if id(one) in seen:
+            continue
+        seen.add(id(one))
+        for name in one.slots:
+            marker = isinstance(one, KindObject) and name == "as" + one.name
+            if name.isidentifier() and not name.startswith("_") and name not in _HIDDEN and not marker:
+                yield name
+        waiting += [proto for proto in one.protos if isinstance(proto, Obj)]
+
+
+def _present(world: World, this: Obj, name: str) -> Value:
+    """The value of a slot; None for what only a call would tell."""
+    holder = this.find(name)
+    if holder is None:
+        return None
+    slot = holder.slots[name]
+    return _promised(world, this, slot) if isinstance(slot, Promise) else _held(this, holder, name)
+
+
+def _promised(world: World, this: Obj, promise: Promise) -> Value:
+    holder, name = provider(world, this, promise.name), promise.name
+    if holder is None and promise.other:
+        holder, name = provider(world, this, promise.other), promise.other
+    if holder is not None:
+        return _held(this, holder, name)
+    if promise.getter is None:
+        return promise.default
+    unit = promised_unit(world, this, promise.name)
+    if unit is world.void or not world.text(unit):
+        # The rule of a function, such as stop, must not be called.
+        return None
+    try:
+        return promise.read(this)
+    except errors.UrbiError:
+        return None
+
+
+def _held(this: Obj, holder: Obj, name: str) -> Value:
+    slot, meta = holder.slots[name], peek_meta(holder, name)
+    if meta is not None and meta.accessor is not None:
+        return meta.accessor.read(this)
+    return None if isinstance(slot, Executable | Event) else slot
+
+
+def _shown(world: World, value: Value) -> str:
+    if value is None or value is world.void:
+        return ""
+    if isinstance(value, BinaryObject):
+        return f"{len(value.content)} bytes"
+    text = world.printable(value)
+    return text if len(text) <= MAX_LENGTH else text[: MAX_LENGTH - 3] + "..."

@@ -1,0 +1,233 @@
+"""Telegrams of SICK lasers of the LMS1xx and TiM families, CoLa A and CoLa B; bytes only.
+
+    CoLa A   02 content 03: words, and numbers in hexadecimal, between spaces
+    CoLa B   02 02 02 02, length (u32 BE), content: words and numbers (BE), check sum: exclusive or of the content
+
+Source: SICK, "Telegram Listing LiDAR sensors LMS1xx, LMS5xx, TiM2xx, TiM5xx, TiM7xx ...", 8014631 (2020).
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from functools import reduce
+from operator import xor
+from typing import Final, Protocol
+
+from urbihw.buses.errors import BadFrame
+
+STX, ETX = b"\x02", b"\x03"
+_BINARY: Final = b"\x02\x02\x02\x02"
+LONGEST: Final = 60000
+"""Bytes of a telegram; a longer one is damaged."""
+MOST_READINGS: Final = 4000
+_MOST_BLOCKS: Final = 16
+"""Encoders or channels of a scan; more make no sense."""
+FIRST_VALID: Final = 16
+"""Smaller distances are codes: no echo, dazzled, and reserved ones."""
+POLLUTED: Final = 0b110
+"""Bits of the second byte of the device status (UNCONFIRMED for TiM)."""
+
+LOGIN: Final = "SetAccessMode 03 F4724744"
+"""Log in as an authorized client, with the password from the factory; in CoLa B the numbers are binary."""
+_LOGIN_B: Final = b"SetAccessMode \x03\xf4\x72\x47\x44"
+
+
+def telegram(kind: str, text: str, *, binary: bool) -> bytes:
+    """A telegram: ``kind`` is sRN (read), sMN (call) or sEN (event); ``text``: a name, a name and a digit, or LOGIN."""
+    if not binary:
+        return STX + f"{kind} {text}".encode("ascii") + ETX
+    name, space, digit = text.partition(" ")
+    body = _LOGIN_B if text == LOGIN else name.encode("ascii") + (b" " + bytes((int(digit),)) if space else b"")
+    content = kind.encode("ascii") + b" " + body
+    return _BINARY + struct.pack(">I", len(content)) + content + bytes((reduce(xor, content),))
+
+
+@dataclass(frozen=True, slots=True)
+class Telegram:
+    """A telegram of the laser: ``kind`` sRA, sAN, sEA, sSN or sFA, its ``name``, and the ``data`` behind the name."""
+
+    kind: str
+    name: str
+    data: bytes
+    binary: bool
+
+
+class Framer:
+    """Splits a stream into telegrams of both kinds.
+
+    Attributes:
+        damaged: number of telegrams with a wrong check sum or length.
+    """
+
+    def __init__(self) -> None:
+        self.damaged = 0
+        self._buffer = b""
+
+    def feed(self, data: bytes) -> list[Telegram]:
+        """Process received bytes; returns the telegrams that are complete now."""
+        self._buffer += data
+        found: list[Telegram] = []
+        while (start := self._buffer.find(STX)) >= 0:
+            self._buffer = self._buffer[start:]
+            size = self._take_binary(found) if self._is_binary() else self._take_text(found)
+            if not size:
+                break
+            self._buffer = self._buffer[size:]
+        else:
+            self._buffer = b""
+        return found
+
+    def _is_binary(self) -> bool:
+        """Whether the buffer begins like CoLa B; text never begins with a second STX."""
+        return self._buffer[1:2] in (b"", STX)
+
+    def _take_text(self, found: list[Telegram]) -> int:
+        """Take a telegram of CoLa A; returns how many bytes are done with, 0 to wait for more."""
+        end = self._buffer.find(ETX, 0, LONGEST)
+        again = self._buffer.find(STX, 1, end if end >= 0 else LONGEST)
+        if again >= 0 or (end < 0 and len(self._buffer) >= LONGEST):
+            self.damaged += 1
+            return again if again >= 0 else LONGEST
+        if end >= 0:
+            self._add(self._buffer[1:end], found, binary=False)
+        return end + 1
+
+    def _take_binary(self, found: list[Telegram]) -> int:
+        """The same for CoLa B."""
+        if len(self._buffer) < 8:
+            return 0 if _BINARY.startswith(self._buffer[:4]) else 1
+        size = int.from_bytes(self._buffer[4:8], "big")
+        if not self._buffer.startswith(_BINARY) or not 4 <= size <= LONGEST:
+            self.damaged += 1
+            return 1
+        if len(self._buffer) < 9 + size:
+            return 0
+        content = self._buffer[8 : 8 + size]
+        if reduce(xor, content) != self._buffer[8 + size]:
+            self.damaged += 1
+            return 1
+        self._add(content, found, binary=True)
+        return 9 + size
+
+    def _add(self, content: bytes, found: list[Telegram], *, binary: bool) -> None:
+        kind, _, rest = content.partition(b" ")
+        name, _, data = rest.partition(b" ")
+        if len(kind) == 3:
+            found.append(Telegram(kind.decode("latin-1"), name.decode("latin-1"), data, binary))
+        else:
+            self.damaged += 1
+
+
+class Numbers(Protocol):
+    """The numbers of a telegram, one after the other.  Each method raises BadFrame at the end, or for no number."""
+
+    def unsigned(self, size: int) -> int:
+        """A number of ``size`` bytes."""
+        ...
+
+    def word(self, size: int) -> str:
+        """A text of ``size`` characters."""
+        ...
+
+
+class TextNumbers:
+    """Those of CoLa A."""
+
+    def __init__(self, data: bytes) -> None:
+        self._words = iter(data.split())
+
+    def unsigned(self, size: int) -> int:
+        """See ``Numbers``.  A sign means decimal."""
+        word = next(self._words, b"")
+        try:
+            return int(word, 10 if word[:1] in (b"+", b"-") else 16) & ((1 << 8 * size) - 1)
+        except ValueError as error:
+            raise BadFrame(f"{word[:20]!r} is no number") from error
+
+    def word(self, size: int) -> str:
+        """See ``Numbers``."""
+        return next(self._words, b"").decode("latin-1")
+
+
+class BinaryNumbers:
+    """Those of CoLa B."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+        self._at = 0
+
+    def unsigned(self, size: int) -> int:
+        """See ``Numbers``."""
+        return int.from_bytes(self._take(size), "big")
+
+    def word(self, size: int) -> str:
+        """See ``Numbers``."""
+        return self._take(size).decode("latin-1")
+
+    def _take(self, size: int) -> bytes:
+        data = self._data[self._at : self._at + size]
+        if len(data) < size:
+            raise BadFrame(f"a telegram of {len(self._data)} bytes ends early")
+        self._at += size
+        return data
+
+
+@dataclass(frozen=True, slots=True)
+class Distances:
+    """The channel DIST1 of a scan: ``raw`` counts of ``unit`` m, angles in degrees; ``dirty``: a polluted window."""
+
+    raw: tuple[int, ...]
+    unit: float
+    first: float
+    step: float
+    dirty: bool
+
+
+def parse_scan(message: Telegram) -> Distances:
+    """The distances of LMDscandata.  Raises BadFrame."""
+    read: Numbers = BinaryNumbers(message.data) if message.binary else TextNumbers(message.data)
+    for size in (2, 2, 4, 1):  # version, device, serial number, first byte of the status
+        read.unsigned(size)
+    status = read.unsigned(1)
+    for size in (2, 2, 4, 4, 1, 1, 1, 1, 2, 4, 4):  # counters, times, inputs, outputs, layer, two frequencies
+        read.unsigned(size)
+    for _ in range(_count(read, _MOST_BLOCKS)):
+        read.unsigned(4), read.unsigned(2)  # position and speed of an encoder
+    for _ in range(_count(read, _MOST_BLOCKS)):
+        name = read.word(5)
+        scale, offset, first, step = (read.unsigned(size) for size in (4, 4, 4, 2))
+        raw = tuple(read.unsigned(2) for _ in range(_count(read, MOST_READINGS)))
+        if name == "DIST1":
+            return _distances(raw, scale, offset, first, step, status)
+    raise BadFrame("a scan without distances")
+
+
+def _count(read: Numbers, most: int) -> int:
+    count = read.unsigned(2)
+    if count > most:
+        raise BadFrame(f"a scan says {count} values of a kind; {most} is the most")
+    return count
+
+
+def _distances(raw: tuple[int, ...], scale: int, offset: int, first: int, step: int, status: int) -> Distances:
+    factor, shift = (struct.unpack(">f", value.to_bytes(4, "big"))[0] for value in (scale, offset))
+    signed = first - (1 << 32) if first >> 31 else first
+    # A NaN fails the comparison too.
+    if not 0.001 <= factor <= 1000 or shift != 0 or not raw or not 0 < step * (len(raw) - 1) <= 3600000:
+        raise BadFrame(f"a scan with the scale {factor}, the offset {shift} and {len(raw)} steps of {step}")
+    if not -3600000 <= signed <= 3600000:
+        raise BadFrame(f"a scan that begins at {signed / 10000} degrees")
+    return Distances(raw, factor / 1000, signed / 10000, step / 10000, bool(status & POLLUTED))
+
+
+def parse_name(message: Telegram) -> str:
+    """The name of the device in the answer to DeviceIdent, "" if it is not there."""
+    if message.binary:
+        size = int.from_bytes(message.data[:2], "big")
+        return message.data[2 : 2 + size].decode("latin-1")
+    word, _, text = message.data.partition(b" ")
+    try:
+        return text[: max(0, int(word, 16))].decode("latin-1")
+    except ValueError:
+        return ""

@@ -1,0 +1,61 @@
+"""The laser that the settings of a base name, for platforms without a laser of their own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from urbihw.kernel.uobject import Host
+from urbihw.navigation.base import Log, Worker
+from urbihw.navigation.lasers.device import LineLaser, Mount
+from urbihw.navigation.options import NavigationOptions
+
+
+class BaseLaser(LineLaser):
+    """``robot.body.laser`` of a base whose settings name one."""
+
+    slot_name = "robot.body.laser"
+
+
+class Fitted(Protocol):
+    """The robot as this module sees it."""
+
+    @property
+    def start_worker(self) -> Callable[..., Worker]:
+        """Starts a worker."""
+        ...
+
+    @property
+    def offset(self) -> float:
+        """Kernel's time = worker's time + offset, in seconds."""
+        ...
+
+    @property
+    def host(self) -> Host:
+        """The kernel."""
+        ...
+
+    @property
+    def log(self) -> Log:
+        """The log of the robot."""
+        ...
+
+    def put_slot(self, name: str, value: Any) -> None:
+        """Give the robot a slot."""
+        ...
+
+
+def mount_of(options: NavigationOptions) -> Mount:
+    """Return the laser of the settings."""
+    return Mount(options.laser, options.laser_model, options.laser_x, math.radians(options.laser_turn))
+
+
+def fit_laser(robot: Fitted, options: NavigationOptions) -> BaseLaser | None:
+    """Make the laser of the settings, and the slot ``laser`` of the robot; None if they name none."""
+    if not options.laser:
+        return None
+    laser = robot.host.create(BaseLaser, None, mount_of(options), robot.start_worker, robot.offset)
+    laser.log = robot.log
+    robot.put_slot("laser", laser)
+    return laser

@@ -1,0 +1,58 @@
+"""Meaning and unit of the slots of a Pioneer (``platforms.words``)."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from urbihw.platforms.words import COMMON
+
+BASE: Final = {
+    "robotType": ("type that the controller tells", ""),
+    "speedDelta": ("the same as body.x.speed", "m/s"),
+    "speedAlpha": ("the same as body.yaw.speed", "rad/s"),
+    "motorsLoad": ("the same as body.load", "1"),
+    "laserLoad": ("the same as body.laser.load", "1"),
+    "distMin": ("the same as body.safetyDistanceMin", "m"),
+    "distMax": ("the same as body.safetyDistanceMax", "m"),
+    "mapFileName": ("the same as planner.mapFileName", ""),
+}
+BODY: Final = {
+    "load": ("1 switches the motors on, 0 off", "1"),
+    "safetyDistanceMin": ("distance of an obstacle at which the base stops", "m"),
+    "safetyDistanceMax": ("distance of an obstacle from which it is slower", "m"),
+}
+WHEEL: Final = {"speed": ("speed of the wheel", "m/s")}
+X: Final = {
+    "speed": ("speed forward: the ordered one when written, the measured one when read", "m/s"),
+    "acceleration": ("acceleration of the controller", "m/s^2"),
+    "deceleration": ("deceleration of the controller", "m/s^2"),
+}
+YAW: Final = {
+    "speed": ("yaw rate to the left: the ordered one when written, the measured one when read", "rad/s"),
+    "acceleration": ("acceleration of the controller", "rad/s^2"),
+    "deceleration": ("deceleration of the controller", "rad/s^2"),
+}
+SONAR: Final = {"val": ("distance of the nearest obstacle, inf without an echo, nan while the sonars are off", "m")}
+BATTERY: Final = COMMON | {
+    "charging": ("no, bulk, overcharge, float or balance; unknown where there is no dock", ""),
+    "low": ("event: the voltage is low", ""),
+}
+CAMERA: Final = COMMON | {
+    "val": ("picture", ""),
+    "yaw": ("direction to the left", "rad"),
+    "pitch": ("direction upward", "rad"),
+    "zoom": ("zoom, 0 wide to 1 near", "ratio"),
+    "width": ("width of the picture", "pixel"),
+    "height": ("height of the picture", "pixel"),
+    "xfov": ("horizontal angle of view", "rad"),
+    "yfov": ("vertical angle of view", "rad"),
+}
+GRIPPER: Final = COMMON | {
+    "val": ("paddles: 1 open, 0 closed, 0.5 between", "1"),
+    "lift": ("1 up, 0 down, 0.5 between", "1"),
+    "moving": ("whether paddles or lift move", ""),
+}
+GYRO: Final = COMMON | {
+    "speed": ("yaw rate to the left, measured without the wheels", "rad/s"),
+    "temperature": ("reading of the gyro's temperature", "1"),
+}

@@ -1,0 +1,65 @@
+"""Meaning and unit of the slots that several robots have, for ``help`` and ``->unit``.
+
+A device class adds its own: ``slot_words = COMMON | {"zoom": ("of the camera", "ratio")}``.  Units are
+those of ``kernel.uobject.interfaces.UNITS``; "1" is a number without unit, "" is for slots that are no numbers.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+COMMON: Final[dict[str, tuple[str, str]]] = {
+    "id": ("number on the bus", "1"),
+    "model": ("model", "1"),
+    "modelName": ("name of the model", ""),
+    "serial": ("serial number", ""),
+    "firmware": ("version of the firmware", "1"),
+    "state": ("ok, suspect, lost or back", ""),
+    "stale": ("whether the values are old, because the device does not answer", ""),
+    "alarm": ("what the device complains of, empty for nothing", ""),
+    "fault": ("what the device complains of, empty for nothing", ""),
+    "lost": ("event: the device does not answer any more", ""),
+    "back": ("event: the device answers again", ""),
+    "load": ("1 switches the device on, 0 off", "1"),
+    "on": ("whether the device is switched on", ""),
+    "mode": ("mode of operation", ""),
+    "port": ("port that the device is connected to", ""),
+    "raw": ("value as the device sends it", "1"),
+    "voltage": ("voltage of the supply", "V"),
+    "temperature": ("temperature of the device", "degC"),
+    "current": ("current drawn, nil where it is not measured", "A"),
+    "capacity": ("charge that a full battery holds, nil where it is not known", "A h"),
+    "remain": ("estimated charge that is left", "ratio"),
+    "charging": ("whether the battery is being charged", ""),
+    "playing": ("whether sound is played", ""),
+    "frames": ("number of pictures received", "1"),
+    "volume": ("loudness", "%"),
+    "answered": ("event: an answer to a request has come", ""),
+}
+
+ROBOT: Final[dict[str, tuple[str, str]]] = {
+    "name": ("name of the robot", ""),
+    "model": ("model of the robot", ""),
+    "serial": ("serial number, nil where the robot tells none", ""),
+    "IP": ("address of the robot on the network, or else of the computer that serves it", ""),
+    "url": ("url of the bus", ""),
+    "link": ("whether the link to the robot is up", ""),
+    "rate": ("rate of reading and writing", "Hz"),
+    "busLoad": ("share of the time that the bus is in use", "ratio"),
+    "statistics": ("counters of the bus by name", ""),
+    "estop": ("true holds the robot in an emergency stop, false releases it", ""),
+    "epoch": ("number of the motion epoch, one more after each stop", "1"),
+    "stops": ("number of stops so far, with those of single devices", "1"),
+    "state": ("ok, lost or back", ""),
+    "firmware": ("version of the firmware", ""),
+    "linkLost": ("event: the link is down; with the reason", ""),
+    "linkBack": ("event: the link is up again", ""),
+    "stopped": ("event: the robot was stopped; with the reason", ""),
+    "released": ("event: an emergency stop was released; with the name of who did it", ""),
+    "guarded": ("event: a temperature or voltage has crossed a limit; with device, limit, whether it is beyond", ""),
+    "lost": ("event: a device does not answer any more", ""),
+    "back": ("event: a device answers again", ""),
+    "found": ("event: a new device was found", ""),
+    "refused": ("event: a device refused a write; with device, slot and reason", ""),
+    "answered": ("event: an answer to a request has come", ""),
+}
