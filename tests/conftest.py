@@ -7,6 +7,7 @@ of the time of all tests.
 from __future__ import annotations
 
 import gc
+import os
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -20,6 +21,8 @@ from urbihw.kernel.compiler import library
 E2E = Path(__file__).parent / "e2e"
 SHARED_OUT = ("tests/platforms/", "tests/e2e/test_faults.py", "tests/hostile/test_attacks.py")
 """Where cases of one file may run in several workers."""
+MOST_DESCRIPTORS = 400
+"""Of a process that runs tests; `select` takes numbers up to 1023."""
 GC_THRESHOLDS = 30_000, 5, 5
 """Python's own are 700, 10, 10; a kernel has about 60000 objects."""
 
@@ -29,6 +32,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if E2E in item.path.parents:
             item.add_marker("e2e")
+
+
+def collect_descriptors() -> None:
+    """Let the collector close pipes and sockets of simulated robots, which are circles, before there are too many."""
+    lowest_free = os.dup(0)
+    os.close(lowest_free)
+    if lowest_free > MOST_DESCRIPTORS:
+        gc.collect()
 
 
 class Closer:
@@ -67,6 +78,7 @@ class Closer:
             for kernel in self._made:
                 kernel.close()
             self._made.clear()
+            collect_descriptors()
 
 
 @pytest.hookimpl(optionalhook=True)

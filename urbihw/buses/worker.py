@@ -179,7 +179,7 @@ class Worker:
         with self._lock:
             try:
                 # A worker that hangs must not block the sender.
-                full = not self._closed and not select.select((), (self._pipe,), (), _SEND_TIMEOUT_S)[1]
+                full = not self._closed and not self._is_writable()
                 if not self._closed and not full:
                     self._pipe.send(message)
                     return
@@ -188,6 +188,12 @@ class Worker:
         if full:
             raise WorkerBusy(f"the bus worker of {self._url} does not read what it is told")
         raise LinkGone(f"the bus worker of {self._url} has ended; start another one")
+
+    def _is_writable(self) -> bool:
+        # Unlike `select`, `poll` takes the high numbers of descriptors of a daemon with many clients.
+        poller = select.poll()
+        poller.register(self._pipe, select.POLLOUT)
+        return bool(poller.poll(_SEND_TIMEOUT_S * 1000))
 
     def stop(self, timeout: float = 3.0) -> None:
         """Let the worker stop the robot and end; kill it when that takes longer than `timeout`. Twice is fine.
