@@ -18,6 +18,7 @@ import pytest
 from faults_lab import Client, Daemon, wait_for
 from moving_robots import NAO_WATCHDOG
 
+from urbihw.platforms.nao.watchdog import VERSION
 from urbihw_fakes.nao.device import Nao
 from urbihw_fakes.nao.endpoint import NaoEndpoint
 
@@ -87,7 +88,7 @@ def watched_robot(folder: Path) -> Iterator[Robot]:
 
 def test_the_program_stops_a_robot_that_is_fed_no_more(tmp_path: Path) -> None:
     with watched_robot(tmp_path) as robot:
-        assert (robot.call("version"), robot.call("state")) == ("1", "off")
+        assert (robot.call("version"), robot.call("state")) == (VERSION, "off")
         assert "give more than 0 and up to 10 seconds" in str(robot.call("feed", 11.0))
         robot.end.call(lambda: robot.device.body.drive((0.1, 0.0, 0.0)))
         robot.call("feed", 0.5)

@@ -112,7 +112,7 @@ def test_a_stop_of_the_daemon_is_clean(serve: Callable[..., Daemon]) -> None:
         daemon.process.send_signal(signal.SIGTERM)
         assert daemon.process.wait(TIMEOUT_S) == 0
         # The base stops by itself too, 0.4 s after the last command: what it was told last is the judge.
-        until(lambda: end.call(lambda: base_of(end).last_command) == (0, 0))
+        until(lambda: end.call(lambda: base_of(end).last_command) == (0, 0), log=daemon.log)
         until(lambda: speed(end) == 0.0)
 
 

@@ -100,6 +100,20 @@ def test_a_stop_may_switch_the_motors_off() -> None:
     assert rig.base.mode == f.DISABLED
 
 
+def test_a_stop_is_sent_although_the_clock_wakes_the_driver_too_early(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The real clock sleeps a little less than it is asked to, as a wake-up is late on most machines."""
+    rig = Rig()
+    rig.run(1)
+    rig.aim(velocity=500)
+    rig.run(0.1)
+    rig.run(0.001, 0.001)
+    assert rig.base.last_command == (500, 0)
+    sleep = rig.clock.sleep_until
+    monkeypatch.setattr(rig.clock, "sleep_until", lambda when: sleep(when - 0.00005))
+    rig.driver.safe_stop()
+    assert rig.base.last_command == (0, 0)
+
+
 # ---------------------------------------------------------------- losing the base and the link
 
 

@@ -154,8 +154,8 @@ class RmpDriver(Driver):
         news, self._pending_messages = self._pending_messages, []
         if not self._lines:
             return news
-        if self._known:
-            self._command(now)
+        if self._known and now >= self._sent_at + SPACING:
+            self._send_command(now)
         meanwhile()
         for which, line in enumerate(self._lines):
             try:
@@ -225,8 +225,9 @@ class RmpDriver(Driver):
             return
         if self._fall_on_stop and not mine:
             self._orders.add_order(0, "mode", 0)
+        # The clock may wake up a moment too early; the stop is sent all the same.
         self._clock.sleep_until(self._sent_at + SPACING)
-        self._command(self._clock.now())
+        self._send_command(self._clock.now())
 
     def moves(self, device: Any, item: str, value: Any) -> bool:
         """Return whether the speed is not zero."""
@@ -260,9 +261,7 @@ class RmpDriver(Driver):
         self._halt()
         self._refused.clear()
 
-    def _command(self, now: float) -> None:
-        if now < self._sent_at + SPACING:
-            return
+    def _send_command(self, now: float) -> None:
         order = self._orders.next_order(now)
         number, parameter = 0, 0
         if order is not None:
