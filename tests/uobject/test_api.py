@@ -83,7 +83,7 @@ def test_callbacks_take_nothing_the_variable_or_its_value(caplog: pytest.LogCapt
     assert typed.seen == ["none", True, True, 3]
     with caplog.at_level(logging.ERROR, "urbihw.uobject"):
         assert console.say('typed.x = "a";') == ['"a"']
-    assert "callback on x removed because it failed: 1.13-19: x: unexpected" in caplog.text
+    assert "callback on x removed because it failed: 1.13-19: updateSlot: unexpected" in caplog.text
     typed.seen.clear()
     console.say("typed.x = 4;")
     assert typed.seen == ["none", True, True]

@@ -64,7 +64,7 @@ def write_assign_place(place: ast.Call, w: Writer, node: ast.Assign, dest: str |
             w.finish(dest, w.read(local, p), p)
         return
     made = make_in_order(w, slot_holder(place, w, place), lambda: make_value(node.value, w))
-    p = w.mark(place, place.name)
+    p = w.mark(place, "updateSlot")
     made.insert(1, const(place.name, p))
     w.finish(dest, call("update", made, p), p)
 
@@ -181,7 +181,7 @@ def write_change(
         assert isinstance(place, ast.Call)
         w.emit(set_(held, slot_holder(place, w, place)(), p))
         key = [const(place.name, p)]
-        verbs, read, write = ("send0", "update"), place.name, place.name
+        verbs, read, write = ("send0", "update"), place.name, "updateSlot"
     old = call(verbs[0], [name(held, p), *key], w.mark(node, read))
     changed = change(old, p)
     p = w.mark(node, write)
@@ -196,7 +196,7 @@ def write_trajectory(node: ast.Assign, w: Writer, dest: str | None) -> None:
     values = [node.value, *(value for _, value in node.modifiers)]
     holder = slot_holder(place, w, place) if local is None else (lambda: const(None, w.mark(node)))
     made = make_in_order(w, holder, *(partial(make_value, each, w) for each in values))
-    p = w.mark(node, place.name)
+    p = w.mark(node, "updateSlot")
     keys: list[py.expr | None] = [const(text, p) for text, _ in node.modifiers]
     attributes = py.Dict(keys, made[2:], **p)
     if local is not None:
