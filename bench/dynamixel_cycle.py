@@ -29,11 +29,11 @@ import rustypot
 
 from urbihw import buses
 from urbihw.buses import messages as m
-from urbihw.buses.dynamixel import packet
-from urbihw.buses.dynamixel.bus import DynamixelBus
-from urbihw.buses.dynamixel.cycle import Cycle
-from urbihw.buses.dynamixel.scan import scan
 from urbihw.buses.link import Link
+from urbihw.buses.servos import packet
+from urbihw.buses.servos.bus import ServoBus
+from urbihw.buses.servos.cycle import Cycle
+from urbihw.buses.servos.scan import scan
 from urbihw.buses.worker import Worker
 
 BAUD = 1_000_000
@@ -71,7 +71,7 @@ class Fake:
         self.url = f"{self._process.stdout.readline().strip()}?baud={BAUD}"
         self.path = self.url.removeprefix("serial://").partition("?")[0]
         with buses.open_link(self.url) as link:
-            bus = DynamixelBus(link, 1 if protocol == 1 else 2)
+            bus = ServoBus(link, 1 if protocol == 1 else 2)
             for device in IDS:
                 bus.write(device, 5 if protocol == 1 else 9, b"\x00")
 
@@ -214,7 +214,7 @@ def bare(kit: Fake, protocol: int) -> Iterator[Loop]:
 
 def cycle_of(link: Link, protocol: int, fast: bool, period: float) -> Cycle:
     """Our cycle over all servos, reading everything each tick."""
-    bus = DynamixelBus(link, 1 if protocol == 1 else 2)
+    bus = ServoBus(link, 1 if protocol == 1 else 2)
     devices = scan(bus, IDS).devices
     if len(devices) != len(IDS):
         raise SystemExit("the fake misses its times: this machine is too busy to measure anything")
@@ -376,7 +376,7 @@ def scans(protocol: int) -> None:
         times = []
         for _ in range(3):
             start = time.perf_counter()
-            found = scan(DynamixelBus(link, 1 if protocol == 1 else 2))
+            found = scan(ServoBus(link, 1 if protocol == 1 else 2))
             times.append(time.perf_counter() - start)
         print(f"scan of all ids, protocol {protocol}.0: {min(times):.3f} s, {len(found.devices)} devices")
 

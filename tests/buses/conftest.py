@@ -8,10 +8,10 @@ import pytest
 
 from urbihw import buses
 from urbihw.buses.clock import SimClock
-from urbihw.buses.dynamixel.bus import DynamixelBus
-from urbihw.buses.dynamixel.transactions import ProtocolChoice
 from urbihw.buses.link import Context, Link
 from urbihw.buses.pipe import PipeEnd
+from urbihw.buses.servos.bus import ServoBus
+from urbihw.buses.servos.transactions import ProtocolChoice
 from urbihw_fakes.bioloid import Bioloid
 
 BAUD = 1_000_000
@@ -33,8 +33,8 @@ class Rig:
             # As a gateway should set it; the factory value of 0.5 ms is a matter of its own tests.
             unit.registers.put("return_delay", 0)
 
-    def bus(self, protocol: ProtocolChoice = 1) -> DynamixelBus:
-        return DynamixelBus(self.link, protocol)
+    def bus(self, protocol: ProtocolChoice = 1) -> ServoBus:
+        return ServoBus(self.link, protocol)
 
     def sent(self) -> list[str]:
         """What the host has written since the last call, one entry a write, as spaced hex."""

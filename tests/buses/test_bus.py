@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 
 import pytest
 
-from urbihw.buses.dynamixel import packet, tables
-from urbihw.buses.dynamixel.bus import DynamixelBus
-from urbihw.buses.dynamixel.scan import scan
 from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
+from urbihw.buses.servos import packet, tables
+from urbihw.buses.servos.bus import ServoBus
+from urbihw.buses.servos.scan import scan
 from urbihw_fakes.bioloid import Bioloid
 from urbihw_fakes.dynamixel.ax12 import Ax12
 from urbihw_fakes.dynamixel.axs1 import AxS1
@@ -137,7 +137,7 @@ def test_after_a_burst_of_lateness_the_brief_time_out_is_still_short(rig: Rig) -
     assert rig.clock.now() - start < 0.0035
 
 
-def sync_read(bus: DynamixelBus, ids: Sequence[int], fast: bool = False) -> dict[int, bytes]:
+def sync_read(bus: ServoBus, ids: Sequence[int], fast: bool = False) -> dict[int, bytes]:
     """The positions of those that answer."""
     request = packet.sync_read_packet(132, 4, ids, fast)
     answers = (bus.ask_joint if fast else bus.ask_group)(request, [(number, 4) for number in ids])

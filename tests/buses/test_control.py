@@ -73,7 +73,7 @@ class ControlBench(Bench):
         self.mailbox = Mailbox(theirs)
         begin = m.Begin(m.Configure(dead_man=0), control=str(path))
         self.engine = Engine(
-            rig.url, driver_of("dynamixel"), self.mailbox, begin, rig.context, lambda: self.asked_to_end
+            rig.url, driver_of("servos"), self.mailbox, begin, rig.context, lambda: self.asked_to_end
         )
         self.callers: list[Caller] = []
 

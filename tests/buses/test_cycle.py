@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from urbihw.buses.dynamixel.cycle import Cycle, Tick
-from urbihw.buses.dynamixel.scan import scan
 from urbihw.buses.errors import BadValue
+from urbihw.buses.servos.cycle import Cycle, Tick
+from urbihw.buses.servos.scan import scan
 from urbihw.buses.ticker import Ticker
 
 from .conftest import Rig

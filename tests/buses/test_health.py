@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from urbihw.buses.dynamixel.health import LOST_AFTER, PROBE_PERIOD, Change, Health
+from urbihw.buses.servos.health import LOST_AFTER, PROBE_PERIOD, Change, Health
 
 
 def states(*changes: Change | None) -> list[str]:

@@ -7,10 +7,10 @@ import random
 
 import pytest
 
-from urbihw.buses.dynamixel import packet
-from urbihw.buses.dynamixel.crc import crc16
-from urbihw.buses.dynamixel.status import Status, refusal_words, state_words
 from urbihw.buses.errors import BadValue
+from urbihw.buses.servos import packet
+from urbihw.buses.servos.crc import crc16
+from urbihw.buses.servos.status import Status, refusal_words, state_words
 
 from .vectors import EXCHANGES, FAST, Exchange
 

@@ -11,7 +11,7 @@ from typing import Any
 import dynamixel_sdk  # type: ignore[import-untyped]
 import pytest
 
-from urbihw.buses.dynamixel import packet
+from urbihw.buses.servos import packet
 
 
 class RecordingPort:

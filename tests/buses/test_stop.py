@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from urbihw.buses.dynamixel.cycle import Cycle
-from urbihw.buses.dynamixel.scan import scan
-from urbihw.buses.dynamixel.stop import safe_stop, stop_what_moves
+from urbihw.buses.servos.cycle import Cycle
+from urbihw.buses.servos.scan import scan
+from urbihw.buses.servos.stop import safe_stop, stop_what_moves
 
 from .conftest import Rig
 

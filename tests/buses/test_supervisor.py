@@ -41,7 +41,7 @@ class FakeWorker:
 
     @classmethod
     def start(cls, url: str, *, post: Callable[[FromWorker], None], begin: m.Begin, family: str) -> FakeWorker:
-        assert (url, family) == (URL, "dynamixel")
+        assert (url, family) == (URL, "servos")
         if cls.failures:
             raise cls.failures.pop(0)
         made = cls(post, begin)
@@ -99,7 +99,7 @@ class Rig:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.heard: list[FromWorker] = []
         self.supervisor = Supervisor.start(
-            URL, post=self.heard.append, settings=m.Configure(rate=50), family="dynamixel", control="/run/robot.sock"
+            URL, post=self.heard.append, settings=m.Configure(rate=50), family="servos", control="/run/robot.sock"
         )
         self.pauses = Pauses()
         monkeypatch.setattr(self.supervisor, "_stopping", self.pauses)

@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from urbihw.buses.dynamixel import plan, tables, units
-from urbihw.buses.dynamixel.item import Item, Table, by_name
 from urbihw.buses.errors import BadValue
+from urbihw.buses.servos import plan, tables, units
+from urbihw.buses.servos.item import Item, Table, by_name
 
 ITEMS = [(table, item) for table in tables.TABLES for item in table.items.values()]
 IDS = [f"{table.name}.{item.name}" for table, item in ITEMS]

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from urbihw.buses import messages as m
-from urbihw.buses.dynamixel.cycle import Cycle
-from urbihw.buses.dynamixel.member import WATCHDOG, WATCHDOG_CHECK_PERIOD_S
-from urbihw.buses.dynamixel.scan import scan
 from urbihw.buses.messages import FromWorker
+from urbihw.buses.servos.cycle import Cycle
+from urbihw.buses.servos.member import WATCHDOG, WATCHDOG_CHECK_PERIOD_S
+from urbihw.buses.servos.scan import scan
 from urbihw_fakes.bioloid import Bioloid
 from urbihw_fakes.dynamixel.xseries import XSeries
 

@@ -15,12 +15,12 @@ from urbihw import buses
 from urbihw.buses import messages as m
 from urbihw.buses.clock import SimClock
 from urbihw.buses.driver import driver_of
-from urbihw.buses.dynamixel.device import DeviceInfo
 from urbihw.buses.engine import HEARTBEAT_ALLOWANCE_S, Engine
 from urbihw.buses.errors import BadUrl, BadValue, LinkGone
 from urbihw.buses.link import Context, Port
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import FromWorker, ToWorker
+from urbihw.buses.servos.device import DeviceInfo
 from urbihw.buses.worker import Worker
 from urbihw_fakes.bioloid import Bioloid
 
@@ -41,7 +41,7 @@ class Bench:
         self.asked_to_end = False
         self.engine = Engine(
             rig.url,
-            driver_of("dynamixel"),
+            driver_of("servos"),
             self.mailbox,
             m.Begin(settings or m.Configure(dead_man=0)),
             rig.context,
@@ -428,7 +428,7 @@ def test_a_worker_in_a_thread(rig: Rig) -> None:
 def test_a_worker_cannot_be_started_on_nonsense() -> None:
     with pytest.raises(BadUrl):
         Worker.start("", post=print)
-    with pytest.raises(BadValue, match="known: dynamixel"):
+    with pytest.raises(BadValue, match="known: servos"):
         Worker.start("/dev/ttyUSB0", post=print, family="teapot")
     with pytest.raises(BadValue, match="context"):
         Worker.start("/dev/ttyUSB0", post=print, context=Context())

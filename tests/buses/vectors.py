@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from urbihw.buses.dynamixel import packet
-from urbihw.buses.dynamixel.status import Status
+from urbihw.buses.servos import packet
+from urbihw.buses.servos.status import Status
 
 
 @dataclass(frozen=True)

@@ -101,7 +101,7 @@ class Deaf:
 class Wired(WiredRobot):
     """A robot with nothing on its wire."""
 
-    family = "dynamixel"
+    family = "servos"
     robot_name = "wired"
     now = 100.0
 

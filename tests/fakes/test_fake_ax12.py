@@ -6,7 +6,7 @@ import pytest
 from fake_talk import Talk
 
 from urbihw_fakes.dynamixel.ax12 import FULL_SPEED, POSITIONS_PER_TURN, SPEED_STEP, Ax12
-from urbihw_fakes.dynamixel.bus import DynamixelBus
+from urbihw_fakes.dynamixel.bus import ServoBus
 
 
 @pytest.fixture
@@ -16,7 +16,7 @@ def servo() -> Ax12:
 
 @pytest.fixture
 def wire(servo: Ax12) -> Talk:
-    return Talk(DynamixelBus([servo]))
+    return Talk(ServoBus([servo]))
 
 
 def _seen(wire: Talk, name: str) -> int:
@@ -71,7 +71,7 @@ def test_moving_speed_is_kept(wire: Talk) -> None:
 def test_looking_often_does_not_change_where_it_goes() -> None:
     positions = []
     for looks in (1, 7, 100):
-        wire = Talk(DynamixelBus([Ax12(1)]))
+        wire = Talk(ServoBus([Ax12(1)]))
         wire.p1(1, "03 1E 00 03 C8 00")
         for look in range(1, looks + 1):
             wire.now = 0.4 * look / looks

@@ -6,7 +6,7 @@ import pytest
 from fake_talk import Talk
 
 from urbihw_fakes.dynamixel.axs1 import AxS1
-from urbihw_fakes.dynamixel.bus import DynamixelBus
+from urbihw_fakes.dynamixel.bus import ServoBus
 
 
 @pytest.fixture
@@ -16,7 +16,7 @@ def sensor() -> AxS1:
 
 @pytest.fixture
 def wire(sensor: AxS1) -> Talk:
-    return Talk(DynamixelBus([sensor]))
+    return Talk(ServoBus([sensor]))
 
 
 def test_factory_values(wire: Talk) -> None:

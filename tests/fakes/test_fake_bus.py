@@ -7,13 +7,13 @@ from fake_talk import Talk, crc16, packet2
 
 from urbihw_fakes.bioloid import Bioloid
 from urbihw_fakes.dynamixel.ax12 import Ax12
-from urbihw_fakes.dynamixel.bus import DynamixelBus
+from urbihw_fakes.dynamixel.bus import ServoBus
 from urbihw_fakes.dynamixel.xseries import XSeries
 from urbihw_fakes.errors import NoSuchUnit, UnknownRequest
 
 
-def _mixed() -> DynamixelBus:
-    return DynamixelBus([Ax12(1), XSeries("XL430-W250", 1), XSeries("XL330-M288", 3)])
+def _mixed() -> ServoBus:
+    return ServoBus([Ax12(1), XSeries("XL430-W250", 1), XSeries("XL330-M288", 3)])
 
 
 def test_both_protocols_on_one_bus() -> None:
@@ -50,7 +50,7 @@ def test_kits_are_set_to_a_speed() -> None:
 
 
 def test_broadcast_ping_answers_in_order_of_id_past_silent_units() -> None:
-    bus = DynamixelBus([XSeries("XL430-W250", unit) for unit in (9, 2, 5)])
+    bus = ServoBus([XSeries("XL430-W250", unit) for unit in (9, 2, 5)])
     wire = Talk(bus)
     request = packet2(254, "01").hex()
     assert [answer[12:14] for answer in wire.raw(request)] == ["02", "05", "09"]
@@ -118,7 +118,7 @@ def test_broadcast_writes_of_protocol_2_are_obeyed_and_not_answered() -> None:
 
 
 def test_colliding_ids_of_protocol_2() -> None:
-    wire = Talk(DynamixelBus([XSeries("XL430-W250", 1), XSeries("XL430-W250", 1)]))
+    wire = Talk(ServoBus([XSeries("XL430-W250", 1), XSeries("XL430-W250", 1)]))
     (answer,) = wire.raw(packet2(1, "01").hex())
     data = bytes.fromhex(answer)
     assert int.from_bytes(data[-2:], "little") != crc16(data[:-2])
@@ -168,7 +168,7 @@ def test_units_come_and_go() -> None:
 
 
 def test_the_log_keeps_the_last_traffic() -> None:
-    bus = DynamixelBus([Ax12(1)], log_size=3)
+    bus = ServoBus([Ax12(1)], log_size=3)
     bus.feed(bytes.fromhex("FF FF 01 02 01 FB"), 1.0)
     bus.feed(bytes.fromhex("FF FF 02 02 01 FA"), 2.0)
     assert [str(line) for line in bus.log] == [

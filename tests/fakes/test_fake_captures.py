@@ -12,7 +12,7 @@ from urbihw_fakes.captures import Exchange
 from urbihw_fakes.dynamixel import packet1, packet2
 from urbihw_fakes.dynamixel.ax12 import Ax12
 from urbihw_fakes.dynamixel.axs1 import AxS1
-from urbihw_fakes.dynamixel.bus import DynamixelBus
+from urbihw_fakes.dynamixel.bus import ServoBus
 from urbihw_fakes.dynamixel.registers import Register
 from urbihw_fakes.dynamixel.unit1 import Unit1
 from urbihw_fakes.dynamixel.xseries import XSeries
@@ -37,21 +37,21 @@ class BulkUnit(Unit1):
     answers_bulk_read = True
 
 
-def _bulk() -> DynamixelBus:
+def _bulk() -> ServoBus:
     first, second = BulkUnit(1, GENERIC_TABLE), BulkUnit(2, GENERIC_TABLE)
     first.registers.put("goal", 0x8000)
     second.registers.put("position", 0x8000)
-    return DynamixelBus([first, second])
+    return ServoBus([first, second])
 
 
-def _alarmed() -> DynamixelBus:
+def _alarmed() -> ServoBus:
     kit = Bioloid()
     kit.servo(1).heat(80.0)
     kit.servo(1).overload()
     return kit
 
 
-def _loaded() -> DynamixelBus:
+def _loaded() -> ServoBus:
     kit = Bioloid()
     for name, value in (("position", 800), ("speed", 1024 + 100), ("load", 1024 + 200)):
         kit[1].pin_register(f"present_{name}", value)
@@ -60,60 +60,60 @@ def _loaded() -> DynamixelBus:
     return kit
 
 
-def _w210() -> DynamixelBus:
+def _w210() -> ServoBus:
     units = [XSeries("XM430-W210", 1), XSeries("XM430-W210", 2)]
     for unit in units:
         unit.registers.put("firmware", 38)
-    return DynamixelBus(units)
+    return ServoBus(units)
 
 
-def _at(*places: tuple[int, float]) -> DynamixelBus:
-    return DynamixelBus([XSeries("XM430-W350", unit, position=position) for unit, position in places])
+def _at(*places: tuple[int, float]) -> ServoBus:
+    return ServoBus([XSeries("XM430-W350", unit, position=position) for unit, position in places])
 
 
-def _bulk2() -> DynamixelBus:
+def _bulk2() -> ServoBus:
     first, second = XSeries("XM430-W350", 1), XSeries("XM430-W350", 2)
     first.volts = 11.9
     second.heat(36.0)
-    return DynamixelBus([first, second])
+    return ServoBus([first, second])
 
 
-def _fast_bulk() -> DynamixelBus:
+def _fast_bulk() -> ServoBus:
     bus = _at((3, 166.0), (7, 0.0), (4, 0.0))
     bus[7].pin_register("present_pwm", 421)
     bus[4].pin_register("present_temperature", 31)
     return bus
 
 
-def _sensing() -> DynamixelBus:
+def _sensing() -> ServoBus:
     kit = Bioloid()
     kit.sensor().ir(12, 200, 3)
     kit.sensor().light(40, 45, 38)
     return kit
 
 
-def _clapped() -> DynamixelBus:
+def _clapped() -> ServoBus:
     kit = Bioloid()
     kit.sensor().clap(-2.0, 2)
     kit.tick(-3.0)
     return kit
 
 
-def _wheel() -> DynamixelBus:
+def _wheel() -> ServoBus:
     kit = Bioloid()
     kit.feed(EXCHANGES["ax12-wheel-mode"].sent[0], 0.0)
     return kit
 
 
-def _moving_x() -> DynamixelBus:
+def _moving_x() -> ServoBus:
     unit = XSeries("XM430-W350", 1)
     for name, value in (("current", -25), ("velocity", 100), ("position", -1500)):
         unit.pin_register(f"present_{name}", value)
-    return DynamixelBus([unit])
+    return ServoBus([unit])
 
 
-SCENES: dict[str, Callable[[], DynamixelBus]] = {
-    "p1-reset": lambda: DynamixelBus([Ax12(0)]),
+SCENES: dict[str, Callable[[], ServoBus]] = {
+    "p1-reset": lambda: ServoBus([Ax12(0)]),
     "p1-bulk-read": _bulk,
     "p2-ping": _w210,
     "p2-broadcast-ping": _w210,
@@ -177,7 +177,7 @@ def test_effects_of_the_unanswered_writes() -> None:
     assert [kit[i].registers.get("goal_position") for i in (1, 2, 3)] == [512, 300, 700]
     kit.feed(EXCHANGES["ax12-torque-off-all"].sent[0], 0.0)
     assert [kit[i].registers.get("torque_enable") for i in (0, 1, 2, 3)] == [0, 0, 0, 0]
-    x = DynamixelBus([XSeries("XM430-W350", 1), XSeries("XM430-W350", 2)])
+    x = ServoBus([XSeries("XM430-W350", 1), XSeries("XM430-W350", 2)])
     x.feed(EXCHANGES["p2-sync-write"].sent[0], 0.0)
     assert [x[i].registers.get("goal_position") for i in (1, 2)] == [150, 170]
     x.feed(EXCHANGES["p2-bulk-write"].sent[0], 0.0)
@@ -191,7 +191,7 @@ def test_effects_of_the_answered_writes() -> None:
     assert [(sound.number, sound.melody) for sound in kit.sensor().played] == [(12, False), (3, True)]
     kit.feed(EXCHANGES["ax12-wheel-mode"].sent[0], 0.0)
     assert kit.servo(1).wheel
-    other = DynamixelBus([Ax12(0)])
+    other = ServoBus([Ax12(0)])
     other.feed(EXCHANGES["p1-reset"].sent[0], 0.0)
     assert other[1].registers.get("id") == 1
 

@@ -7,7 +7,7 @@ from fake_talk import Talk, packet1
 
 from urbihw_fakes.bioloid import Bioloid
 from urbihw_fakes.dynamixel.ax12 import Ax12
-from urbihw_fakes.dynamixel.bus import DynamixelBus
+from urbihw_fakes.dynamixel.bus import ServoBus
 from urbihw_fakes.dynamixel.registers import Register, RegisterFile
 from urbihw_fakes.errors import UnknownRequest
 
@@ -181,7 +181,7 @@ def test_a_held_register_stays_until_released(wire: Talk, kit: Bioloid) -> None:
 
 
 def test_two_units_of_one_id_spoil_each_others_answer() -> None:
-    wire = Talk(DynamixelBus([Ax12(1), Ax12(1)]))
+    wire = Talk(ServoBus([Ax12(1), Ax12(1)]))
     (answer,) = wire.raw("FF FF 01 02 01 FB")
     assert answer == "FF FF 01 00 00 00 FC"
 
@@ -189,5 +189,5 @@ def test_two_units_of_one_id_spoil_each_others_answer() -> None:
 def test_ping_of_all_collides(wire: Talk) -> None:
     (answer,) = wire.raw("FF FF FE 02 01 FE")
     assert answer != "FF FF 01 02 00 FC"
-    alone = Talk(DynamixelBus([Ax12(5)]))
+    alone = Talk(ServoBus([Ax12(5)]))
     assert alone.raw("FF FF FE 02 01 FE") == ["FF FF 05 02 00 F8"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from fake_talk import Talk
 
-from urbihw_fakes.dynamixel.bus import DynamixelBus
+from urbihw_fakes.dynamixel.bus import ServoBus
 from urbihw_fakes.dynamixel.xseries import VELOCITY_STEP, XSeries
 from urbihw_fakes.errors import UnknownRequest
 
@@ -19,7 +19,7 @@ def servo() -> XSeries:
 
 @pytest.fixture
 def wire(servo: XSeries) -> Talk:
-    return Talk(DynamixelBus([servo]))
+    return Talk(ServoBus([servo]))
 
 
 def _seen(wire: Talk, name: str) -> int:
@@ -43,7 +43,7 @@ def _goal(position: int) -> str:
     ],
 )
 def test_factory_values(model: str, number: str, limits: str) -> None:
-    wire = Talk(DynamixelBus([XSeries(model, 1)]))
+    wire = Talk(ServoBus([XSeries(model, 1)]))
     assert wire.p2(1, "01")[:8] == f"00 {number}"
     assert wire.p2(1, "02 07 00 07 00") == "00 01 01 FA 00 03 FF 02"
     assert wire.p2(1, "02 1F 00 09 00") == f"00 {limits}"
@@ -186,7 +186,7 @@ def test_current_mode_pushes_with_a_force(wire: Talk) -> None:
     assert wire.p2(1, "03 66 00 9C FF") == "00"
     wire.now = 0.5
     assert _seen(wire, "present_velocity") < 0
-    assert Talk(DynamixelBus([XSeries("XL430-W250", 1)])).p2(1, "03 0B 00 00") == "04"
+    assert Talk(ServoBus([XSeries("XL430-W250", 1)])).p2(1, "03 0B 00 00") == "04"
 
 
 def test_extended_position_counts_turns_and_clear_takes_them_off(wire: Talk) -> None:
@@ -296,7 +296,7 @@ def test_torque_on_by_goal_update(wire: Talk) -> None:
 
 @pytest.mark.parametrize(("model", "data"), [("XM430-W350", "E0"), ("XL330-M288", "D0")])
 def test_indirect_addresses(model: str, data: str) -> None:
-    wire = Talk(DynamixelBus([XSeries(model, 1)]))
+    wire = Talk(ServoBus([XSeries(model, 1)]))
     # Entries 1..5: present temperature, and the four bytes of the goal position.
     assert wire.p2(1, "03 A8 00 92 00 74 00 75 00 76 00 77 00") == "00"
     assert wire.p2(1, f"02 {data} 00 05 00") == "00 1E 00 08 00 00"

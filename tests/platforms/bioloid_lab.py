@@ -8,9 +8,9 @@ from typing import Any
 from lab import RobotLab
 from motions import Kind, Motion, Numbers
 
-from urbihw.buses.dynamixel.device import DeviceInfo
 from urbihw.buses.link import Context
 from urbihw.buses.pipe import PipeEnd
+from urbihw.buses.servos.device import DeviceInfo
 from urbihw_fakes.bioloid import Bioloid as Kit
 from urbihw_fakes.bioloid.console import commands
 from urbihw_fakes.console import Console

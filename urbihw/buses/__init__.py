@@ -1,7 +1,7 @@
 """Byte links and shared wire protocols; nothing here knows of urbiscript, platforms or fakes.
 
-Where to start: `open(url)` below, then `link.py` (what a link is), `dynamixel/packet.py` (bytes only),
-`dynamixel/bus.py` (one wire, asked and answered), `dynamixel/cycle.py` (the cyclic work), `worker.py` (that work in
+Where to start: `open(url)` below, then `link.py` (what a link is), `servos/packet.py` (bytes only),
+`servos/bus.py` (one wire, asked and answered), `servos/cycle.py` (the cyclic work), `worker.py` (that work in
 its own process, and the example of how a platform uses it).
 
 A bus is a url; a fake robot is just one more url::

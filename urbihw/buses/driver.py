@@ -11,7 +11,7 @@ from urbihw.buses.link import Port
 from urbihw.buses.messages import Configure, FromWorker, Request, Targets, Watch
 
 # Protocol family -> driver class. The driver of a single robot lives in its platform and is named "module:Class".
-FAMILIES: Final = {"dynamixel": "urbihw.buses.dynamixel.driver:DynamixelDriver"}
+FAMILIES: Final = {"servos": "urbihw.buses.servos.driver:ServoDriver"}
 
 
 class ImpliedTarget(NamedTuple):

@@ -95,7 +95,7 @@ class Worker:
         post: Post,
         process: bool = True,
         settings: Configure | None = None,
-        family: str = "dynamixel",
+        family: str = "servos",
         context: Context | None = None,
         begin: Begin | None = None,
     ) -> Worker:

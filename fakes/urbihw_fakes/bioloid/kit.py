@@ -16,7 +16,7 @@ from collections.abc import Iterable
 from urbihw_fakes.device import Answer
 from urbihw_fakes.dynamixel.ax12 import Ax12
 from urbihw_fakes.dynamixel.axs1 import AxS1
-from urbihw_fakes.dynamixel.bus import DynamixelBus
+from urbihw_fakes.dynamixel.bus import ServoBus
 from urbihw_fakes.dynamixel.unit import Unit
 from urbihw_fakes.dynamixel.xseries import XSeries
 from urbihw_fakes.errors import UnknownRequest
@@ -26,7 +26,7 @@ SENSORS = (100,)
 _TOSS = b"t\r"
 
 
-class Bioloid(DynamixelBus):
+class Bioloid(ServoBus):
     """A kit: AX-12 servos and AX-S1 sensors with these IDs, or any `units`.
 
     `baud` is what the units are set to. `wait_for_predecessor`: see `urbihw_fakes.dynamixel.bus`.

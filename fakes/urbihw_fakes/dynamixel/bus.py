@@ -43,7 +43,7 @@ class Item:
     data: bytes = b""
 
 
-class DynamixelBus(Device):
+class ServoBus(Device):
     """Units of both protocols on one wire.
 
     `bus[6]` is the unit with ID 6; iterating gives all units. `wait_for_predecessor`: see the head of this file.

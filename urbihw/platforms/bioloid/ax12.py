@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from urbihw.buses.dynamixel import units
-from urbihw.buses.dynamixel.status import state_words
-from urbihw.buses.dynamixel.stop import PRESENT_POSITION
+from urbihw.buses.servos import units
+from urbihw.buses.servos.status import state_words
+from urbihw.buses.servos.stop import PRESENT_POSITION
 from urbihw.kernel.uobject import UVar
 from urbihw.platforms.bioloid import slots
 from urbihw.platforms.bioloid.devices import ChangeHandler

@@ -10,11 +10,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from urbihw.buses.dynamixel import units
-from urbihw.buses.dynamixel.device import DeviceInfo
-from urbihw.buses.dynamixel.item import Table
-from urbihw.buses.dynamixel.tables import table_of
 from urbihw.buses.messages import Reply
+from urbihw.buses.servos import units
+from urbihw.buses.servos.device import DeviceInfo
+from urbihw.buses.servos.item import Table
+from urbihw.buses.servos.tables import table_of
 from urbihw.kernel.uobject import UObject, UVar, event, function, number, reading, set_range
 from urbihw.platforms.bioloid import words
 from urbihw.platforms.bioloid.slots import Facts, Kind, Slot, facts_of

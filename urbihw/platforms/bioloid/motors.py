@@ -17,9 +17,9 @@ from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, Final
 
 from urbihw.buses import messages as m
-from urbihw.buses.dynamixel import units
-from urbihw.buses.dynamixel.device import DeviceInfo
 from urbihw.buses.messages import Reply
+from urbihw.buses.servos import units
+from urbihw.buses.servos.device import DeviceInfo
 from urbihw.kernel.uobject import EffectorDevice, Motion, Origin, UVar, number, reading, set_range
 from urbihw.platforms.base import LimitNamer, LimitTable
 from urbihw.platforms.bioloid import words

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from urbihw.buses import messages as m
-from urbihw.buses.dynamixel.device import DeviceInfo
+from urbihw.buses.servos.device import DeviceInfo
 from urbihw.kernel.uobject import BadConfig, NotReady, Opened, RobotSettings, UObject, event, function, reading
 from urbihw.platforms.base import LimitedDevice, WiredRobot
 from urbihw.platforms.bioloid.ax12 import AX12
@@ -85,7 +85,7 @@ class Bioloid(WiredRobot):
 
     robot_name = "bioloid"
     model_name = "ROBOTIS Bioloid"
-    family = "dynamixel"
+    family = "servos"
 
     lost = event()
     back = event()

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import math
 
-from urbihw.buses.dynamixel import units
-from urbihw.buses.dynamixel.status import state_words
 from urbihw.buses.messages import Reply
+from urbihw.buses.servos import units
+from urbihw.buses.servos.status import state_words
 from urbihw.kernel.uobject import UVar, event, function, number, owned, set_range, variable
 from urbihw.platforms.bioloid import slots, words
 from urbihw.platforms.bioloid.devices import ChangeHandler, Device

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from urbihw.buses import messages as m
-from urbihw.buses.dynamixel import units
-from urbihw.buses.dynamixel.item import Item
+from urbihw.buses.servos import units
+from urbihw.buses.servos.item import Item
 from urbihw.platforms.base import LimitNamer
 from urbihw.platforms.limits import DeviceLimits, whole_counts
 

@@ -1,6 +1,6 @@
 """The slots of each device: register, unit, and reading period.
 
-Registers are named as in ``urbihw.buses.dynamixel.tables``; their SI values come from ``units``.  A ``View`` converts
+Registers are named as in ``urbihw.buses.servos.tables``; their SI values come from ``units``.  A ``View`` converts
 them where the slot is something else: a torque in N m instead of a fraction, or a boolean.
 
 Torques are estimates: the AX-12 and the XL430 report the share of full drive, not a force; others report a current.

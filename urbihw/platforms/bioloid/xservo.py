@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from urbihw.buses.dynamixel import units
-from urbihw.buses.dynamixel.device import DeviceInfo
 from urbihw.buses.messages import Reply
+from urbihw.buses.servos import units
+from urbihw.buses.servos.device import DeviceInfo
 from urbihw.kernel.uobject import Motion, function, set_range
 from urbihw.platforms.bioloid import slots
 from urbihw.platforms.bioloid.devices import Refused

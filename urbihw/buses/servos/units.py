@@ -20,8 +20,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from urbihw.buses.dynamixel.item import Item
 from urbihw.buses.errors import BadValue
+from urbihw.buses.servos.item import Item
 
 _DIRECTION = 0x400  # bit 10 of AX speeds and loads: set means clockwise, which is negative
 _AX_FULL = 1023

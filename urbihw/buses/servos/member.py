@@ -13,12 +13,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Final
 
-from urbihw.buses.dynamixel import packet
-from urbihw.buses.dynamixel.device import Device
-from urbihw.buses.dynamixel.health import Health
-from urbihw.buses.dynamixel.item import Motion, Table
-from urbihw.buses.dynamixel.plan import Block, read_blocks
 from urbihw.buses.errors import BadValue
+from urbihw.buses.servos import packet
+from urbihw.buses.servos.device import Device
+from urbihw.buses.servos.health import Health
+from urbihw.buses.servos.item import Motion, Table
+from urbihw.buses.servos.plan import Block, read_blocks
 
 PLACE: Final = "present_position"
 GOAL: Final = "goal_position"

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from urbihw.buses.dynamixel import packet
-from urbihw.buses.dynamixel.crc import crc16
-from urbihw.buses.dynamixel.status import Status
+from urbihw.buses.servos import packet
+from urbihw.buses.servos.crc import crc16
+from urbihw.buses.servos.status import Status
 
 
 def is_answer_of(status: Status, device: int, size: int) -> bool:

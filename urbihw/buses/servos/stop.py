@@ -11,14 +11,14 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from typing import Final
 
-from urbihw.buses.dynamixel import plan
-from urbihw.buses.dynamixel.bus import DynamixelBus
-from urbihw.buses.dynamixel.cycle import Cycle
-from urbihw.buses.dynamixel.item import Motion
-from urbihw.buses.dynamixel.member import GOAL, PLACE, Member
-from urbihw.buses.dynamixel.plan import TORQUE
-from urbihw.buses.dynamixel.units import unit_of
 from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
+from urbihw.buses.servos import plan
+from urbihw.buses.servos.bus import ServoBus
+from urbihw.buses.servos.cycle import Cycle
+from urbihw.buses.servos.item import Motion
+from urbihw.buses.servos.member import GOAL, PLACE, Member
+from urbihw.buses.servos.plan import TORQUE
+from urbihw.buses.servos.units import unit_of
 
 # A SYNC_WRITE is not acknowledged, so it is sent twice.
 _REPEATS = 2
@@ -94,7 +94,7 @@ def stop_what_moves(cycle: Cycle) -> tuple[int, ...]:
     return tuple(moving)
 
 
-def _is_on_its_way(bus: DynamixelBus, member: Member) -> bool:
+def _is_on_its_way(bus: ServoBus, member: Member) -> bool:
     """Return whether a joint with torque is away from its goal: a slow one reports that it does not move."""
     number, item = member.device.id, member.table.item
     torque, moving, goal, place = (item(name) for name in (TORQUE, "moving", GOAL, PLACE))
@@ -108,7 +108,7 @@ def _is_on_its_way(bus: DynamixelBus, member: Member) -> bool:
     return left * count > ARRIVED_WITHIN_RAD
 
 
-def _write(bus: DynamixelBus, members: Iterable[Member], values: Mapping[int, Mapping[str, int]]) -> None:
+def _write(bus: ServoBus, members: Iterable[Member], values: Mapping[int, Mapping[str, int]]) -> None:
     groups: dict[int, list[plan.WriteGroup]] = {}
     for member in members:
         wanted = values.get(member.device.id)
@@ -132,7 +132,7 @@ def _is_moved_joint(member: Member) -> bool:
     return member.moved and (mode is None or mode.motion is Motion.POSITION)
 
 
-def _read_position(bus: DynamixelBus, member: Member) -> bool | None:
+def _read_position(bus: ServoBus, member: Member) -> bool | None:
     """Read the position of a joint; False if it has no torque (after a loss of power), None if it does not answer."""
     present, torque = member.table.item(PLACE), member.table.item(TORQUE)
     try:
@@ -159,7 +159,7 @@ def _within_limits(member: Member, place: int) -> int:
     return min(max(place, low), high)
 
 
-def read_position_goal(bus: DynamixelBus, member: Member) -> int:
+def read_position_goal(bus: ServoBus, member: Member) -> int:
     """Read the position of a servo and return it as a goal, within the limits. Raises as `bus.read`."""
     present = member.table.item(PLACE)
     member.place = present.unpack(bus.read(member.device.id, present.address, present.size))

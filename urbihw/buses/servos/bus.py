@@ -1,8 +1,8 @@
 """Operations on a Dynamixel bus: ping, read, write, with retries, and with refusals raised as exceptions.
 
 with buses.open_link("/dev/ttyUSB0?baud=1000000") as link:
-    bus = DynamixelBus(link, "auto")
-    for device in scan(bus).devices:                    # urbihw.buses.dynamixel.scan
+    bus = ServoBus(link, "auto")
+    for device in scan(bus).devices:                    # urbihw.buses.servos.scan
         print(device.id, device.name, bus.read(device.id, 36, 2))
 """
 
@@ -10,15 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from urbihw.buses.dynamixel import packet
-from urbihw.buses.dynamixel.status import Status, refusal_words
-from urbihw.buses.dynamixel.transactions import TransactionChannel
 from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
+from urbihw.buses.servos import packet
+from urbihw.buses.servos.status import Status, refusal_words
+from urbihw.buses.servos.transactions import TransactionChannel
 
 _RETRIES = 2
 
 
-class DynamixelBus(TransactionChannel):
+class ServoBus(TransactionChannel):
     """A channel with retried operations."""
 
     def ping(self, device: int, retries: int = _RETRIES) -> Status:

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from urbihw.buses.dynamixel import packet
-from urbihw.buses.dynamixel.item import Item, Table
+from urbihw.buses.servos import packet
+from urbihw.buses.servos.item import Item, Table
 
 # Up to this many unwanted bytes it is cheaper to read through them than to ask twice: an extra READ is 14 bytes in
 # protocol 1.0, an extra answer of a sync read 11 in protocol 2.0.

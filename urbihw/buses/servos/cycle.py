@@ -20,15 +20,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
-from urbihw.buses.dynamixel import packet, plan
-from urbihw.buses.dynamixel.bus import DynamixelBus
-from urbihw.buses.dynamixel.device import Device
-from urbihw.buses.dynamixel.health import Change
-from urbihw.buses.dynamixel.member import FIRED, PLACE, WATCHDOG, Member, Question
-from urbihw.buses.dynamixel.plan import Block, Run
-from urbihw.buses.dynamixel.scan import identify
-from urbihw.buses.dynamixel.status import Status, state_of
 from urbihw.buses.errors import BadFrame, BadValue, BusTimeout, DeviceRefused
+from urbihw.buses.servos import packet, plan
+from urbihw.buses.servos.bus import ServoBus
+from urbihw.buses.servos.device import Device
+from urbihw.buses.servos.health import Change
+from urbihw.buses.servos.member import FIRED, PLACE, WATCHDOG, Member, Question
+from urbihw.buses.servos.plan import Block, Run
+from urbihw.buses.servos.scan import identify
+from urbihw.buses.servos.status import Status, state_of
 
 STATE_ITEM = "state"
 # A retry may start only within this share of the tick, so that one bad device does not take the time of the others.
@@ -65,7 +65,7 @@ class Cycle:
         fast: FAST SYNC READ may be used.
     """
 
-    def __init__(self, bus: DynamixelBus, devices: Iterable[Device], period: float, fast: bool = True) -> None:
+    def __init__(self, bus: ServoBus, devices: Iterable[Device], period: float, fast: bool = True) -> None:
         self.bus = bus
         self.members = {device.id: Member(device) for device in sorted(devices, key=lambda device: device.id)}
         bus.protocols = {number: member.device.protocol for number, member in self.members.items()}

@@ -11,22 +11,6 @@ from dataclasses import asdict
 from typing import Any
 
 from urbihw.buses.driver import Driver, no_stop
-from urbihw.buses.dynamixel.bus import DynamixelBus
-from urbihw.buses.dynamixel.cycle import Cycle, Tick
-from urbihw.buses.dynamixel.device import Device, DeviceInfo, Scan
-from urbihw.buses.dynamixel.item import Motion
-from urbihw.buses.dynamixel.member import FIRED, GOAL, WATCHDOG, WATCHDOG_COUNTS, Member
-from urbihw.buses.dynamixel.options import Options
-from urbihw.buses.dynamixel.plan import TORQUE
-from urbihw.buses.dynamixel.scan import ScanInterrupted, identify, scan
-from urbihw.buses.dynamixel.stop import (
-    PRESENT_POSITION,
-    execute_pending_stops,
-    read_position_goal,
-    safe_stop,
-    stop_what_moves,
-)
-from urbihw.buses.dynamixel.toss import enter_toss_mode, has_toss_speed, request_toss_mode
 from urbihw.buses.errors import BadValue, BusError, LinkGone
 from urbihw.buses.link import Port, byte_link
 from urbihw.buses.messages import (
@@ -41,6 +25,22 @@ from urbihw.buses.messages import (
     Targets,
     Watch,
 )
+from urbihw.buses.servos.bus import ServoBus
+from urbihw.buses.servos.cycle import Cycle, Tick
+from urbihw.buses.servos.device import Device, DeviceInfo, Scan
+from urbihw.buses.servos.item import Motion
+from urbihw.buses.servos.member import FIRED, GOAL, WATCHDOG, WATCHDOG_COUNTS, Member
+from urbihw.buses.servos.options import Options
+from urbihw.buses.servos.plan import TORQUE
+from urbihw.buses.servos.scan import ScanInterrupted, identify, scan
+from urbihw.buses.servos.stop import (
+    PRESENT_POSITION,
+    execute_pending_stops,
+    read_position_goal,
+    safe_stop,
+    stop_what_moves,
+)
+from urbihw.buses.servos.toss import enter_toss_mode, has_toss_speed, request_toss_mode
 
 # Seconds between scans of a bus without devices (robot switched off?); a scan writes nothing.
 _SCAN_PERIOD_S = 3.0
@@ -48,15 +48,15 @@ _AX_SPEED, _AX_SIGN = "moving_speed", 1024
 _GONE = "it does not answer"
 
 
-class DynamixelDriver(Driver):
-    """The driver of the family "dynamixel"; `urbihw.buses.driver.Driver` describes the calls of the engine.
+class ServoDriver(Driver):
+    """The driver of the family "servos"; `urbihw.buses.driver.Driver` describes the calls of the engine.
 
     Verbs: "read", "write"; "write_all" writes the pairs (item, value) of `value` one after the other, until one is
     refused, and returns them; the value `PRESENT_POSITION` stands for the servo's position at that moment; "ping"
     returns the model number, "reboot" restarts a protocol 2.0 device, "scan" searches devices on all ids (0.5 s during
     which the cycle pauses: not while the robot moves; a stop ends it), posts `Found` and returns the number of devices.
     The item "state" holds the lasting error bits of the answers when they change, in words:
-    `urbihw.buses.dynamixel.status.state_words`.
+    `urbihw.buses.servos.status.state_words`.
     """
 
     slow_verbs = frozenset({"scan"})
@@ -92,7 +92,7 @@ class DynamixelDriver(Driver):
 
     def attach(self, port: Port) -> list[FromWorker]:
         """Find the devices on an open link: all (or the configured) ones the first time, the known ones later."""
-        bus = DynamixelBus(byte_link(port), self._options.protocol)
+        bus = ServoBus(byte_link(port), self._options.protocol)
         if self._options.controller:
             enter_toss_mode(bus.link)
         outcome = self._scan_bus(bus, sorted(self._known) if self._known else self._expected or self._ids)
@@ -216,7 +216,7 @@ class DynamixelDriver(Driver):
         """Return failures since `attach`, by kind."""
         return {} if self._cycle is None else asdict(self._cycle.bus.counters)
 
-    def _start_cycle(self, bus: DynamixelBus, outcome: Scan, lost: Iterable[Device]) -> list[FromWorker]:
+    def _start_cycle(self, bus: ServoBus, outcome: Scan, lost: Iterable[Device]) -> list[FromWorker]:
         """Start a cycle with the devices that a scan found and those that are expected but absent."""
         absent = list(lost)
         cycle = Cycle(bus, [*outcome.devices, *absent], 1 / self._settings.rate, self._options.fast_read)
@@ -259,7 +259,7 @@ class DynamixelDriver(Driver):
             request_toss_mode(cycle.bus.link)
 
     def _scan_bus(
-        self, bus: DynamixelBus, ids: Iterable[int] | None, urgent: Callable[[], bool] = no_stop
+        self, bus: ServoBus, ids: Iterable[int] | None, urgent: Callable[[], bool] = no_stop
     ) -> Scan:
         """Scan; where nothing answers at the speed of a CM-5, it may be one that is not in toss mode yet."""
         outcome = scan(bus, ids, urgent)
@@ -326,7 +326,7 @@ def _clear_watchdogs(cycle: Cycle, numbers: Iterable[int]) -> None:
             continue
 
 
-def _write(bus: DynamixelBus, member: Member, name: str, wanted: Any) -> int:
+def _write(bus: ServoBus, member: Member, name: str, wanted: Any) -> int:
     """Write an item, and wait for the acknowledgement if the device sends one.
 
     An AX servo whose goal lies outside the limits that it was just given executes the write but reports an error, and

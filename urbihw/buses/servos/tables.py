@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
-from urbihw.buses.dynamixel.item import Item, Mode, Motion, Table, by_name
+from urbihw.buses.servos.item import Item, Mode, Motion, Table, by_name
 
 _JOINT: Final = Mode("joint", "goal_position", Motion.POSITION, ("cw_angle_limit", "ccw_angle_limit"))
 _WHEEL: Final = Mode("wheel", "moving_speed", Motion.RATE)

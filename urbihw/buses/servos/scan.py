@@ -14,13 +14,13 @@ import contextlib
 from collections.abc import Callable, Iterable
 from typing import Final
 
-from urbihw.buses.dynamixel import packet
-from urbihw.buses.dynamixel.bus import DynamixelBus
-from urbihw.buses.dynamixel.device import Device, Scan
-from urbihw.buses.dynamixel.plan import read_blocks
-from urbihw.buses.dynamixel.status import Status
-from urbihw.buses.dynamixel.tables import table_of
 from urbihw.buses.errors import BadFrame, BusError, BusTimeout, DeviceRefused
+from urbihw.buses.servos import packet
+from urbihw.buses.servos.bus import ServoBus
+from urbihw.buses.servos.device import Device, Scan
+from urbihw.buses.servos.plan import read_blocks
+from urbihw.buses.servos.status import Status
+from urbihw.buses.servos.tables import table_of
 
 _SLOT: Final = 0.0010  # return delay of at most 508 us, processing time, and some jitter of the adapter
 _LONGEST_LAST_WAIT: Final = 0.3  # behind answers that came later than that
@@ -32,7 +32,7 @@ class ScanInterrupted(BusError):
     """The scan was interrupted by a stop."""
 
 
-def scan(bus: DynamixelBus, ids: Iterable[int] | None = None, urgent: Callable[[], bool] = lambda: False) -> Scan:
+def scan(bus: ServoBus, ids: Iterable[int] | None = None, urgent: Callable[[], bool] = lambda: False) -> Scan:
     """Find the devices on `bus`, all ids or the given ones.
 
     With protocol "auto" both are tried, 1.0 first; the first with an answer becomes the protocol of the bus, and
@@ -71,7 +71,7 @@ def scan(bus: DynamixelBus, ids: Iterable[int] | None = None, urgent: Callable[[
     return Scan(tuple(found[number] for number in sorted(found.keys() - conflicts)), tuple(sorted(conflicts)))
 
 
-def _detect_echo(bus: DynamixelBus) -> bool:
+def _detect_echo(bus: ServoBus) -> bool:
     """Return whether the adapter echoes: send a request without an answer (READ to all), and read it back."""
     bus.echo = False
     bus.link.discard()
@@ -87,7 +87,7 @@ def _detect_echo(bus: DynamixelBus) -> bool:
 class _Sweep:
     """One ping per id; answers are assigned by the sender's id."""
 
-    def __init__(self, bus: DynamixelBus, urgent: Callable[[], bool]) -> None:
+    def __init__(self, bus: ServoBus, urgent: Callable[[], bool]) -> None:
         self._bus = bus
         self._urgent = urgent
         self._decoder = packet.decoder(bus.protocol)
@@ -142,7 +142,7 @@ class _Sweep:
                 self._last_wait = min(max(self._last_wait, 2 * delay), _LONGEST_LAST_WAIT)
 
 
-def _confirm(bus: DynamixelBus, heard: dict[int, Status], doubtful: set[int]) -> Scan:
+def _confirm(bus: ServoBus, heard: dict[int, Status], doubtful: set[int]) -> Scan:
     devices: dict[int, Device] = {}
     conflicts = []
     held_up = []
@@ -169,7 +169,7 @@ def _confirm(bus: DynamixelBus, heard: dict[int, Status], doubtful: set[int]) ->
     return Scan(tuple(devices[number] for number in sorted(devices)), tuple(conflicts))
 
 
-def _ping_repeatedly(bus: DynamixelBus, device: int) -> str:
+def _ping_repeatedly(bus: ServoBus, device: int) -> str:
     """Ping a doubtful id a few times and decode all answers: "nobody", "one" or "crowd" answers to it."""
     ping = packet.ping_packet(bus.protocol, device)
     crowded = silent = 0
@@ -187,7 +187,7 @@ def _ping_repeatedly(bus: DynamixelBus, device: int) -> str:
     return "crowd" if 2 * crowded > _CONFLICT_PINGS else "nobody" if silent == _CONFLICT_PINGS else "one"
 
 
-def identify(bus: DynamixelBus, number: int, pong: Status | None = None) -> Device:
+def identify(bus: ServoBus, number: int, pong: Status | None = None) -> Device:
     """Return the description of a device; `pong` is its answer to a ping if there was one.
 
     A device that answers nothing but pings (status return level 0) gets model 0.
@@ -204,7 +204,7 @@ def identify(bus: DynamixelBus, number: int, pong: Status | None = None) -> Devi
     return Device(number, model, about[2], protocol, _setup(bus, number, model))
 
 
-def _setup(bus: DynamixelBus, number: int, model: int) -> dict[str, int]:
+def _setup(bus: ServoBus, number: int, model: int) -> dict[str, int]:
     table = table_of(model)
     values: dict[str, int] = {}
     if table is not None:

@@ -14,12 +14,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from urbihw.buses.dynamixel import packet
-from urbihw.buses.dynamixel.answers import GroupAnswer, exact_answer, is_answer_of
-from urbihw.buses.dynamixel.response_timeout import ResponseTimeoutEstimator
-from urbihw.buses.dynamixel.status import Status
 from urbihw.buses.errors import BadFrame, BusTimeout
 from urbihw.buses.link import Link
+from urbihw.buses.servos import packet
+from urbihw.buses.servos.answers import GroupAnswer, exact_answer, is_answer_of
+from urbihw.buses.servos.response_timeout import ResponseTimeoutEstimator
+from urbihw.buses.servos.status import Status
 
 ProtocolChoice = Literal[1, 2, "auto"]
 # One question: request, device, bytes of data in its answer.

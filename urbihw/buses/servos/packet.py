@@ -23,9 +23,9 @@ from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from typing import Final, Protocol
 
-from urbihw.buses.dynamixel.crc import crc16
-from urbihw.buses.dynamixel.status import Status
 from urbihw.buses.errors import BadValue
+from urbihw.buses.servos.crc import crc16
+from urbihw.buses.servos.status import Status
 
 BROADCAST: Final = 0xFE
 MAX_ID: Final = {1: 253, 2: 252}

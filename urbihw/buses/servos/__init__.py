@@ -1,4 +1,4 @@
-"""Dynamixel servos and sensors on one half-duplex wire.
+"""Smart servos and sensors on one half-duplex wire: Dynamixel, protocols 1.0 and 2.0.
 
 Reading order: `packet` and `status` (bytes only), `tables` (control tables as data), `units` (raw counts to SI),
 `wire` and `bus` (ask and be answered), `scan` (who is there), `plan` and `health` (pure parts of the cycle), `cycle`

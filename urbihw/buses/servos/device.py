@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from urbihw.buses.dynamixel.item import Mode, Table
-from urbihw.buses.dynamixel.tables import table_of
+from urbihw.buses.servos.item import Mode, Table
+from urbihw.buses.servos.tables import table_of
 
 
 @dataclass(frozen=True)
