@@ -7,6 +7,7 @@
 #   make hostile all attacks of tests/hostile, beside a neighbour; ARGS="regexp TLS" for some of them
 #   make witnesses  pypot and lerobot talk to the simulated servos; they are installed beside .venv's packages (2 GB)
 #   make soak    half an hour of mixed work and faults; memory must stay as it is
+#   make deb     the Debian package, in build/deb (on Debian 12 or later; `apt build-dep .` installs what that takes)
 #   make clean   forget the environment and all caches
 #
 # PYTHON is the Python to build the environment from.  VENV_FLAGS=--system-site-packages lets it see Debian's own
@@ -24,7 +25,7 @@ PIP = $(BIN)/python -m pip --disable-pip-version-check install --quiet
 
 # Pieces of `make test`, each to be run alone while working.  Tests in real time (e2e) come last, apart from the hard work;
 # as they mostly wait, there are two for each processor.  Those that fail are run once more, alone: see CONTRIBUTING.md.
-.PHONY: run test lint types check bench fuzz hostile witnesses soak clean
+.PHONY: run test lint types check bench fuzz hostile witnesses soak deb clean
 
 run: .venv/installed
 	$(BIN)/urbihw serve --platform $(PLATFORM) --fake $(ARGS)
@@ -60,11 +61,19 @@ hostile: .venv/installed-dev
 	$(BIN)/python -m bench.hostile $(ARGS)
 
 witnesses: .venv/installed-dev
-	$(PIP) --upgrade --target .venv/witnesses 'pypot>=5,<6' 'lerobot>=0.4,<0.5'
+	$(PIP) --upgrade --target .venv/witnesses 'pypot>=5,<6' 'lerobot[feetech]>=0.4,<0.5'
 	PYTHONPATH=.venv/witnesses $(BIN)/python -m pytest tests/fakes/test_more_witnesses.py $(ARGS)
 
 soak: .venv/installed-dev
 	$(BIN)/python -m bench.soak $(ARGS)
+
+# Built from a copy: the build writes into the sources.
+deb:
+	rm -rf build/deb && mkdir -p build/deb/urbihw
+	tar --exclude-vcs --exclude='./.*' --exclude=./build --exclude=./dist --exclude='*.egg-info' --exclude=__pycache__ \
+	  -c . | tar -x -C build/deb/urbihw
+	cd build/deb/urbihw && dpkg-buildpackage -us -uc -b
+	@ls build/deb/*.deb
 
 clean:
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache build dist *.egg-info

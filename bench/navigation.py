@@ -30,7 +30,7 @@ from p3dx_lab import Lab  # noqa: E402
 
 from urbihw.navigation import extra, maps, navigator  # noqa: E402
 from urbihw.navigation.drawing import Drawing  # noqa: E402
-from urbihw.navigation.frames import Point, Pose, wrapped  # noqa: E402
+from urbihw.navigation.frames import Point, Pose, path_length, wrapped  # noqa: E402
 from urbihw.navigation.grid import Grid  # noqa: E402
 from urbihw.navigation.planner import NoPath, plan  # noqa: E402
 from urbihw_fakes.p3dx.body import RADIUS  # noqa: E402
@@ -98,14 +98,15 @@ class Trial:
         that it is lost, seconds until it knows, and m between the two; nan for what does not happen."""
         lab = self.lab
         lab.kit.body.set_pose(*to)
-        begun, noticed = lab.clock.now(), math.nan
+        begun = lab.clock.now()
+        noticed = math.nan if lab.look("P3dx.planner.ready") == "true" else 0.0
         lab.heard()
         lab.say("P3dx.body.yaw.speed = 0.4;")
         while lab.clock.now() - begun < FIND_TIMEOUT_S:
             self.hall.move_boxes(lab.where()[:2])
             lab.run(BOX_STEP_S)
             lab.thought()
-            if "lost" in lab.heard():
+            if noticed != noticed and "lost" in lab.heard():
                 noticed = lab.clock.now() - begun
             if noticed == noticed and lab.look("P3dx.planner.ready") == "true":
                 break
@@ -149,11 +150,6 @@ def shortest_way(grid: Grid, start: Point, goal: Point) -> float:
     return min(path_length(plan(grid, start, goal, free)) for free in (RADIUS, RADIUS + 0.05, RADIUS + 0.1))
 
 
-def path_length(path: Sequence[Point]) -> float:
-    """Its length in m."""
-    return sum(math.dist(a, b) for a, b in zip(path, path[1:], strict=False))
-
-
 def run_trial(goals: int, seed: int) -> tuple[Hall, list[Run], Trial]:
     """Send a robot to random goals."""
     hall = Hall(seed)
@@ -176,7 +172,7 @@ def run_trial(goals: int, seed: int) -> tuple[Hall, list[Run], Trial]:
 
 def carry_robot(trial: Trial, times: int, seed: int) -> str:
     """Carry the robot to random places; a line for the table."""
-    draw, found, misses = random.Random(seed + 2), [], []
+    draw, found, misses, wrong = random.Random(seed + 2), [], [], 0
     for _ in range(times):
         at = trial.hall.place(FREE)
         noticed, seconds, metres = trial.carry((*at, draw.uniform(-math.pi, math.pi)))
@@ -187,11 +183,13 @@ def carry_robot(trial: Trial, times: int, seed: int) -> str:
         if seconds == seconds and metres < 0.5:
             found.append(seconds)
             misses.append(metres * 100)
+        wrong += seconds == seconds and metres >= 0.5
     if not found:
         return "| carried away: found itself | never |"
     return (
         f"| carried away, turned by hand: found itself | {len(found)} of {times}, median "
-        f"{statistics.median(found):.0f} s, {statistics.median(misses):.1f} cm off |"
+        f"{statistics.median(found):.0f} s, {statistics.median(misses):.1f} cm off |\n"
+        f"| believed to be in a wrong place | {wrong} of {times} |"
     )
 
 

@@ -44,9 +44,9 @@ def requirements() -> dict[str, str]:
 
 def test_every_dependency_has_its_row_with_range_and_reason() -> None:
     page = (ROOT / "docs" / "dependencies.md").read_text()
-    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in page.splitlines() if line.startswith("|")]
-    documented = {row[0]: row[1] for row in rows if row[0] != "package" and row[2] and not row[0].startswith("-")}
-    assert documented == requirements()
+    tables = [part.splitlines() for part in page.split("\n\n") if part.startswith("| package |")]
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for table in tables for line in table[2:]]
+    assert {row[0]: row[1] for row in rows if row[2]} == requirements()
 
 
 def test_every_dependency_is_bounded_above_but_those_of_the_build() -> None:
@@ -67,7 +67,7 @@ def test_the_udev_rules_name_the_adapters_of_the_manifests() -> None:
     for manifest in (ROOT / "urbihw" / "platforms").glob("*/platform.toml"):
         for usb in tomllib.loads(manifest.read_text()).get("usb", []):
             wanted.add((f"{usb['vendor']:04x}", f"{usb['product']:04x}", f"urbihw-{manifest.parent.name}"))
-    rules = (ROOT / "share" / "99-urbihw.rules").read_text()
+    rules = (ROOT / "urbihw" / "share" / "99-urbihw.rules").read_text()
     row = re.compile(r'^ATTRS\{idVendor\}=="(\w+)", ATTRS\{idProduct\}=="(\w+)", SYMLINK\+="([\w-]+)"', re.MULTILINE)
     assert wanted
     assert set(row.findall(rules)) == wanted

@@ -70,25 +70,41 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.kernel.process": ("urbihw.kernel.facade", "urbihw.kernel.server"),
     # What a setting may be: of the daemon, of a platform, of a bus url.
     "urbihw.settings": (),
+    # Files that a user names.
+    "urbihw.files": (),
     # Pauses between tries, counting of what repeats, exit codes of the commands: for whoever needs them.
     "urbihw.backoff": (),
     "urbihw.repeats": (),
     "urbihw.exitcodes": (),
+    # How an extra is installed: for who has to say so.
+    "urbihw.extras": (),
     # Wires and robots.
-    "urbihw.buses": ("urbihw.settings", "urbihw.backoff"),
+    "urbihw.buses": ("urbihw.settings", "urbihw.backoff", "urbihw.extras", "urbihw.files"),
     # Maps, paths and scans for any base that drives; it knows no platform.
-    "urbihw.navigation": ("urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings"),
+    "urbihw.navigation": (
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.extras", "urbihw.files",
+    ),  # fmt: skip
     # The loader and the daemon hold a robot by its base class, and know the kinds of its failures.
-    "urbihw.platforms": ("urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.platforms.limits"),
+    "urbihw.platforms": (
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.extras", "urbihw.platforms.expected",
+        "urbihw.platforms.limits",
+    ),  # fmt: skip
     # What the robots share: a robot on one wire.
     "urbihw.platforms.limits": ("urbihw.kernel.uobject", "urbihw.settings"),
+    # It must know which names urbiscript takes.
+    "urbihw.platforms.expected": (
+        "urbihw.kernel.uobject", "urbihw.kernel.syntax", "urbihw.buses", "urbihw.settings", "urbihw.platforms.taken",
+    ),  # fmt: skip
     "urbihw.platforms.devicelog": ("urbihw.repeats",),
+    "urbihw.platforms.remembered": ("urbihw.files",),
     "urbihw.platforms.words": (),
+    "urbihw.platforms.taken": (),
     "urbihw.platforms.identity": ("urbihw.kernel.uobject",),
     "urbihw.platforms.base": (
-        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.platforms.channel",
-        "urbihw.platforms.clipping", "urbihw.platforms.limits", "urbihw.platforms.devicelog",
-        "urbihw.platforms.identity", "urbihw.platforms.words",
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.files", "urbihw.platforms.channel",
+        "urbihw.platforms.clipping", "urbihw.platforms.expected", "urbihw.platforms.limits",
+        "urbihw.platforms.devicelog", "urbihw.platforms.identity", "urbihw.platforms.remembered",
+        "urbihw.platforms.words",
     ),  # fmt: skip
     "urbihw.platforms.channel": ("urbihw.kernel.uobject", "urbihw.buses"),
     "urbihw.platforms.clipping": ("urbihw.buses",),
@@ -98,12 +114,30 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.platforms.sound",
     ),  # fmt: skip
     "urbihw.platforms.measured": ("urbihw.kernel.uobject", "urbihw.platforms.words"),
+    "urbihw.platforms.jpeg": (),
+    "urbihw.platforms.film": ("urbihw.extras", "urbihw.platforms.jpeg"),
+    "urbihw.platforms.camera": (
+        "urbihw.kernel.uobject", "urbihw.settings", "urbihw.platforms.channel", "urbihw.platforms.film",
+        "urbihw.platforms.jpeg", "urbihw.platforms.streamed",
+    ),  # fmt: skip
     "urbihw.platforms.streamed": ("urbihw.kernel.uobject", "urbihw.platforms.channel", "urbihw.platforms.words"),
-    ROBOT: (
+    # Motions recorded, kept and played, for every robot with joints.
+    "urbihw.platforms.teach": (
+        "urbihw.kernel.uobject", "urbihw.settings", "urbihw.files", "urbihw.platforms.base",
+    ),  # fmt: skip
+    # Servos as objects, for every robot on a servo bus.
+    "urbihw.platforms.servos": (
         "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.platforms.base", "urbihw.platforms.channel",
-        "urbihw.platforms.limits", "urbihw.platforms.devicelog", "urbihw.platforms.streamed",
-        "urbihw.platforms.measured", "urbihw.platforms.speaker", "urbihw.platforms.sound", "urbihw.platforms.words",
-        "urbihw.navigation",
+        "urbihw.platforms.expected", "urbihw.platforms.limits", "urbihw.platforms.devicelog", "urbihw.platforms.words",
+        "urbihw.platforms.teach",
+    ),  # fmt: skip
+    ROBOT: (
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.extras", "urbihw.platforms.base",
+        "urbihw.platforms.channel", "urbihw.platforms.expected", "urbihw.platforms.limits",
+        "urbihw.platforms.devicelog", "urbihw.platforms.streamed", "urbihw.platforms.measured",
+        "urbihw.platforms.camera", "urbihw.platforms.jpeg",
+        "urbihw.platforms.speaker", "urbihw.platforms.sound", "urbihw.platforms.words", "urbihw.platforms.servos",
+        "urbihw.platforms.teach", "urbihw.navigation",
     ),  # fmt: skip
     # The ways in.  "urbihw.kernel" alone is its door, Kernel; "urbihw.platforms" alone is the loader.
     "urbihw.daemon": (
@@ -116,6 +150,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.platforms",
         "urbihw.buses",
         "urbihw.settings",
+        "urbihw.extras",
+        "urbihw.files",
         "urbihw.backoff",
     ),
     "urbihw.cli": (
@@ -131,6 +167,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.settings",
         "urbihw.backoff",
         "urbihw.exitcodes",
+        "urbihw.extras",
         "urbihw.daemon",
         "urbihw.remote",
         "urbihw.client",

@@ -46,10 +46,16 @@ MAX_LINE_LENGTH = 1000
 """Maximum length of a message in characters; a file may contain a name or a value of a million characters."""
 
 
+def escape_unprintable(text: str) -> str:
+    r"""A text that a terminal cannot take for a command, nor a reader for two lines: unprintable characters as ``\n``,
+    ``\x1b``, ``\u202e``.
+    """
+    return text if text.isprintable() else "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in text)
+
+
 def one_line(text: str) -> str:
     """A text for a terminal or a log: unprintable characters are escaped, and a long text is truncated."""
-    cut = text if len(text) <= MAX_LINE_LENGTH else text[:MAX_LINE_LENGTH] + "..."
-    return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in cut)
+    return escape_unprintable(text if len(text) <= MAX_LINE_LENGTH else text[:MAX_LINE_LENGTH] + "...")
 
 
 @dataclass(frozen=True)
@@ -172,13 +178,14 @@ def choice(*words: Any, wants: str = "", make: Callable[[Any], Any] = lambda val
                 words=words)  # fmt: skip
 
 
-def setting(default: Any, rule: Rule, *, in_url: bool = False, secret: bool = False) -> Any:
+def setting(default: Any, rule: Rule, *, in_url: bool = False, secret: bool = False, file: bool = False) -> Any:
     """A field of a table.
 
     ``in_url``: it can also be given in the robot's url, as ``?name=value``.  ``secret``: a password or the like, which
-    neither ``repr`` nor ``urbihw config show`` shows.
+    neither ``repr`` nor ``urbihw config show`` shows.  ``file``: the path of a file, beside the settings file unless it
+    says where.
     """
-    about = {"rule": rule, "in_url": in_url, "secret": secret}
+    about = {"rule": rule, "in_url": in_url, "secret": secret, "file": file}
     if isinstance(default, dict | list):
         return field(default_factory=lambda: copy.copy(default), metadata=about)
     return field(default=default, repr=not secret, metadata=about)
@@ -213,6 +220,11 @@ class Table:
     def in_url(cls) -> frozenset[str]:
         """The rows that can also be given in the robot's url."""
         return frozenset(each.name for each in fields(cls) if each.metadata["in_url"])
+
+    @classmethod
+    def files(cls) -> frozenset[str]:
+        """The rows that are paths of files."""
+        return frozenset(each.name for each in fields(cls) if each.metadata["file"])
 
     @classmethod
     def secrets(cls) -> frozenset[str]:

@@ -12,9 +12,10 @@ How the first two are served, and what `pace` and `spin` mean: `urbihw_fakes.ser
 
 from __future__ import annotations
 
+import fcntl
 import os
 import socket
-import termios
+import struct
 import time
 import tty
 from collections.abc import Callable
@@ -25,13 +26,16 @@ from urbihw_fakes.device import Answer, Device
 from urbihw_fakes.errors import AdapterGone, FakeError
 from urbihw_fakes.serving import CHUNK, Endpoint
 
+_TCGETS2 = 0x802C542A  # asm-generic/ioctls.h: the same on x86 and ARM
+_TERMIOS2 = struct.Struct("4I20s2I")  # four flags, line discipline and control characters, input and output speed
+
 
 class PtyEndpoint(Endpoint):
     """A device behind a pseudo terminal, which any serial library opens like a USB adapter.
 
     `path` is a symbolic link to it, created here and again at every `plug`, so that the name stays; without one a name
     in the temporary folder is made. Any speed will do, unless `follow_baud`: then the units hear only the speed that
-    the peer has set on the terminal (standard speeds only; others count as any).
+    the peer has set on the terminal.
     """
 
     def __init__(
@@ -94,8 +98,7 @@ class PtyEndpoint(Endpoint):
 
     def _receive(self, ready: int) -> bytes:
         if self._follow:
-            speed = termios.tcgetattr(self._theirs)[5]
-            self.device.baud = _speeds().get(speed)
+            self.device.baud = _speed_of(self._theirs)
         try:
             return os.read(ready, CHUNK)
         except BlockingIOError:
@@ -284,7 +287,13 @@ class MemoryEndpoint:
             raise AdapterGone("the adapter is unplugged")
 
 
-def _speeds() -> dict[int, int]:
-    """Terminal speed codes -> bits per second."""
-    names = (name for name in dir(termios) if name[0] == "B" and name[1:].isdigit())
-    return {getattr(termios, name): int(name[1:]) for name in names}
+def _speed_of(terminal: int) -> int | None:
+    """Return the output speed of a terminal in bits per second; None if the system does not tell it.
+
+    `tcgetattr` knows standard speeds only; `struct termios2` of Linux has any speed as a number.
+    """
+    try:
+        settings = fcntl.ioctl(terminal, _TCGETS2, bytes(_TERMIOS2.size))
+    except OSError:
+        return None
+    return int(_TERMIOS2.unpack(settings)[-1])

@@ -10,6 +10,7 @@ from urbihw import buses
 from urbihw.buses.clock import SimClock
 from urbihw.buses.link import Context, Link
 from urbihw.buses.pipe import PipeEnd
+from urbihw.buses.servos.backend_sdk import SdkBus
 from urbihw.buses.servos.bus import ServoBus
 from urbihw.buses.servos.transactions import ProtocolChoice
 from urbihw_fakes.bioloid import Bioloid
@@ -17,8 +18,20 @@ from urbihw_fakes.bioloid import Bioloid
 BAUD = 1_000_000
 
 
+BACK_ENDS: dict[str, type[ServoBus]] = {"own": ServoBus, "sdk": SdkBus}
+
+both_back_ends = pytest.mark.usefixtures("back_end")
+"""For tests of the contract of the wire: they run over each back end."""
+
+
 class Rig:
-    """A kit, the simulated clock it lives on, and the link that reaches it."""
+    """A kit, the simulated clock it lives on, and the link that reaches it.
+
+    Attributes:
+        back_end: what `bus` makes.
+    """
+
+    back_end: type[ServoBus] = ServoBus
 
     def __init__(self, kit: Bioloid) -> None:
         self.kit = kit
@@ -34,7 +47,7 @@ class Rig:
             unit.registers.put("return_delay", 0)
 
     def bus(self, protocol: ProtocolChoice = 1) -> ServoBus:
-        return ServoBus(self.link, protocol)
+        return self.back_end(self.link, protocol)
 
     def sent(self) -> list[str]:
         """What the host has written since the last call, one entry a write, as spaced hex."""
@@ -46,6 +59,11 @@ class Rig:
         self.kit.tick(at)
         for answer in self.kit.feed(data, at):
             self.end.send(answer.data, answer.at)
+
+
+@pytest.fixture(params=BACK_ENDS)
+def back_end(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Rig, "back_end", BACK_ENDS[request.param])
 
 
 @pytest.fixture

@@ -15,9 +15,10 @@ from urbihw_fakes.dynamixel.ax12 import Ax12
 from urbihw_fakes.dynamixel.axs1 import AxS1
 from urbihw_fakes.dynamixel.xseries import XSeries
 
-from .conftest import Rig, instruction_of
+from .conftest import Rig, both_back_ends, instruction_of
 
 
+@both_back_ends
 def test_read_write_and_refusal(rig: Rig) -> None:
     bus = rig.bus()
     bus.write(6, 25, b"\x01")
@@ -27,12 +28,14 @@ def test_read_write_and_refusal(rig: Rig) -> None:
         bus.write(6, 24, b"\x07")
 
 
+@both_back_ends
 def test_reading_takes_wire_time_and_nothing_else(rig: Rig) -> None:
     start = rig.clock.now()
     rig.bus().read(6, 36, 8)
     assert rig.clock.now() - start == pytest.approx(22 * 10e-6)
 
 
+@both_back_ends
 def test_a_damaged_answer_is_asked_for_again(rig: Rig) -> None:
     rig.kit.faults.start("checksum", 6, times=1)
     bus = rig.bus()
@@ -40,6 +43,7 @@ def test_a_damaged_answer_is_asked_for_again(rig: Rig) -> None:
     assert (bus.counters.damaged, bus.counters.retried) == (1, 1)
 
 
+@both_back_ends
 @pytest.mark.parametrize(("fault", "error"), [("silence", BusTimeout), ("checksum", BadFrame), ("cut", BadFrame)])
 def test_a_lasting_fault_is_an_error_that_names_the_device(rig: Rig, fault: str, error: type[Exception]) -> None:
     rig.kit.faults.start(fault, 6)
@@ -49,6 +53,7 @@ def test_a_lasting_fault_is_an_error_that_names_the_device(rig: Rig, fault: str,
     assert len(bus.read(7, 36, 8)) == 8
 
 
+@both_back_ends
 @pytest.mark.parametrize(("fault", "error"), [("silence", BusTimeout), ("checksum", BadFrame), ("cut", BadFrame)])
 def test_a_lasting_fault_in_protocol_2(x_rig: Rig, fault: str, error: type[Exception]) -> None:
     x_rig.kit.faults.start(fault, 6)
@@ -58,11 +63,13 @@ def test_a_lasting_fault_in_protocol_2(x_rig: Rig, fault: str, error: type[Excep
     assert len(bus.read(7, 132, 4)) == 4
 
 
+@both_back_ends
 def test_noise_in_front_of_an_answer_does_no_harm(rig: Rig) -> None:
     rig.kit.faults.start("noise", 6)
     assert rig.bus().read(6, 0, 1) == b"\x0c"
 
 
+@both_back_ends
 def test_a_late_answer_is_never_taken_for_another_and_teaches_patience(rig: Rig) -> None:
     bus = rig.bus()
     rig.kit.faults.start("late", 6, amount=0.021)
@@ -75,6 +82,7 @@ def test_a_late_answer_is_never_taken_for_another_and_teaches_patience(rig: Rig)
     assert bus.read(6, 3, 1) == b"\x06"
 
 
+@both_back_ends
 def test_the_answer_to_a_repeated_question_answers_no_other(rig: Rig) -> None:
     bus = rig.bus()
     for _ in range(30):
@@ -86,6 +94,7 @@ def test_the_answer_to_a_repeated_question_answers_no_other(rig: Rig) -> None:
     assert bus.read(6, 0, 1) == b"\x0c"
 
 
+@both_back_ends
 @pytest.mark.parametrize("moment", [0.0045, 0.006, 0.0071, 0.0072, 0.00725, 0.0074, 0.02])
 def test_nor_does_it_come_between_a_later_question_and_its_answer(rig: Rig, moment: float) -> None:
     bus = rig.bus()
@@ -101,6 +110,7 @@ def test_nor_does_it_come_between_a_later_question_and_its_answer(rig: Rig, mome
     assert bus.read(6, 3, 1) == b"\x06"
 
 
+@both_back_ends
 def test_a_late_answer_of_another_size_is_no_answer(rig: Rig) -> None:
     bus = rig.bus()
     for _ in range(30):
@@ -111,6 +121,7 @@ def test_a_late_answer_of_another_size_is_no_answer(rig: Rig) -> None:
     assert len(bus.read(6, 36, 8)) == 8
 
 
+@both_back_ends
 def test_time_outs_get_short_when_answers_are_prompt(rig: Rig) -> None:
     bus = rig.bus()
     for _ in range(30):
@@ -122,6 +133,7 @@ def test_time_outs_get_short_when_answers_are_prompt(rig: Rig) -> None:
     assert rig.clock.now() - start < 0.0035
 
 
+@both_back_ends
 def test_after_a_burst_of_lateness_the_brief_time_out_is_still_short(rig: Rig) -> None:
     bus = rig.bus()
     for _ in range(30):
@@ -144,6 +156,7 @@ def sync_read(bus: ServoBus, ids: Sequence[int], fast: bool = False) -> dict[int
     return {status.device: status.params for status in answers}
 
 
+@both_back_ends
 def test_group_read_of_protocol_2_gives_what_there_is(x_rig: Rig) -> None:
     bus = x_rig.bus(2)
     assert sorted(sync_read(bus, range(1, 19))) == list(range(1, 19))
@@ -151,6 +164,7 @@ def test_group_read_of_protocol_2_gives_what_there_is(x_rig: Rig) -> None:
     assert sorted(sync_read(bus, range(1, 19))) == [n for n in range(1, 19) if n != 5]
 
 
+@both_back_ends
 def test_fast_reads(x_rig: Rig) -> None:
     for unit in x_rig.kit:
         unit.registers.put("firmware", 50)
@@ -158,12 +172,14 @@ def test_fast_reads(x_rig: Rig) -> None:
     assert sync_read(bus, [3, 7, 4], fast=True) == sync_read(bus, [3, 7, 4])
 
 
+@both_back_ends
 def test_sync_write_reaches_all(rig: Rig) -> None:
     bus = rig.bus()
     bus.sync_write(25, dict.fromkeys(range(1, 19), b"\x01"))
     assert all(bus.read(number, 25, 1) == b"\x01" for number in range(1, 19))
 
 
+@both_back_ends
 def test_reboot(x_rig: Rig) -> None:
     bus = x_rig.bus(2)
     bus.write(3, 65, b"\x01")
@@ -172,6 +188,7 @@ def test_reboot(x_rig: Rig) -> None:
     assert bus.read(3, 65, 1) == b"\x00"
 
 
+@both_back_ends
 @pytest.mark.parametrize("protocol", [1, 2])
 def test_an_echoing_adapter_is_recognised(make_rig: Callable[[Bioloid], Rig], protocol: int) -> None:
     rig = make_rig(Bioloid(baud=1_000_000) if protocol == 1 else Bioloid.x_series(18, baud=1_000_000))
@@ -188,16 +205,18 @@ def test_an_echoing_adapter_is_recognised(make_rig: Callable[[Bioloid], Rig], pr
         assert len(sync_read(bus, range(1, 19))) == 18
 
 
+@both_back_ends
 def test_scan_finds_all_in_half_a_second(rig: Rig) -> None:
     start = rig.clock.now()
     found = scan(rig.bus())
     assert rig.clock.now() - start < 0.5
     assert [(d.id, d.name) for d in found.devices] == [*((n, "AX-12A") for n in range(1, 19)), (100, "AX-S1")]
     assert found.conflicts == ()
-    assert found.devices[0].mode is tables.AX12.modes[1]
+    assert found.devices[0].mode is tables.table_named("AX-12").mode_named("joint")
     assert found.devices[-1].mode is None
 
 
+@both_back_ends
 def test_scan_of_protocol_2_finds_all_in_half_a_second(x_rig: Rig) -> None:
     start = x_rig.clock.now()
     found = scan(x_rig.bus(2))
@@ -205,6 +224,7 @@ def test_scan_of_protocol_2_finds_all_in_half_a_second(x_rig: Rig) -> None:
     assert [(d.id, d.name) for d in found.devices] == [(n, "XL430-W250") for n in range(1, 19)]
 
 
+@both_back_ends
 def test_scan_credits_answers_that_a_slow_adapter_delivers_late(rig: Rig) -> None:
     rig.kit.faults.start("late", amount=0.016)
     found = scan(rig.bus())
@@ -212,6 +232,7 @@ def test_scan_credits_answers_that_a_slow_adapter_delivers_late(rig: Rig) -> Non
     assert found.conflicts == ()
 
 
+@both_back_ends
 def test_scan_with_factory_return_delay(rig: Rig) -> None:
     for unit in rig.kit:
         unit.registers.put("return_delay", 250)
@@ -219,6 +240,7 @@ def test_scan_with_factory_return_delay(rig: Rig) -> None:
     assert (len(found.devices), found.conflicts) == (19, ())
 
 
+@both_back_ends
 @pytest.mark.parametrize("delay", [0, 250])
 def test_scan_detects_two_devices_with_one_id(rig: Rig, delay: int) -> None:
     from urbihw_fakes.dynamixel.ax12 import Ax12
@@ -232,6 +254,7 @@ def test_scan_detects_two_devices_with_one_id(rig: Rig, delay: int) -> None:
     assert [device.id for device in found.devices] == [n for n in (*range(1, 19), 100) if n != 6]
 
 
+@both_back_ends
 def test_scan_detects_a_conflict_in_protocol_2(x_rig: Rig) -> None:
     from urbihw_fakes.dynamixel.xseries import XSeries
 
@@ -244,11 +267,13 @@ def test_scan_detects_a_conflict_in_protocol_2(x_rig: Rig) -> None:
     assert len(found.devices) == 17
 
 
+@both_back_ends
 def test_a_device_asked_for_by_name_gets_a_second_look(rig: Rig) -> None:
     rig.kit.faults.start("silence", 6, times=1)
     assert [device.id for device in scan(rig.bus(), [5, 6, 50]).devices] == [5, 6]
 
 
+@both_back_ends
 def test_a_device_that_is_held_up_in_the_middle_of_a_scan_is_asked_again(rig: Rig) -> None:
     asked = 0
 
@@ -264,6 +289,7 @@ def test_a_device_that_is_held_up_in_the_middle_of_a_scan_is_asked_again(rig: Ri
     assert len(found.devices) == 19
 
 
+@both_back_ends
 def test_scan_waits_for_the_last_as_long_as_for_others(rig: Rig) -> None:
     rig.kit.faults.start("late", amount=0.2)
     assert len(scan(rig.bus()).devices) == 19
@@ -275,6 +301,7 @@ def mixed_kit() -> Bioloid:
     return Bioloid(units=units, baud=1_000_000)
 
 
+@both_back_ends
 def test_both_protocols_on_one_wire_are_found_and_spoken(make_rig: Callable[[Bioloid], Rig]) -> None:
     rig = make_rig(mixed_kit())
     bus = rig.bus("auto")
@@ -287,18 +314,21 @@ def test_both_protocols_on_one_wire_are_found_and_spoken(make_rig: Callable[[Bio
         bus.ping(number)
 
 
+@both_back_ends
 def test_one_id_in_both_protocols_is_a_conflict(make_rig: Callable[[Bioloid], Rig]) -> None:
     rig = make_rig(Bioloid(units=[Ax12(1), XSeries("XL430-W250", 1), Ax12(2)], baud=1_000_000))
     found = scan(rig.bus("auto"))
     assert ([device.id for device in found.devices], found.conflicts) == ([2], (1,))
 
 
+@both_back_ends
 def test_scan_writes_nothing(rig: Rig) -> None:
     scan(rig.bus("auto"))
     # Ping or read.
     assert {instruction_of(line) for line in rig.sent()} == {"01", "02"}
 
 
+@both_back_ends
 def test_scan_of_an_empty_wire(make_rig: Callable[[Bioloid], Rig]) -> None:
     found = scan(make_rig(Bioloid(servos=(), sensors=())).bus("auto"))
     assert (found.devices, found.conflicts) == ((), ())

@@ -287,6 +287,44 @@ def test_a_short_break_of_power_is_noticed_too(rig: Rig) -> None:
     assert states[0].reason == "it has started anew"
 
 
+def test_a_drive_taken_away_that_cannot_be_set_up_brakes_and_is_tried_again(rig: Rig) -> None:
+    rig.take(m.DeviceState)
+    rig.aim("velocity", TURN)
+    rig.run(0.5)
+    objects = rig.drive._node.object_dictionary
+    mapping = objects[0x1A00]
+    del objects[0x1A00]
+    rig.drive.receive_frame(CanFrame(0, b"\x02\x05"), rig.clock.now())
+    rig.run(1.0)
+    assert rig.drive.machine.speed == 0.0
+    reason = "another master on the bus has put it into STOPPED"
+    assert rig.take(m.DeviceState) == [m.DeviceState(5, "ok", "lost", reason)]
+    objects.add_object(mapping)
+    rig.run(1.0)
+    assert [state.new for state in rig.take(m.DeviceState)] == ["back", "ok"]
+    assert rig.ask("enable").ok
+
+
+def test_a_drive_that_was_left_in_stopped_is_found_and_braked(rig: Rig) -> None:
+    rig.aim("velocity", TURN)
+    rig.run(0.5)
+    rig.driver.detach()
+    # It does not watch a master here, so it turns on.
+    rig.drive._node.set_data(0x1016, 1, bytes(4))
+    rig.drive.receive_frame(CanFrame(0, b"\x02\x05"), rig.clock.now())
+    rig.take(m.Found)
+    assert rig.attach().take(m.Found) == [m.Found((INFO,))]
+    assert rig.drive.machine.speed > 0
+    assert rig.driver.stop_what_moves() == (5,)
+    rig.run(0.5)
+    assert (rig.drive.machine.speed, rig.drive.machine.state) == (0.0, c.DISABLED)
+
+
+@pytest.mark.parametrize("method", [10**9, "x", None, float("nan")])
+def test_a_homing_method_that_is_none_is_refused(rig: Rig, method: Any) -> None:
+    assert "refuses homing method" in rig.ask("home", value=method, seconds=0.1).error
+
+
 def test_a_link_that_was_away_moves_nothing(rig: Rig) -> None:
     rig.aim("velocity", TURN)
     rig.run(0.5)

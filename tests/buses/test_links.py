@@ -282,6 +282,7 @@ def test_urls() -> None:
         ("spy:///dev/null?boud=1", r"boud: no such parameter; did you mean baud\?"),
         ("socket://localhost:1?serial=1", "serial: no such parameter; there is: baud"),
         ("/dev/null?baud", "key=value"),
+        ("/dev/null\nfake = true", r"bus url '/dev/null\\nfake = true' contains unprintable characters"),
         ("socket://localhost", "write socket://host:port"),
         ("socket://localhost:99999", "write socket://host:port"),
     ],

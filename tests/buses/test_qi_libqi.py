@@ -14,6 +14,7 @@ from urbihw.buses.qi.libqi import LibqiPort
 from urbihw.buses.qi.libqi_values import from_libqi, to_libqi
 from urbihw.buses.qi.opening import open_session
 from urbihw.buses.qi.signatures import parse
+from urbihw.extras import install_command
 
 
 @pytest.mark.parametrize("scheme", ["libqi", "libqis"])
@@ -22,8 +23,8 @@ def test_a_missing_package_is_named_with_its_extra(scheme: str, monkeypatch: pyt
     with pytest.raises(Unavailable) as error:
         buses.open(f"{scheme}://127.0.0.1")
     assert str(error.value) == (
-        f"{scheme}:// needs the Python package qi (for x86-64 Linux and Python up to 3.12 only): pip install "
-        "'urbihw[libqi]'; qi:// needs no package"
+        f"{scheme}:// needs the Python package qi (for x86-64 Linux and Python up to 3.12 only): "
+        f"{install_command('libqi')}; qi:// needs no package"
     )
 
 

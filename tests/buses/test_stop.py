@@ -8,7 +8,7 @@ from urbihw.buses.servos.cycle import Cycle
 from urbihw.buses.servos.scan import scan
 from urbihw.buses.servos.stop import safe_stop, stop_what_moves
 
-from .conftest import Rig
+from .conftest import Rig, both_back_ends
 
 
 def start(rig: Rig, protocol: int = 1) -> Cycle:
@@ -18,6 +18,7 @@ def start(rig: Rig, protocol: int = 1) -> Cycle:
     return cycle
 
 
+@both_back_ends
 def test_only_joints_that_we_moved_hold_where_they_are(rig: Rig) -> None:
     cycle = start(rig)
     cycle.set_target(6, "goal_position", 900)
@@ -39,6 +40,7 @@ def test_only_joints_that_we_moved_hold_where_they_are(rig: Rig) -> None:
     assert rig.kit.servo(6).registers.get("torque_enable") == 1
 
 
+@both_back_ends
 def test_stopping_twice_and_stopping_an_untouched_robot_write_nothing(rig: Rig) -> None:
     cycle = start(rig)
     rig.sent()
@@ -52,6 +54,7 @@ def test_stopping_twice_and_stopping_an_untouched_robot_write_nothing(rig: Rig) 
     assert rig.sent() == []
 
 
+@both_back_ends
 def test_wheels_get_speed_0_first(rig: Rig) -> None:
     for item in ("cw_limit", "ccw_limit"):
         rig.kit.servo(3).registers.put(item, 0)
@@ -64,6 +67,7 @@ def test_wheels_get_speed_0_first(rig: Rig) -> None:
     assert rig.sent()[:3] == ["FF FF FE 07 83 20 02 03 00 00 52"] * 2 + ["FF FF 06 04 02 18 01 DA"]
 
 
+@both_back_ends
 def test_the_speed_of_a_joint_is_no_motion(rig: Rig) -> None:
     cycle = start(rig)
     cycle.set_target(6, "moving_speed", 100)
@@ -73,6 +77,7 @@ def test_the_speed_of_a_joint_is_no_motion(rig: Rig) -> None:
     assert rig.sent() == []
 
 
+@both_back_ends
 def test_torque_off_only_when_asked(rig: Rig) -> None:
     cycle = start(rig)
     cycle.set_target(6, "goal_position", 900)
@@ -82,6 +87,7 @@ def test_torque_off_only_when_asked(rig: Rig) -> None:
     assert rig.sent()[-1].startswith("FF FF FE 28 83 18 01 01 00 02 00")
 
 
+@both_back_ends
 def test_a_silent_joint_does_not_keep_the_others_from_stopping(rig: Rig) -> None:
     cycle = start(rig)
     for number in (5, 6):
@@ -92,6 +98,7 @@ def test_a_silent_joint_does_not_keep_the_others_from_stopping(rig: Rig) -> None
     assert rig.sent()[-1].startswith("FF FF FE 07 83 1E 02 06")
 
 
+@both_back_ends
 @pytest.mark.parametrize(
     ("mode", "item", "zero"),
     [(1, "goal_velocity", "68 00 04 00 02 00 00 00 00"), (16, "goal_pwm", "64 00 02 00 02 00 00")],
@@ -109,6 +116,7 @@ def test_turning_x_servos_get_0(x_rig: Rig, mode: int, item: str, zero: str) -> 
     assert zero in first
 
 
+@both_back_ends
 def test_joints_whose_position_was_read_a_moment_ago_are_held_without_a_question(rig: Rig) -> None:
     cycle = start(rig)
     cycle.watch(6, ("present_position",), 0.0, rig.clock.now())
@@ -125,6 +133,7 @@ def test_joints_whose_position_was_read_a_moment_ago_are_held_without_a_question
     assert first.startswith(f"FF FF FE 07 83 1E 02 06 {place & 255:02X} {place >> 8:02X}")
 
 
+@both_back_ends
 def test_a_limp_joint_stays_limp(rig: Rig) -> None:
     cycle = start(rig)
     cycle.set_target(6, "goal_position", 900)
@@ -134,6 +143,7 @@ def test_a_limp_joint_stays_limp(rig: Rig) -> None:
     assert rig.kit.servo(6).registers.get("torque_enable") == 0
 
 
+@both_back_ends
 def test_only_some_are_stopped(rig: Rig) -> None:
     cycle = start(rig)
     for number in (5, 6):
@@ -147,6 +157,7 @@ def test_only_some_are_stopped(rig: Rig) -> None:
     assert rig.kit.servo(6).position < 600
 
 
+@both_back_ends
 def test_what_somebody_else_has_set_in_motion_is_stopped(rig: Rig) -> None:
     for item in ("cw_limit", "ccw_limit"):
         rig.kit.servo(3).registers.put(item, 0)
@@ -165,6 +176,7 @@ def test_what_somebody_else_has_set_in_motion_is_stopped(rig: Rig) -> None:
     assert stop_what_moves(cycle) == ()
 
 
+@both_back_ends
 def test_a_wheel_that_does_not_say_whether_it_turns_is_told_to_stand(rig: Rig) -> None:
     for item in ("cw_limit", "ccw_limit"):
         rig.kit.servo(3).registers.put(item, 0)

@@ -150,6 +150,7 @@ def test_one_that_ends_without_a_reason_was_not_asked_to(rig: Rig) -> None:
     rig.worker.end("")
     assert rig.heard == [m.WorkerState("the bus worker has ended; another one is started")]
     assert rig.worker.begin.instead == "the bus worker has ended"
+    assert rig.worker.begin.restarts == 1
 
 
 def test_a_start_that_fails_is_tried_again(rig: Rig) -> None:

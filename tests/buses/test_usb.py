@@ -81,7 +81,7 @@ def test_in_use(end: UsbEndpoint) -> None:
 @pytest.mark.parametrize(
     ("number", "words"),
     [
-        (errno.EACCES, "share/99-urbihw.rules and add yourself to the group dialout"),
+        (errno.EACCES, "urbihw/share/99-urbihw.rules and add yourself to the group dialout"),
         (errno.EIO, "cannot open USB device"),
     ],
 )

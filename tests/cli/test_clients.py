@@ -21,6 +21,7 @@ from urbihw.cli.reach import resolve_server
 from urbihw.cli.sounds import Sound, wave_file
 from urbihw.client.lines import Binary
 from urbihw.client.where import Where
+from urbihw.extras import install_command
 
 Capture = pytest.CaptureFixture[str]
 Patch = pytest.MonkeyPatch
@@ -278,7 +279,7 @@ def test_without_pillow_the_extra_is_named(monkeypatch: Patch, tmp_path: Path) -
     picture = Picture.of(Binary("jpeg 1 1", b"data"))
     picture.save(tmp_path / "a.jpg")
     assert (tmp_path / "a.jpg").read_bytes() == b"data"
-    with pytest.raises(Refused, match=r"pip install 'urbihw\[images\]'"):
+    with pytest.raises(Refused, match=re.escape(install_command("images"))):
         picture.save(tmp_path / "a.png")
 
 

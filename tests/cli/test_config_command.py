@@ -51,7 +51,7 @@ def test_check_tells_all_mistakes_one_line_each(capsys: Capture, file: Path) -> 
         "urbihw: robot.toml: prot: no such setting; did you mean port?",
         'urbihw: robot.toml: rate: wants a number from 1 to 1000 Hz, not "fast"',
         "urbihw: robot.toml: options.offset: no such option of bioloid; there are: protocol, ids, controller, "
-        "fast_read",
+        "fast_read, backend",
         "urbihw: robot.toml: limits.turn: no device of this platform has such limit; there are: position, speed, "
         "acceleration, torque, temperature, voltage",
         "urbihw: robot.toml: limits.moter6: no such device; did you mean motor6?",
@@ -94,7 +94,7 @@ def test_show_tells_every_setting_and_where_it_comes_from(capsys: Capture, file:
     assert rows["options.protocol"] == {"value": 1, "from": "robot.toml: options.protocol"}
     assert rows["options.fast_read"] == {"value": True, "from": "default"}
     assert rows["limits.motor6.position"] == {"value": [-1, 1], "from": "robot.toml: limits.motor6.position"}
-    assert Config.rules().keys() - rows.keys() == {"options", "limits"}
+    assert Config.rules().keys() - rows.keys() == {"options", "limits", "devices"}
 
 
 def test_an_option_that_the_url_gives(capsys: Capture) -> None:
@@ -122,7 +122,7 @@ def test_show_without_anything_shows_the_defaults(capsys: Capture) -> None:
     assert all("  # default" in line for line in out.splitlines())
     default = Config()
     assert {key: tuple(value) if isinstance(value, list) else value for key, value in tomllib.loads(out).items()} == {
-        name: getattr(default, name) for name in Config.rules() if name not in ("options", "limits")
+        name: getattr(default, name) for name in Config.rules() if name not in ("options", "limits", "devices")
     }
 
 

@@ -7,7 +7,17 @@ from typing import Any
 
 import pytest
 
-from urbihw.cli.drivekeys import FIRST_HOLD_S, REPEAT_HOLD_S, STAND, Keys, Order, Wish
+from urbihw.cli.drivekeys import (
+    FIRST_HOLD_S,
+    LEAST_FULL,
+    MOST_FULL,
+    REPEAT_HOLD_S,
+    STAND,
+    Keys,
+    Order,
+    Wish,
+    change_full,
+)
 from urbihw.cli.drivepad import Pad
 
 CODES = {"EV_KEY": 1, "EV_ABS": 3, "BTN_TL": 310, "BTN_TR": 311, "ABS_X": 0, "ABS_Y": 1}
@@ -56,6 +66,20 @@ def test_keys_that_are_no_movement_do_not_end_one() -> None:
     assert keys.wish(1.1) == Wish(1, 0)
     keys.release()
     assert keys.wish(1.1) == STAND
+
+
+def test_held_keys_of_the_speed_stay_within_bounds_and_come_back() -> None:
+    full = 0.2
+    for _ in range(3000):
+        full = change_full(full, Order.FASTER)
+    assert full == MOST_FULL
+    for _ in range(3000):
+        full = change_full(full, Order.SLOWER)
+    assert full == LEAST_FULL
+    assert f"{full:.2f}" != "0.00"
+    for _ in range(10):
+        full = change_full(full, Order.FASTER)
+    assert full > 2 * LEAST_FULL
 
 
 def _pad() -> Pad:

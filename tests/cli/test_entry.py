@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import tomllib
@@ -10,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from urbihw.cli import entry
+from urbihw.cli.main import PIPE_CLOSED
 
 SCRIPTS = tomllib.loads((Path(__file__).resolve().parents[2] / "pyproject.toml").read_text())["project"]["scripts"]
 
@@ -44,3 +46,20 @@ def test_an_entry_point_is_the_command() -> None:
     program = "import sys; sys.argv = ['urbi-ping', '--version']; from urbihw.cli.entry import urbi_ping; urbi_ping()"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.startswith("urbi-ping")
+
+
+def test_a_pipe_that_is_closed_early_is_no_error(tmp_path: Path) -> None:
+    files = [tmp_path / "a.json", tmp_path / "b.json"]
+    joints: tuple[dict[str, int], ...] = ({f"joint{number}": number for number in range(250)}, {})
+    for file, names in zip(files, joints, strict=True):
+        rows = {
+            name: {"id": number, "drive_mode": 0, "homing_offset": 0, "range_min": 1, "range_max": 9}
+            for name, number in names.items()
+        }
+        file.write_text(json.dumps(rows))
+    words = [sys.executable, "-m", "urbihw.cli.main", "calibrate", "--diff", *map(str, files)]
+    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None and process.stderr is not None
+    process.stdout.close()
+    assert process.stderr.read() == "" and process.wait(60) == PIPE_CLOSED
+    process.stderr.close()

@@ -15,7 +15,8 @@ from urbihw.cli.main import main
 ROOT = Path(__file__).resolve().parents[2]
 PARTS = ("urbihw/platforms", "fakes/urbihw_fakes", "tests/platforms")
 CONTRACTS = (
-    "contract", "declared_settings", "manifest", "motion_contract", "owed", "pages", "random_faults", "toy",
+    "absent_at_start", "contract", "declared_settings", "manifest", "motion_contract", "owed", "pages", "random_faults",
+    "toy",
 )  # fmt: skip
 NAMES = ("toy", "ab", "zyxwvutsrqponmlk")
 

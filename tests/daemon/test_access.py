@@ -14,12 +14,47 @@ from urbihw.cli.main import main
 from urbihw.client.credentials import fingerprint
 from urbihw.daemon import tls
 from urbihw.daemon.access import Tokens
+from urbihw.daemon.access_policy import access_policy
+from urbihw.daemon.config import Config
 from urbihw.daemon.state import state_folder
 from urbihw.kernel.uobject import BadConfig
 
 
 def mode(path: Path) -> int:
     return stat.S_IMODE(path.stat().st_mode)
+
+
+# ---------------------------------------------------------------- credentials of the service manager
+
+
+def test_tokens_and_certificate_of_the_service_manager_are_taken_and_nothing_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given, state = tmp_path / "credentials", tmp_path / "state"
+    for folder in (given, state, tmp_path / "maker"):
+        folder.mkdir()
+    token = Tokens(tmp_path / "maker").add("alice")
+    tls.make(tmp_path / "maker")
+    (tmp_path / "maker" / "tokens").rename(given / "urbihw.tokens")
+    (given / "urbihw.tokens").chmod(0o440)  # as systemd shows a file with an access control list
+    (tmp_path / "maker" / "certificate.pem").rename(given / "urbihw.certificate.pem")
+    monkeypatch.setenv("STATE_DIRECTORY", str(state))
+    monkeypatch.setenv("CREDENTIALS_DIRECTORY", str(given))
+    policy = access_policy(Config(host="0.0.0.0"), ["0.0.0.0"])
+    assert policy.authenticator is not None and policy.files is not None
+    assert policy.authenticator.authenticate("192.0.2.1", token).name == "alice"
+    assert policy.files.certificate == given / "urbihw.certificate.pem"
+    assert list((state / "access").iterdir()) == []
+
+
+def test_without_credentials_the_state_folder_has_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "credentials").mkdir()
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+    monkeypatch.setenv("CREDENTIALS_DIRECTORY", str(tmp_path / "credentials"))
+    Tokens(state_folder()).add("alice")
+    policy = access_policy(Config(host="0.0.0.0"), ["0.0.0.0"])
+    assert policy.files is not None
+    assert policy.files.certificate == tmp_path / "access" / "certificate.pem"
 
 
 # ---------------------------------------------------------------- the folder

@@ -15,7 +15,7 @@ import pytest
 from urbihw.daemon.config import MIB, Config, configure, load, read_toml
 from urbihw.kernel.uobject import BadConfig
 
-SAMPLE = Path(__file__).resolve().parents[2] / "share" / "urbihw.toml"
+SAMPLE = Path(__file__).resolve().parents[2] / "urbihw" / "share" / "urbihw.toml"
 
 
 @pytest.fixture
@@ -37,6 +37,7 @@ def test_the_defaults() -> None:
 def test_a_file_fills_every_setting(file: Path) -> None:
     # What each setting is in a file that leaves none at its default; a new setting comes here by its rule.
     tables = {"platform": "bioloid", "url": "/dev/ttyUSB7", "limits": {"speed": 1.5}, "options": {"protocol": 1}}
+    tables |= {"devices": {"hip": 3}, "metrics": "127.0.0.1:9100"}
     given = {name: tables.get(name, another(name)) for name in Config.rules() if name != "fake"}
     file.write_text("\n".join(f"{name} = {toml(value)}" for name, value in given.items()))
     made, default = configure(file), Config()
@@ -109,13 +110,18 @@ def test_a_robot_named_by_a_flag_replaces_that_of_the_file(
         ("[platform]\nname = 'a'", "robot.toml: platform: wants a text, not a table"),
         ("log_level = 'loud'", 'robot.toml: log_level: wants one of debug, info, warning, error, not "loud"'),
         ("url = 'a'\nfake = true", "robot.toml: fake: a fake robot has no url; give one or the other"),
+        (
+            'host = "127.0.0.1\\nUser=root"',
+            "robot.toml: host: wants an address or a name, such as 127.0.0.1 or ::1, not '127.0.0.1\\nUser=root'",
+        ),
         ("port =", "robot.toml: is not TOML: Invalid value (at end of document)"),
         ("port = = 1", "robot.toml: is not TOML: Invalid value (at line 1, column 8)"),
         # What only the platform, and the kind of its bus, know.
         ("platform = 'biolid'", "robot.toml: platform: no platform 'biolid'; did you mean bioloid?"),
         (
             "platform = 'bioloid'\n[options]\noffset = 3",
-            "robot.toml: options.offset: no such option of bioloid; there are: protocol, ids, controller, fast_read",
+            "robot.toml: options.offset: no such option of bioloid; there are: protocol, ids, controller, fast_read, "
+            "backend",
         ),
         (
             "platform = 'bioloid'\n[options]\nprotocoll = 1",
@@ -159,6 +165,11 @@ def test_a_robot_named_by_a_flag_replaces_that_of_the_file(
          "robot.toml: limits.moter6: no such device; did you mean motor6?"),
         ("platform = 'bioloid'\n[limits.arm]\nspeed = 1", "robot.toml: limits.arm: no such device; there is: motorN"),
         ("platform = 'nxt'\n[limits.D]\nspeed = 1", "robot.toml: limits.D: no such device; there are: A, B, C"),
+        ("platform = 'nxt'\n[devices]\nhip = 1",
+         "robot.toml: devices: platform nxt finds its parts by itself; only chains of servos have it"),
+        ("platform = 'bioloid'\n[devices]\na = 1\nb = 1", "robot.toml: devices.b: id 1 already belongs to a"),
+        ("platform = 'bioloid'\n[devices.a]\nid = 1\nmodel = 'AX-S2'",
+         'robot.toml: devices.a.model: no model "AX-S2" is known; did you mean AX-S1?'),
     ],
 )
 def test_a_mistake_is_one_line_with_file_and_key(file: Path, text: str, message: str) -> None:
@@ -244,7 +255,7 @@ def test_the_sample_shows_every_setting_at_its_default(tmp_path: Path) -> None:
     settings = [line[1:] for line in text.splitlines() if line.startswith("#") and " = " in line and line[1] != " "]
     uncommented = tmp_path / "all.toml"
     uncommented.write_text("\n".join(settings))
-    shown = {line.partition(" =")[0] for line in settings} | {"platform", "url", "options", "limits"}
+    shown = {line.partition(" =")[0] for line in settings} | {"platform", "url", "options", "limits", "devices"}
     assert configure(uncommented) == Config()
     assert shown == {each.name for each in dataclasses.fields(Config)}
 
@@ -297,3 +308,13 @@ def test_brackets_and_dots_in_texts_and_comments_do_not_nest(tmp_path: Path) -> 
     assert read_toml(file)["url"] == deep + '"'
     file.write_text("load = [\n" + '  "a.b.c",\n' * 100 + "]\n")
     assert len(read_toml(file)["load"]) == 100
+
+
+def test_files_of_options_are_beside_the_settings_file(tmp_path: Path) -> None:
+    file = tmp_path / "robot.toml"
+    file.write_text('platform = "chain"\n[options]\nprotocol = 1\ncalibration = "robot.json"\n')
+    assert load(file).config.options == {"protocol": 1, "calibration": str(tmp_path / "robot.json")}
+    file.write_text('platform = "chain"\n[options]\ncalibration = "/srv/robot.json"\n')
+    assert load(file).config.options == {"calibration": "/srv/robot.json"}
+    file.write_text('platform = "chain"\n[options]\ncalibration = ""\n')
+    assert load(file).config.options == {"calibration": ""}

@@ -60,5 +60,5 @@ def test_a_start_removes_them(folder: Path, monkeypatch: pytest.MonkeyPatch) -> 
     bound(folder / "urbihw" / "urbi-1.socket").close()
     bound(folder / "urbihw" / "nxt-1.sock").close()
     with contextlib.suppress(StartError):
-        asyncio.run(Service(Config(platform="bioloid", url="/dev/there-is-none", port=0)).run())
+        asyncio.run(Service(Config(platform="bioloid", url="/dev/null", port=0)).run())
     assert names(folder / "urbihw") == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import socket
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -34,6 +35,12 @@ def test_the_life_of_a_daemon(manager: Manager) -> None:
         assert heard() == "STATUS=bioloid: 18 servos, 1 sensor, 98 Hz"
         notifier.watchdog()
         assert heard() == "WATCHDOG=1"
+        notifier.reloading()
+        began, moment = heard().split("\n")
+        assert began == "RELOADING=1"
+        assert 0 <= time.monotonic_ns() // 1000 - int(moment.removeprefix("MONOTONIC_USEC=")) < 60_000_000
+        notifier.ready("bioloid: 18 servos, 1 sensor")
+        assert heard().startswith("READY=1")
         notifier.stopping()
         assert heard() == "STOPPING=1\nSTATUS=stopping"
 
@@ -42,7 +49,9 @@ def test_a_status_is_one_line(manager: Manager) -> None:
     address, heard = manager
     with Notifier(address) as notifier:
         notifier.status("one\nREADY=1\r\n two — drei")
-    assert heard() == "STATUS=one READY=1 two — drei"
+        assert heard() == "STATUS=one READY=1 two — drei"
+        notifier.status("nxt: 'a\x1b[2J\x9b\udc80'")
+        assert heard() == r"STATUS=nxt: 'a\x1b[2J\x9b\udc80'"
 
 
 def test_closed_is_silent(manager: Manager) -> None:

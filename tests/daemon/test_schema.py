@@ -14,7 +14,7 @@ from urbihw.daemon.config import Config, load
 from urbihw.daemon.schema import meanings, of_table, schema
 from urbihw.settings import Table
 
-SAMPLE = Path(__file__).resolve().parents[2] / "share" / "urbihw.toml"
+SAMPLE = Path(__file__).resolve().parents[2] / "urbihw" / "share" / "urbihw.toml"
 MANIFESTS = {folder.name: platforms.read(folder) for folder in platforms.folders()}
 TABLES: dict[str, type[Table]] = {
     "daemon": Config,
@@ -86,6 +86,10 @@ BIOLOID = 'platform = "bioloid"\n'
         (BIOLOID + "[limits.arm]\nspeed = 1", False),
         ("[limits]\nsped = 1", False),
         ("[limits.x]\nsped = 1", False),
+        (BIOLOID + "[devices]\nhip = 3\n[devices.knee]\nid = 4\nmodel = 'AX-12A'\ndirection = -1", True),
+        (BIOLOID + "[devices.knee]\nmodel = 'AX-12A'", False),
+        (BIOLOID + "[devices]\nhip = 300", False),
+        ("platform = 'nxt'\n[devices]\nhip = 3", False),
         ("platform = 'segway'\n[options]\nmodel = 400", True),
         ("platform = 'segway'\n[options]\nmodel = 300", False),
     ],

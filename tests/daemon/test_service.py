@@ -10,6 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from urbihw import platforms
+from urbihw.buses import ports
+from urbihw.buses.ports import SerialPort
 from urbihw.daemon.access import Tokens
 from urbihw.daemon.config import Config
 from urbihw.daemon.holders import holder_of_file, holder_of_port
@@ -48,13 +51,13 @@ def test_an_address_that_others_reach_wants_tokens_and_a_certificate(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
-    open_to_all = Config(platform="bioloid", url="/dev/there-is-none", host="0.0.0.0", port=0)
+    open_to_all = Config(platform="bioloid", url="/dev/null", host="0.0.0.0", port=0)
     assert "nobody has a token yet: urbihw access add NAME" in refusal(open_to_all)
     assert list((tmp_path / "access").iterdir()) == []
     Tokens(state_folder()).add("alice")
     assert refusal(dataclasses.replace(open_to_all, tls_cert="/none.pem")).startswith("/none.pem: cannot be read")
-    assert "/dev/there-is-none" in refusal(open_to_all)
-    assert "/dev/there-is-none" in refusal(dataclasses.replace(open_to_all, allow_plain=True))
+    assert "/dev/null is no serial port" in refusal(open_to_all)
+    assert "/dev/null is no serial port" in refusal(dataclasses.replace(open_to_all, allow_plain=True))
 
 
 def test_a_url_without_sense_is_refused() -> None:
@@ -64,6 +67,20 @@ def test_a_url_without_sense_is_refused() -> None:
 def test_options_without_sense_are_refused() -> None:
     line = refusal(Config(platform="bioloid", url="/dev/x", port=0, options={"protocol": 7}))
     assert line == 'bioloid: options.protocol: wants 1, 2 or "auto", not 7'
+
+
+def test_several_adapters_that_may_be_the_robot_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = [
+        SerialPort("/dev/ttyUSB0", 0x0403, 0x6014, "U2D2", "FT1"),
+        SerialPort("/dev/ttyUSB1", 0x0403, 0x6014, "U2D2", "FT2"),
+        SerialPort("/dev/ttyACM0", 0x1234, 0x5678, "a modem"),
+    ]
+    monkeypatch.setattr(ports, "serial_ports", lambda: found)
+    assert refusal(Config(platform="bioloid", port=0)) == (
+        "several adapters may be the bioloid: /dev/ttyUSB0 (U2D2 FT1), /dev/ttyUSB1 (U2D2 FT2); choose one: --url"
+    )
+    found.pop(0)
+    assert [each.url for each in platforms.adapters(platforms.find("bioloid"))] == ["/dev/ttyUSB1"]
 
 
 # ---------------------------------------------------------------- who holds what

@@ -42,6 +42,9 @@ class Stub:
         self.asked += 1
         return self._lives(self.asked)
 
+    def waits_for(self) -> str:
+        return ""
+
     def status(self) -> str:
         return "well"
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import signal
+import socket
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,12 +24,38 @@ STILL_S = 1.0
 MOVING = 0.1
 
 
+class SlowNetwork:
+    """A network before a port: while ``stalled`` is set, it keeps what is sent, and the end of a connection, too."""
+
+    def __init__(self, port: int) -> None:
+        self.stalled = threading.Event()
+        self._server = port
+        self._listening = socket.create_server(("127.0.0.1", 0))
+        self.port = self._listening.getsockname()[1]
+        threading.Thread(target=self._carry, daemon=True).start()
+
+    def _carry(self) -> None:
+        with self._listening, contextlib.suppress(OSError):
+            near, _ = self._listening.accept()
+            with near, socket.create_connection(("127.0.0.1", self._server)) as far:
+                while True:
+                    ready, _, _ = select.select([near, far], [], [], 0.05)
+                    while self.stalled.is_set():
+                        time.sleep(0.02)
+                    for one, other in ((near, far), (far, near)):
+                        if one in ready:
+                            data = one.recv(65536)
+                            if not data:
+                                return
+                            other.sendall(data)
+
+
 class Drive:
     """``urbihw drive`` before a robot; keys repeat as those of a terminal do."""
 
-    def __init__(self, case: Case, folder: Path) -> None:
+    def __init__(self, case: Case, folder: Path, port: int | None = None) -> None:
         self.case = case
-        self.terminal = Terminal("main", "drive", f":{case.daemon.port}", cwd=folder)
+        self.terminal = Terminal("main", "drive", f":{port or case.daemon.port}", cwd=folder)
         self.terminal.wait("q, Ctrl-C +leave")
         self.terminal.wait("ordered")
 
@@ -119,6 +148,16 @@ def test_keys_that_stop(drive: Drive, key: str) -> None:
         assert drive.terminal.settings() == drive.terminal.at_first
 
 
+def test_it_says_that_the_base_stands_when_it_does(drive: Drive) -> None:
+    drive.hold_until_it_moves()
+    drive.terminal.type("+" * 24)
+    drive.hold("w", 3.0)
+    assert drive.case.watcher.speed() > 1.0
+    drive.terminal.type("q")
+    drive.terminal.wait("stands: left")
+    assert drive.case.watcher.speed() < 0.15
+
+
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM, signal.SIGKILL, signal.SIGSTOP, signal.SIGTSTP])
 def test_signals_that_stop(drive: Drive, number: signal.Signals) -> None:
     drive.hold_until_it_moves()
@@ -149,6 +188,24 @@ def test_a_stop_by_somebody_else_holds_until_the_key_is_released(drive: Drive) -
     drive.terminal.listen(1.0)
     drive.hold_until_it_moves()
     assert drive.stands()
+
+
+def test_orders_that_a_network_has_held_up_move_nothing(case: Case, tmp_path: Path) -> None:
+    network = SlowNetwork(case.daemon.port)
+    drive = Drive(case, tmp_path, network.port)
+    try:
+        drive.hold_until_it_moves()
+        network.stalled.set()
+        drive.hold("w", 0.3)
+        assert drive.terminal.ended() == 69
+        wait_for(lambda: case.watcher.speed() < SEGWAY.rest, "a standing body")
+        began = time.monotonic()
+        network.stalled.clear()
+        time.sleep(2.0)
+        assert case.watcher.last_moved(SEGWAY.rest) < began
+    finally:
+        network.stalled.clear()
+        drive.terminal.close()
 
 
 def test_an_emergency_stop_is_told(drive: Drive) -> None:

@@ -167,11 +167,8 @@ def test_a_base_in_use_says_who_has_it(serve: Callable[..., Daemon], tmp_path: P
     with ENDPOINTS["slcan"](SegwayRmp()) as end:
         end.start()
         serve("--url", end.url)
-        done = subprocess.run(
-            (sys.executable, "-m", "urbihw.cli.main", "serve", "--platform", "segway", "--url", end.url, "--port", "0"),
-            capture_output=True,
-            text=True,
-            timeout=TIMEOUT_S,
-        )
-        assert done.returncode == 78
-        assert "is in use by another program" in done.stderr
+        (tmp_path / "second").mkdir()
+        second = Daemon(tmp_path / "second", "--platform", "segway", "--url", end.url, "--quiet")
+        with contextlib.closing(second):
+            assert "is in use by another program" in second.log().splitlines()[0]
+            assert second.client().ask("segway.link;") == "false"

@@ -342,7 +342,6 @@ def refused(*arguments: str) -> str:
 
 
 def test_what_is_wrong_with_the_set_up_is_said_in_one_line(tmp_path: Path) -> None:
-    assert "no such port: /dev/ttyNONE" in refused("--platform", "bioloid", "--url", "/dev/ttyNONE", "--port", "0")
     assert "/dev/null is no serial port" in refused("--platform", "bioloid", "--url", "/dev/null", "--port", "0")
     assert f"{tmp_path} is no serial port but a folder" in refused("--platform", "bioloid", "--url", str(tmp_path))
     assert "did you mean baud?" in refused("--platform", "bioloid", "--url", "/dev/ttyNONE?boud=1")
@@ -353,7 +352,8 @@ def test_what_is_wrong_with_the_set_up_is_said_in_one_line(tmp_path: Path) -> No
     assert "bad.toml" in refused("--config", str(config))
     config.write_text('platform = "bioloid"\nfake = true\n[options]\nofset = 3\n')
     assert refused("--config", str(config)) == (
-        f"urbihw: {config}: options.ofset: no such option of bioloid; there are: protocol, ids, controller, fast_read"
+        f"urbihw: {config}: options.ofset: no such option of bioloid; there are: protocol, ids, controller, fast_read, "
+        "backend"
     )
     config.write_text('platform = "bioloid"\nfake = true\n[limits.moter6]\nspeed = 3\n')
     assert refused("--config", str(config)) == (
@@ -373,15 +373,30 @@ def test_a_port_in_use_names_who_has_it() -> None:
     assert f"(process {os.getpid()})" in line
 
 
-def test_a_robot_in_use_names_who_has_it(serve: Callable[..., Daemon], robot: PtyEndpoint) -> None:
-    serve("--url", robot.url, "--quiet")
-    assert "is in use by" in refused("--platform", "bioloid", "--url", robot.url, "--port", "0")
+def test_a_robot_in_use_names_who_has_it_and_is_waited_for(
+    serve: Callable[..., Daemon], robot: PtyEndpoint, tmp_path: Path
+) -> None:
+    first = serve("--url", robot.url, "--quiet")
+    (tmp_path / "second").mkdir()
+    with contextlib.closing(Daemon(tmp_path / "second", "--url", robot.url, "--quiet")) as second:
+        line = second.log().splitlines()[0]
+        assert re.search(rf"waiting for the robot on {robot.url}: .* is in use by .*\(process \d+\)", line)
+        assert second.client().ask("bioloid.link;") == "false"
+        # A second one waits until the first one has ended.
+        first.close()
+        until(lambda: second.client().ask("bioloid.link;") == "true")
 
 
-def test_nobody_on_the_bus_and_two_with_one_id() -> None:
+def test_nobody_on_the_bus_and_two_with_one_id(serve: Callable[..., Daemon], tmp_path: Path) -> None:
     with PtyEndpoint(Bioloid(servos=(), sensors=(), baud=1_000_000)) as empty:
         empty.start()
-        assert "no servo found" in refused("--platform", "bioloid", "--url", empty.url, "--port", "0")
+        daemon = serve("--url", empty.url, "--quiet")
+        assert f"waiting for the robot on {empty.url}: no servo found" in daemon.log()
+        assert daemon.client().ask("bioloid.link;") == "false"
+        daemon.close()
+    (tmp_path / "port").unlink()
     with PtyEndpoint(Bioloid(units=[Ax12(1), Ax12(3), Ax12(3)], baud=1_000_000)) as crowd:
         crowd.start()
-        assert "id 3" in refused("--platform", "bioloid", "--url", crowd.url, "--port", "0")
+        daemon = serve("--url", crowd.url, "--quiet")
+        assert daemon.client().ask("motors.keys;") == "[1]"
+        assert "several devices answer to id 3" in daemon.log()

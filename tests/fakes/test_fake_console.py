@@ -10,6 +10,10 @@ from fake_talk import Talk
 from urbihw_fakes.bioloid import Bioloid
 from urbihw_fakes.bioloid.console import commands
 from urbihw_fakes.console import Console
+from urbihw_fakes.dynamixel.ax12 import Ax12
+from urbihw_fakes.dynamixel.axs1 import AxS1
+from urbihw_fakes.dynamixel.catalogue import make_servo
+from urbihw_fakes.dynamixel.xseries import XSeries
 from urbihw_fakes.endpoint import TcpEndpoint
 
 
@@ -123,3 +127,34 @@ def test_help_names_every_word(desk: Desk) -> None:
     text = desk.say("help")
     for word in ("silence", "heal", "clap", "ir", "light", "load", "temperature", "voltage", "unplug", "plug", "power"):
         assert f"\n{word} " in f"\n{text}" or f"\n{word}\n" in text
+
+
+def test_units_are_plugged_in_one_after_the_other() -> None:
+    desk = Desk(Bioloid(units=[Ax12(1), Ax12(1)]))
+    try:
+        assert desk.say("connect 2") == "ok"
+        desk.kit[1].registers.put("torque_enable", 1)
+        desk.kit[1].registers.put("id", 5)
+        assert desk.say("connect all") == "ok"
+        assert sorted(unit.id for unit in desk.kit) == [1, 5]
+        # Plugging in is switching on: without torque.
+        assert desk.say("connect 1") == "ok" and desk.say("connect all") == "ok"
+        assert desk.kit[5].registers.get("torque_enable") == 0
+        assert desk.say("connect 3") == "error: usage: connect NUMBER...|all"
+    finally:
+        desk.endpoint.close()
+
+
+def test_a_horn_is_turned_by_hand_without_torque_only() -> None:
+    desk = Desk(Bioloid(units=[Ax12(1), XSeries("XL430-W250", 2), make_servo("MX-28", 3), AxS1(100)]))
+    try:
+        before = {number: desk.kit[number].registers for number in (1, 2, 3)}
+        assert [desk.say(f"turn {number} 30") for number in (1, 2, 3)] == ["ok"] * 3
+        desk.say("state")
+        found = [before[number].get("present_position") for number in (1, 2, 3)]
+        assert found == pytest.approx([512 + 102, 2048 + 341, 2048 + 341], abs=1)
+        before[1].put("torque_enable", 1)
+        assert desk.say("turn 1 30") == "error: turn 1: its torque is on, it holds"
+        assert desk.say("turn 100 30") == "error: turn 100: not a servo"
+    finally:
+        desk.endpoint.close()

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+import serial
 from fake_talk import packet2
 
 from urbihw_fakes.bioloid import Bioloid
@@ -141,6 +142,18 @@ def test_a_pty_can_follow_the_speed_of_its_peer(tmp_path: Path) -> None:
                 _until(lambda: len(kit.log) > 0)
                 assert [traffic.way for traffic in kit.log] == [">"]
         os.close(line)
+
+
+def test_a_pty_follows_a_speed_that_has_no_name(tmp_path: Path) -> None:
+    kit = Bioloid()
+    with PtyEndpoint(kit, str(tmp_path / "robot"), follow_baud=True) as endpoint:
+        endpoint.start()
+        for speed in (250_000, 1_000_000, 76_800):
+            with serial.Serial(endpoint.path, speed) as line:
+                kit.log.clear()
+                line.write(PING)
+                _until(lambda: len(kit.log) > 0)
+            assert kit.baud == speed
 
 
 def _until(condition: Callable[[], bool]) -> None:

@@ -105,7 +105,10 @@ class Garage:
 
     def think(self) -> list[str]:
         """Wait for the threads of the navigator; what is said when the kernel has taken in what they found."""
-        for thread in threading.enumerate():
-            if thread.name == "planner":
+        said: list[str] = []
+        while threads := [thread for thread in threading.enumerate() if thread.name == "planner"]:
+            for thread in threads:
                 thread.join(20)
-        return self.say("", STEP_S)
+            # What has waited for the end of another piece of work begins here.
+            said += self.say("")
+        return said + self.say("", STEP_S)

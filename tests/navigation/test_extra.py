@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import random
+import re
 from pathlib import Path
 
 import pytest
 from cart import Garage
 from test_navigator import drive, name_map
 
+from urbihw.extras import install_command
 from urbihw.navigation import extra, grid, planner
 from urbihw.navigation.frames import Point
 from urbihw.navigation.grid import Grid
@@ -73,14 +75,14 @@ def test_building_a_map_says_what_is_missing(tmp_path: Path) -> None:
     garage = Garage()
     garage.cart.scanner = Eyes()
     (line,) = garage.say("cart.planner.startMapping;")
-    assert line.endswith("building a map needs numpy and scipy: pip install 'urbihw[navigation]'")
+    assert line.endswith("building a map needs numpy and scipy: " + install_command("navigation"))
 
 
 def test_without_any_planner_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(planner, "load_arrays", lambda: None)
     monkeypatch.setattr(grid, "load_arrays", lambda: None)
     monkeypatch.setitem(__import__("sys").modules, "pathfinding.core.grid", None)
-    with pytest.raises(planner.NoPath, match=r"needs numpy and scipy: pip install 'urbihw\[navigation\]'"):
+    with pytest.raises(planner.NoPath, match="needs numpy and scipy: " + re.escape(install_command("navigation"))):
         planner.plan(maze(1), (0.3, 0.3), (9.7, 9.7), 0.2)
 
 
@@ -88,6 +90,7 @@ class Eyes:
     """A scanner that is on."""
 
     place = 0.0
+    wanted = True
 
     def __init__(self) -> None:
         self.scanned = lambda: None
@@ -100,3 +103,7 @@ class Eyes:
         return []
 
     fresh_echoes = echoes
+
+    def is_fresh(self) -> bool:
+        """It is."""
+        return True

@@ -68,7 +68,10 @@ def test_a_map_of_aria(tmp_path: Path) -> None:
     [("", "begins with 2D-Map"), ("3D-Map\n", "begins with 2D-Map"), ("2D-Map\nLINES\nDATA\n", "neither lines nor"),
      ("2D-Map\nLINES\n1 2 3\n", "line 3"), ("2D-Map\nDATA\n1 x\n", "line 3"),
      ("2D-Map\nCairn: RobotHome 1\n", "line 2"),
-     ("2D-Map\nLINES\n0 0 inf 1\n", "finite"), ("2D-Map\nLINES\n0 0 nan 1\n", "finite")],
+     ("2D-Map\nLINES\n0 0 inf 1\n", "line 3"), ("2D-Map\nLINES\n0 0 nan 1\n", "line 3"),
+     ("2D-Map\nLINES\n0 0 1e300 1\n", "line 3 .* 10000 m"),
+     ("2D-Map\nCairn: RobotHome nan nan nan\n", "line 2"),
+     ('2D-Map\nCairn: ForbiddenArea 0 0 0 "" ICON "a" 0 0 1e308 1\n', "line 2")],
 )  # fmt: skip
 def test_maps_of_aria_without_sense(tmp_path: Path, text: str, why: str) -> None:
     with pytest.raises(maps.BadMap, match=why):
@@ -78,11 +81,16 @@ def test_maps_of_aria_without_sense(tmp_path: Path, text: str, why: str) -> None
 def test_files_that_are_no_maps(tmp_path: Path) -> None:
     with pytest.raises(maps.BadMap, match=r"maps end in .*\.map"):
         maps.read("house.dxf")
-    with pytest.raises(maps.BadMap, match="No such file"):
+    with pytest.raises(maps.BadMap, match="there is no such file"):
         maps.read(str(tmp_path / "none.map"))
-    with pytest.raises(maps.BadMap, match="Is a directory"):
+    with pytest.raises(maps.BadMap, match="not a regular file"):
         (tmp_path / "folder.map").mkdir()
         maps.read(str(tmp_path / "folder.map"))
+    with pytest.raises(maps.BadMap, match="is no name of a file"):
+        maps.read("a\0.map")
+    (tmp_path / "zero.map").symlink_to("/dev/zero")
+    with pytest.raises(maps.BadMap, match="not a regular file"):
+        maps.read(str(tmp_path / "zero.map"))
 
 
 PGM = b"P5\n4 3\n255\n" + bytes([0, 254, 254, 254, 254, 254, 205, 254, 254, 254, 254, 0])
@@ -110,7 +118,10 @@ def test_a_negative_picture(tmp_path: Path) -> None:
     [("resolution: 1\n", "names its image"), (YAML.replace("0.5\n", "x\n", 1), "resolution must be"),
      (YAML.replace("resolution: 0.5", "resolution: 0"), "resolution 0 is"), (YAML.replace("0.0]", "1.0]"), "turned"),
      (YAML.replace("[-1.0, -0.5, 0.0]", "somewhere"), r"origin must be \[x, y"),
-     (YAML.replace("a.pgm", "b.pgm"), "cannot be read as a picture"),
+     (YAML.replace("[-1.0, -0.5, 0.0]", "[nan, 0, 0]"), r"origin must be \[x, y"),
+     (YAML + "home: [nan, nan, nan]\n", r"home must be \[x, y"),
+     (YAML.replace("a.pgm", "b.pgm"), "cannot be read as a picture: No such file"),
+     (YAML.replace("a.pgm", "/dev/zero"), "not a regular file"),
      (YAML.replace("a.pgm", "a.yaml"), "cannot be read as a picture")],
 )  # fmt: skip
 def test_maps_of_map_server_without_sense(tmp_path: Path, text: str, why: str) -> None:

@@ -73,3 +73,23 @@ def test_two_equal_places_are_not_told_apart_by_standing_still() -> None:
 
 def test_a_scan_without_echoes_says_nothing() -> None:
     assert ParticleFilter(walls_of(World.room())).add_scan((0.0, 0.0, 0.0), [], PLACE) is None
+
+
+ALIKE = [*box(-2, -3, 6, 3), (2.0, -3.0, 2.0, -0.6), (2.0, 0.6, 2.0, 3.0)]
+"""Two rooms of the same size with a door between them; a place in one is a place in the other after half a turn."""
+
+
+@pytest.mark.parametrize("heading", [0.3, 1.2, 2.0, -1.0, -2.5])
+def test_of_two_rooms_that_look_alike_none_is_chosen(heading: float) -> None:
+    particles = ParticleFilter(walls_of(World(ALIKE)))
+    truth, odometric = (-0.5, -1.5, heading), (0.0, 0.0, 0.0)
+    for _ in range(60):
+        assert particles.add_scan(odometric, scan(World(ALIKE), truth), PLACE) is None
+        truth, odometric = moved(truth, 0.0, 0.2), moved(odometric, 0.0, 0.2)
+    assert particles.is_ambiguous
+
+
+def test_a_crate_in_one_of_them_tells_them_apart_once_it_is_seen() -> None:
+    world = World([*ALIKE, *box(4.4, 1.5, 5.2, 2.3)])
+    found, there = search(world, (4.5, -1.5, 0.0), 60)
+    assert found is not None and math.dist(found[:2], there[:2]) < 0.08

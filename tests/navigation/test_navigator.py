@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 import pytest
 from cart import Garage
 
+from urbihw.extras import install_command
 from urbihw.navigation.base import Echo
 from urbihw.navigation.options import SCAN, NavigationOptions
 
@@ -91,6 +92,7 @@ class BlindScanner:
     """A scanner that is on and sees nothing."""
 
     place = 0.0
+    wanted = True
 
     def __init__(self) -> None:
         self.scanned: Callable[[], None] = lambda: None
@@ -103,6 +105,10 @@ class BlindScanner:
         return ()
 
     fresh_echoes = echoes
+
+    def is_fresh(self) -> bool:
+        """It is."""
+        return True
 
 
 def test_scans_that_do_not_fit_the_map_are_told(garage: Garage, tmp_path: Path) -> None:
@@ -130,7 +136,7 @@ def test_scans_that_do_not_fit_the_map_end_it_without_the_extra(
     for _ in range(20):
         scanner.scanned()
     (line,) = garage.say("")
-    assert line.endswith("searching the map needs pip install 'urbihw[navigation]'")
+    assert line.endswith("searching the map needs numpy and scipy: " + install_command("navigation"))
     assert garage.say("cart.planner.mapFileName;") == ['""']
 
 
@@ -226,3 +232,37 @@ def test_a_stop_during_the_wait_for_an_obstacle_holds(garage: Garage, tmp_path: 
     stood = garage.cart.pose
     assert garage.think() + garage.say("", 20.0) == ["*** path 2"]
     assert garage.cart.pose == stood
+
+
+DOORS = """2D-Map
+Cairn: RobotHome 1000 1000 0 "" ICON "Home"
+LINES
+0 0 8000 0
+8000 0 8000 12000
+8000 12000 0 12000
+0 12000 0 0
+4000 0 4000 400
+4000 1600 4000 10800
+"""
+"""A wall with a door in front of the robot, and another one at its far end."""
+
+
+@pytest.mark.parametrize(("stays", "comes_by"), [(8.0, "the door"), (60.0, "the other door")])
+def test_a_door_that_is_closed_for_a_while_is_waited_for(
+    garage: Garage, tmp_path: Path, stays: float, comes_by: str
+) -> None:
+    name_map(garage, tmp_path, DOORS)
+    garage.say("cart.moveTo([6, 1, 0]);")
+    garage.think()
+    farthest, past = 0.0, 0.0
+    said: list[str] = []
+    while not said and past < 200:
+        x, y, _ = garage.cart.pose
+        # A box in the door, which begins at (3, 0) of the cart's own frame.
+        shut = past < stays and x < 3 and y < 1
+        garage.cart.near = [(3.0 - x, across - y) for across in (-0.4, -0.2, 0.0, 0.2, 0.4)] if shut else []
+        said = garage.say("", 0.5) + garage.think()
+        past += 0.5
+        farthest = max(farthest, garage.cart.pose[1])
+    assert said == ["*** path 1"]
+    assert (farthest < 1) is (comes_by == "the door")

@@ -10,6 +10,7 @@ import contextlib
 import threading
 from collections.abc import Callable, Iterable, Mapping
 from multiprocessing import Pipe
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar, Self
 
@@ -77,12 +78,16 @@ class RobotLab:
 
     platform: ClassVar[str]
     url: ClassVar[str] = "pipe://robot"
+    memory: ClassVar[str] = ""
+    """The file of the devices of the last run."""
+    motions: ClassVar[str] = ""
+    """The folder of motions."""
     tick: ClassVar[float] = 0.01
     """Seconds between two looks at both clocks: a tick of the worker."""
 
     def __init__(self, **options: Any) -> None:
-        """``options`` are those of the platform; ``limits`` and ``resume`` among them are those of the settings."""
-        limits, resume = options.pop("limits", {}), options.pop("resume", True)
+        """``options`` are those of the platform; ``limits``, ``resume`` and ``devices`` are those of the settings."""
+        limits, resume, devices = options.pop("limits", {}), options.pop("resume", True), options.pop("devices", {})
         self.clock = SimClock()
         self.bus_clock = BusClock(START)
         self.kernel = Kernel(self.clock)
@@ -97,11 +102,14 @@ class RobotLab:
         for known in (kind, *kind.classes):
             host.register(known)
         for name in manifest.library:
-            host.run((manifest.folder / name).read_text("latin-1"), name, self._loaded)
+            host.run((manifest.folder / name).read_text("latin-1"), Path(name).name, self._loaded)
         self.robot = host.create(kind, manifest.slot)
         self.robot.start_worker = self._start
         self.robot.bus_time = self.bus_clock.now
-        settings = RobotSettings(self.url, 1 / self.tick, dead_man=0, options=options, limits=limits, resume=resume)
+        settings = RobotSettings(
+            self.url, 1 / self.tick, dead_man=0, options=options, limits=limits, resume=resume, memory=self.memory,
+            devices=devices, motions=self.motions,
+        )  # fmt: skip
         self.robot.open(settings, self.opened.append)
 
     def context(self) -> Context:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Any
 
 import pytest
@@ -40,14 +41,18 @@ def test_nobody_on_the_bus_is_not_ready() -> None:
     assert "no servo found on pipe://robot" in str(error)
 
 
-def test_two_with_one_id_is_bad_config() -> None:
-    units = [Ax12(1), Ax12(3), Ax12(3)]
-    kit = Kit(units=units, baud=BAUD)
-    lab = Lab(kit)
+def test_two_with_one_id_are_left_out_and_named(caplog: pytest.LogCaptureFixture) -> None:
+    lab = Lab.ready(Kit(units=[Ax12(1), Ax12(3), Ax12(3)], baud=BAUD))
+    assert lab.say("motors.keys;") == "[1]"
+    assert [record.getMessage() for record in caplog.records if "several devices answer to id 3" in record.getMessage()]
+
+
+def test_only_two_with_one_id_is_not_ready() -> None:
+    lab = Lab(Kit(units=[Ax12(3), Ax12(3)], baud=BAUD))
     lab.until(lambda: bool(lab.opened))
     (error,) = lab.opened
-    assert isinstance(error, BadConfig)
-    assert "id 3" in str(error)
+    assert isinstance(error, NotReady)
+    assert "several devices answer to id 3" in str(error)
 
 
 def test_a_link_that_cannot_be_opened_is_not_ready() -> None:
@@ -64,8 +69,11 @@ def test_options_without_sense_are_bad_config(options: dict[str, Any]) -> None:
         Lab(**options)
 
 
-def test_only_the_configured_ids_are_looked_for() -> None:
+def test_only_the_configured_ids_are_looked_for(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO, "urbihw.bioloid")
     lab = Lab.ready(ids=[3, 100])
+    told = "only ids 3 100 are looked for (options.ids); other devices on the bus are left out"
+    assert [record.getMessage() for record in caplog.records].count(told) == 1
     assert lab.say("motors.keys; sensors.keys;") == "[3]\n[100]"
 
 

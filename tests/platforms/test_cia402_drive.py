@@ -10,6 +10,7 @@ import pytest
 from cia402_lab import Lab
 
 from urbihw.kernel.uobject import BadConfig, NotReady
+from urbihw_fakes.can.node import CanFrame
 from urbihw_fakes.cia402.dictionary import INCREMENTS
 from urbihw_fakes.cia402.node import Drive
 
@@ -135,6 +136,58 @@ def test_a_drive_that_lost_its_power_comes_back_off(lab: Lab, caplog: pytest.Log
     ]
 
 
+STOPPED, PRE_OPERATIONAL, RESET_COMMUNICATION = 0x02, 0x80, 0x82
+
+
+def foreign_command(lab: Lab, code: int, node: int = 5) -> None:
+    """Another master on the bus sends an NMT command (CiA 301: identifier 0, command, node or 0 for all)."""
+    lab.drive.receive_frame(CanFrame(0, bytes((code, node))), lab.bus_clock.now())
+
+
+@pytest.mark.parametrize("movement", ["drive5.speed = 2", "drive5.val = 100", "drive5.torque = 0.1"])
+@pytest.mark.parametrize(
+    ("code", "node", "reason"),
+    [
+        (STOPPED, 5, "another master on the bus has put it into STOPPED"),
+        (STOPPED, 0, "another master on the bus has put it into STOPPED"),
+        (PRE_OPERATIONAL, 5, "another master on the bus has put it into PRE-OPERATIONAL"),
+        (RESET_COMMUNICATION, 5, "it has started anew"),
+    ],
+)
+def test_a_drive_that_another_master_takes_away_brakes_and_stays_off(
+    lab: Lab, caplog: pytest.LogCaptureFixture, movement: str, code: int, node: int, reason: str
+) -> None:
+    caplog.set_level(logging.WARNING)
+    lab.say(f"{movement};", 1.0)
+    lab.say("at (drive5.lost?(var why)) echo(why);")
+    foreign_command(lab, code, node)
+    lab.run(0.6)
+    assert lab.drive.machine.speed == 0.0
+    place = turns(lab)
+    lab.run(2.0)
+    assert lab.drive.machine.state == "switch on disabled"
+    assert turns(lab) == pytest.approx(place, abs=1e-4)
+    assert lab.heard() == f"*** {reason}"
+    assert [record.message for record in caplog.records] == [f"drive 5 is lost: {reason}", "drive 5 is back, and off"]
+    assert lab.say("drive5.state; drive5.load;") == '"ok"\n0'
+    assert "drive 5 is off" in lab.say("drive5.speed = 1;")
+    lab.say("drive5.load = 1;", 1.0)
+    assert turns(lab) == pytest.approx(place, abs=1e-4)
+    lab.say("drive5.speed = 2;", 1.0)
+    assert lab.number("drive5.speed") == pytest.approx(2.0, abs=0.01)
+
+
+def test_a_master_that_takes_the_drive_away_again_and_again_does_not_make_it_run(lab: Lab) -> None:
+    lab.say("drive5.speed = 2;", 1.0)
+    for _ in range(100):
+        foreign_command(lab, STOPPED)
+        lab.run(0.02)
+    assert lab.drive.machine.speed == 0.0
+    lab.run(2.0)
+    assert lab.say("drive5.state;") == '"ok"'
+    assert lab.drive.machine.speed == 0.0
+
+
 def test_the_adapter_pulled_and_put_back(lab: Lab, caplog: pytest.LogCaptureFixture) -> None:
     lab.say("drive5.speed = 3;", 1.0)
     lab.end.unplug()
@@ -204,6 +257,24 @@ def test_homing_ends_with_a_stop(lab: Lab, ended_by: str) -> None:
     lab.run(2.0)
     assert turns(lab) == pytest.approx(place, abs=0.2)
     assert (told + lab.heard()).split("***")[1:] == [" home"]
+
+
+def test_homing_ends_with_the_connection_of_its_client(lab: Lab) -> None:
+    lab.say("drive5.home(18);", 1.0)
+    assert lab.drive.machine.speed > 0
+    lab.lobby.close()
+    lab.run(0.5)
+    assert lab.drive.machine.speed == 0
+    place = turns(lab)
+    lab.run(2.0)
+    assert turns(lab) == pytest.approx(place, abs=1e-4)
+
+
+@pytest.mark.parametrize("method", ["1e9", "128", "-129"])
+def test_a_homing_method_beyond_the_object_is_refused_at_the_call(lab: Lab, method: str) -> None:
+    assert "a homing method (0x6098) is a number from -128 to 127" in lab.say(f"drive5.home({method});", 0.5)
+    lab.say("drive5.speed = 1;", 1.0)
+    assert lab.number("drive5.speed") == pytest.approx(1.0, abs=0.01)
 
 
 def test_a_homing_method_that_the_drive_does_not_have_is_refused(lab: Lab, caplog: pytest.LogCaptureFixture) -> None:

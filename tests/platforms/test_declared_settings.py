@@ -15,7 +15,12 @@ from urbihw.platforms import DeviceLimits
 NAMES = [folder.name for folder in platforms.folders()]
 VALUES: dict[str, Any] = {"position": (-0.5, 0.5), "temperature": (40.0, 50.0, 60.0), "voltage": (10.0, 11.0)}
 """A limit of each kind; 0.1 for the others."""
-WHEEL = "motor6.cwLimit = motor6.ccwLimit = 0|;"
+WHEELS = {
+    "bioloid": ("motor6", "motor6.cwLimit = motor6.ccwLimit = 0|;"),
+    "chain": ("motor1", 'motor1.mode = "wheel"|;'),
+    "so101": ("motor5", 'motor5.mode = "wheel"|;'),
+}
+"""A servo of a chain, and how it becomes a wheel."""
 
 
 def lab_of(platform: str) -> Any:
@@ -41,11 +46,11 @@ def limited(lab: Any) -> dict[str, set[str]]:
 def test_the_limits_of_the_manifest_are_those_that_act(name: str) -> None:
     lab, declared = lab_of(name).ready(), platforms.find(name).limits
     found = limited(lab)
-    if name == "bioloid":
-        lab.say(WHEEL, 0.5)
-        found["motor6"] |= limited(lab)["motor6"]
+    if name in WHEELS:
+        motor, switch = WHEELS[name]
+        lab.say(switch, 0.5)
         # Only a wheel is accelerated; any of them may become one.
-        found = {"motor6": found["motor6"]}
+        found = {motor: found[motor] | limited(lab)[motor]}
     assert bool(found) == bool(declared)
     for device, kinds in found.items():
         (pattern,) = [each for each in declared if re.fullmatch(each.replace("#", "[0-9]+"), device)]

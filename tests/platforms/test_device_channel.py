@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -61,9 +62,25 @@ def test_a_target_behind_the_stop_goes_out_with_the_new_epoch(bench: Bench) -> N
     bench.motion.advance("stopped")
     bench.channel.set_target(7, "goal_position", 100, bench.motion.own())
     bench.channel.flush()
-    (sent,) = bench.sent
-    assert isinstance(sent, m.Targets)
+    (sent,) = [message for message in bench.sent if isinstance(message, m.Targets)]
     assert (dict(sent.values), sent.epoch) == ({(7, "goal_position"): 100}, bench.motion.epoch)
+
+
+def test_the_worker_is_told_who_moves_a_device_when_that_changes_and_after_a_stop(bench: Bench) -> None:
+    one, two = bench.kernel.open_lobby(), bench.kernel.open_lobby()
+
+    def told(client: Lobby) -> list[m.ToWorker]:
+        bench.sent.clear()
+        bench.channel.set_target(6, "goal_position", 900, replace(bench.origin_of(client), client=str(id(client))))
+        bench.channel.set_target(6, "led", 1)
+        bench.channel.flush()
+        return [message for message in bench.sent if isinstance(message, m.Writers)]
+
+    assert told(one) == [m.Writers({6: str(id(one))})]
+    assert told(one) == []
+    assert told(two) == [m.Writers({6: str(id(two))})]
+    bench.motion.advance("stopped")
+    assert told(two) == [m.Writers({6: str(id(two))})]
 
 
 def test_an_emergency_stop_drops_them_too(bench: Bench) -> None:

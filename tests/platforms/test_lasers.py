@@ -103,7 +103,7 @@ def test_a_pulled_cable_and_a_lost_power_are_told_and_it_comes_back(
     lab.kit.laser.power_on(lab.bus_clock.now())
     lab.until(lambda: lab.look("P3dx.body.laser.state") == '"on"', 20)
     lines = [record.getMessage() for record in caplog.records if record.levelno >= logging.WARNING]
-    assert len(lines) == 4 and "silent" in lines[2] and lines[3] == "laser: it is back"
+    assert len(lines) == 4 and "sent no scan" in lines[2] and lines[3] == "laser: it is back"
 
 
 @pytest.mark.parametrize("model", NEW)

@@ -47,7 +47,8 @@ def test_a_joint_stays_within_its_position_limit_and_says_which_that_is() -> Non
 def test_a_limit_that_acts_on_one_write_after_the_other_is_told_once_and_stays() -> None:
     lab = Bioloid.ready(limits={"motor6": {"position": [-0.5, 0.4]}})
     lab.say("at (motor6.limited?(var by)) echo(by);")
-    assert lab.say("motor6.val = 1.5|; sleep(0.2s); motor6.val = 1.6|;", 0.5).count("limits.motor6.position") == 1
+    told = lab.say("motor6.val = 1.5|; sleep(0.2s); motor6.val = 1.6|;", 0.5).splitlines()
+    assert told == ["!!! 1.39-48: warning: limited by limits.motor6.position", "*** limits.motor6.position"]
     assert lab.number("motor6.applied") == pytest.approx(0.4, abs=0.01)
     assert lab.look("motor6.limitedBy") == '"limits.motor6.position"'
     lab.say("motor6.val = -1.5|;", 0.2)
@@ -59,6 +60,24 @@ def test_a_limit_that_acts_on_one_write_after_the_other_is_told_once_and_stays()
     lab.say("robot.stop|; motor6.val = 0.1|;", 0.2)
     assert lab.number("motor6.applied") == pytest.approx(0.1, abs=0.01)
     assert lab.look("motor6.limitedBy") == '""'
+
+
+def test_the_writer_is_warned_of_a_limit_of_the_settings_but_not_of_the_range_of_a_slot() -> None:
+    lab = Bioloid.ready(limits={"motor6": {"position": [-0.5, 0.4], "speed": 1.0}})
+    assert lab.say("motor6.val = 0.3; motor6.val = 0.45;", 0.1).splitlines() == [
+        "0.3", "!!! 1.19-28: warning: limited by limits.motor6.position", "0.45",
+    ]  # fmt: skip
+    # Another client is warned, too; each but once, since a movement beyond a limit would fill the window.
+    lab.kernel.feed(lab.observer, b"motor6.val = 2|;")
+    assert lab.say("", 0.1) == ""
+    assert lab.look("0").splitlines()[0].endswith("warning: limited by limits.motor6.position")
+    assert lab.say("motor6.val = 0 sin:1s ampli:1,", 30.0) == ""
+    assert lab.say("motor6.speed = 3|;").endswith("warning: limited by limits.motor6.speed")
+    # As in Urbi 2.3: rangemin and rangemax cut silently; limitedBy tells it.
+    nxt = Nxt.ready()
+    assert nxt.say("wheelL.speed = 101;", 0.2) == "100"
+    assert nxt.look("wheelL.limitedBy") == '"range of speed: -100 to 100"'
+    assert nxt.brick.motor("C").power == 100
 
 
 def test_a_joint_goes_no_faster_than_its_speed_limit() -> None:
@@ -165,6 +184,8 @@ def test_what_is_applied_is_right_behind_the_write(
     for wanted, applied in writes:
         # One round: the worker has not heard of it yet.
         heard = lab.say(f"{slot} = {wanted}|; [{device}.requested, {device}.applied]; {device}.limitedBy;").splitlines()
+        if heard[0].endswith(f"warning: limited by {name}"):
+            del heard[0]
         requested, shown = (float(part) for part in heard[0].strip("[]").split(", "))
         assert requested == wanted and shown == pytest.approx(applied, abs=0.01)
         assert heard[1] == (f'"{name}"' if applied != wanted else '""')

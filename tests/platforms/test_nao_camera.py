@@ -13,6 +13,7 @@ from nao_lab import Lab, stand
 from urbihw.buses.errors import BadValue
 from urbihw.cli.pictures import Picture as ShownPicture
 from urbihw.client.lines import Binary
+from urbihw.extras import install_command
 from urbihw.kernel.uobject import UImage
 from urbihw.platforms.nao import camera, pictures
 from urbihw.platforms.nao.camera_part import PICTURE_TIMEOUT_S, RETRY_S
@@ -381,10 +382,10 @@ def test_a_robot_without_cameras_says_so_when_they_are_used() -> None:
 def test_without_pillow_jpeg_is_an_error_that_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(camera, "has_pillow", lambda: False)
     lab = Lab.ready()
-    assert "pip install 'urbihw[images]'" in lab.say("camera.load = 1;")
+    assert install_command("images") in lab.say("camera.load = 1;")
     assert "this slot takes one of 1, 2, 3, 4, 5, 6, 7" in lab.say("camera.formatDetail = 8;")
     lab.say("camera.formatDetail = 1; camera.load = 1;")
-    assert "pip install 'urbihw[images]'" in lab.say("camera.format = 1;")
+    assert install_command("images") in lab.say("camera.format = 1;")
     assert picture(lab).keywords == "rgb 320 240"
 
 

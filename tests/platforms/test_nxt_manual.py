@@ -159,6 +159,14 @@ def test_using_functions() -> None:
     assert speeds(lab) == (0, 0)
 
 
+def test_an_assignment_to_the_name_of_a_device_hides_it_in_one_window() -> None:
+    # Manual, "Copy on write": a slot that is inherited, as those of Global by a lobby, is copied.
+    lab = Lab.ready(TriBot(9.0))
+    assert lab.say("claw = 1; claw;").splitlines() == ["1", "1"]
+    assert lab.look("claw") == "claw"
+    assert lab.say('removeLocalSlot("claw")|; claw;') == "claw"
+
+
 def test_loading_files(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("URBI_PATH", f":{BUILT_IN.parent}")
     lab = Lab.ready()

@@ -141,13 +141,47 @@ def test_what_the_robot_makes_of_itself_later_is_no_change(stage: Stage) -> None
     assert stage.mended() == []
 
 
-def test_devices_that_are_found_later_are_no_change() -> None:
+def test_devices_that_are_found_later_are_no_change(caplog: pytest.LogCaptureFixture) -> None:
     stage = Stage("bioloid")
     slots = stage.world.global_.slots
     joint = slots["joint"]
     stage.lab.robot.on_found(m.Found(()))  # a worker that was replaced has looked at the bus
     stage.lab.kernel.scheduler.run_simulated(stage.lab.clock.now())
     assert slots["joint"] is not joint
+    assert [record.getMessage() for record in caplog.records if "not complete" in record.getMessage()] == []
     assert stage.mended() == []
     stage.lab.say('Global.removeSlot("joint");')
     assert stage.mended() == ["*** urbihw: put back in the library: Global.joint"]
+
+
+@pytest.mark.parametrize(("platform", "switch_on"), [("p3dx", "P3dx.body.load = 1|;"), ("segway", ""), ("nxt", "")])
+def test_a_new_connection_does_not_disturb_a_movement(platform: str, switch_on: str) -> None:
+    stage = Stage(platform)
+    lab = stage.lab
+    lab.say(switch_on, 1.0)
+    lab.say('at (robot.aborted?) echo("aborted"); robot.go(2.4);')
+    lab.run(1.0)
+    assert lab.look("robot.mobility.motion.isNil") == "false"
+    assert stage.mended() == []
+    assert lab.look("robot.mobility.motion.isNil") == "false"
+
+
+def test_compact_names_are_made_by_any_program(stage: Stage) -> None:
+    lab = stage.lab
+    said = lab.say(
+        "robot.makeCompactNames; robot.addComponent(\"hat\");"
+        " robot.hat.addDevice(\"feather\", Object.new.addProto(Interface.Motor));"
+        " robot.makeCompactNames; feather === robot.hat.feather;"
+    )
+    assert said == "true"
+    assert stage.mended() == []
+    assert lab.say("System.resetLibrary; feather === robot.hat.feather;") == "[]\ntrue"
+
+
+def test_compact_names_of_another_tree_do_not_become_the_librarys() -> None:
+    stage = Stage("bioloid")
+    stage.lab.say(
+        "var r = Component.new(\"robot\")|; r.addComponent(\"body\"); r.body.addComponent(Localizer.new(\"joint\"));"
+        " r.body.joint.set(0, Object.new.addProto(Interface.Motor))|; r.makeCompactNames;"
+    )
+    assert stage.mended() == ["*** urbihw: changed in the library: Global.joint; System.resetLibrary brings it back"]

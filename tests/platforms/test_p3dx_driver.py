@@ -487,7 +487,7 @@ def test_a_silent_laser_is_lost_and_damage_is_counted() -> None:
     bench.run(1.0)
     assert bench.driver.errors()["damaged"] >= 1
     kit.laser.power_off(0)
-    with pytest.raises(LinkGone, match="laser has been silent"):
+    with pytest.raises(LinkGone, match="laser has sent no scan"):
         bench.run(4.0)
 
 

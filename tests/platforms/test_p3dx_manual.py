@@ -199,10 +199,10 @@ def test_battery(lab: Lab) -> None:
 
 def test_manual_commands_cancel_go() -> None:
     lab = driving()
-    lab.say("P3dx.go(5),", 1)
-    assert "a speed was written" in lab.say("P3dx.body.x.speed = -0.1;", 4)
+    lab.say('at (robot.aborted?) echo("aborted"); P3dx.go(5),', 1)
+    assert "aborted" in lab.say("P3dx.body.x.speed = -0.1;", 4)
     assert lab.number("P3dx.body.x.speed") == pytest.approx(-0.1, abs=0.01)
-    lab.say("P3dx.go(0.5);", 5)
+    lab.say("P3dx.go(0.5);", 6)
     assert not lab.kit.body.moving
 
 

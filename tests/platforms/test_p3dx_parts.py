@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -86,16 +87,66 @@ def test_ramps_have_a_range() -> None:
     assert lab.number("P3dx.body.x.acceleration->rangemax") == pytest.approx(2.0)
 
 
-def test_written_ramps_are_sent_again_after_a_lost_link() -> None:
+def test_a_new_connection_has_the_ramps_of_the_robot() -> None:
     lab = robot()
-    lab.say("P3dx.body.x.acceleration = 0.1;", 0.5)
+    lab.say("P3dx.body.x.acceleration = 0.1; P3dx.body.x.deceleration = 1;", 0.5)
     lab.robot_line.end.unplug()
     lab.run(1)
-    lab.kit.body.forward.faster = 0.3
     lab.robot_line.end.replug()
     lab.until(lambda: lab.look("P3dx.link") == "true")
     lab.run(0.5)
-    assert lab.kit.body.forward.faster == pytest.approx(0.1)
+    assert (lab.kit.body.forward.faster, lab.kit.body.forward.slower) == pytest.approx((0.3, 0.3))
+    assert lab.say("P3dx.body.x.acceleration; P3dx.body.x.deceleration;") == "0.3\n0.3"
+
+
+def test_ramps_that_another_program_left_in_the_controller_are_replaced() -> None:
+    kit = Kit(World())
+    kit.body.forward.slower = kit.body.turning.slower = 0.001
+    Lab.ready(kit).run(0.5)
+    assert (kit.body.forward.slower, kit.body.turning.slower) == pytest.approx((0.3, math.radians(100)))
+
+
+WEAK = [
+    "P3dx.body.x.deceleration = 0;",
+    "P3dx.body.x.deceleration = -1;",
+    "P3dx.body.x.deceleration = 0.001;",
+    "P3dx.body.x.deceleration->rangemin = 0; P3dx.body.x.deceleration = 0.01;",
+    'P3dx.command("SETA", -1);',
+    'P3dx.command("TRANSKP", 0);',
+]
+STOPS: dict[str, Callable[[Lab], object]] = {
+    "stop": lambda lab: lab.look("robot.stop"),
+    "emergency stop": lambda lab: lab.look("P3dx.estop = true"),
+    "client gone": lambda lab: lab.lobby.close(),
+    "speed 0": lambda lab: lab.look("P3dx.body.x.speed = 0"),
+    "watchdog of the controller": lambda lab: lab.robot_line.end.unplug(),
+}
+
+
+@pytest.mark.parametrize("stop", STOPS)
+def test_no_client_can_weaken_the_brakes(stop: str) -> None:
+    lab = robot()
+    for weak in WEAK:
+        assert "!!!" in lab.say(weak, 0.2)
+    assert lab.say("P3dx.body.x.deceleration;") == "0.3"
+    lab.say("P3dx.body.x.speed = 0.4;", 3)
+    assert lab.kit.body.forward.speed == pytest.approx(0.4, abs=0.01)
+    STOPS[stop](lab)
+    # 0.4 m/s at 0.3 m/s2 takes 1.3 s; the watchdog of the controller begins after 2 s.
+    lab.run(2.0 if "watchdog" not in stop else 4.0)
+    assert lab.kit.body.forward.speed == 0
+
+
+def test_a_weaker_ramp_is_refused_with_the_least_one() -> None:
+    lab = robot()
+    assert "deceleration: at least 0.3, the robot's own, so that every stop brakes as it should" in lab.say(
+        "P3dx.body.x.deceleration = 0.1;"
+    )
+    assert "acceleration: at least 0.001" in lab.say("P3dx.body.x.acceleration = 0;")
+    assert "acceleration: at least 0.001" in lab.say("P3dx.body.x.acceleration = -1;")
+    assert "SETRA cannot be sent like this; use the slots" in lab.say('P3dx.command("SETRA", -1);')
+    lab.say("P3dx.body.yaw.deceleration = 3;", 0.5)
+    assert lab.kit.body.turning.slower == pytest.approx(3, abs=0.01)
 
 
 # --- gyro -------------------------------------------------------------------------------------------------------------
@@ -240,3 +291,10 @@ def test_a_sonar_without_an_echo_is_infinitely_far(monkeypatch: pytest.MonkeyPat
 def test_what_the_battery_does_not_tell_is_nil() -> None:
     lab = robot()
     assert lab.say("P3dx.body.battery.capacity.isNil; P3dx.body.battery.current.isNil;") == "true\ntrue"
+
+
+def test_a_command_with_a_wrong_argument_is_answered_in_the_words_of_the_language() -> None:
+    lab = robot()
+    assert "VEL (translate, mm/s) takes a number, not the bytes [1]" in lab.say('P3dx.command("VEL", [1]);')
+    assert 'VEL (translate, mm/s) takes a number, not "a"' in lab.say('P3dx.command("VEL", "a");')
+    assert "VEL (translate, mm/s) takes a number, not nil" in lab.say('P3dx.command("VEL", nil);')

@@ -133,7 +133,7 @@ def test_without_a_link_measurements_are_none() -> None:
     assert lab.look("P3dx.body.sonar[left][front].val") == "nan"
     assert lab.look("P3dx.body.load") == "0"
     assert lab.robot.status() == "link down"
-    assert "the motors are off" in lab.say("P3dx.body.x.speed = 0.1;")
+    assert "the link to the robot is down" in lab.say("P3dx.body.x.speed = 0.1;")
     for typed in ("P3dx.body.load = 1;", "P3dx.body.sonar.load = 1;", 'P3dx.command("SETO", nil);'):
         assert "the link to the robot is down" in lab.say(typed)
 
@@ -216,7 +216,8 @@ def test_go_into_a_wall_ends() -> None:
     lab = Lab.ready(Kit(slip=0.0))
     lab.say("P3dx.body.load = 1;", 0.5)
     lab.say("at (robot.unreachable?) echo(\"cannot\");")
-    assert lab.say('P3dx.go(10); echo("over");', 20).splitlines() == ["*** cannot", "*** over"]
+    said = lab.say('P3dx.go(10); echo("over");', 20).splitlines()
+    assert said == ["*** cannot", "*** the robot is blocked after 2.75 of 10 m: the movement has ended", "*** over"]
     assert not lab.kit.body.moving
 
 

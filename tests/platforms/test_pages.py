@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import shutil
 from pathlib import Path
 
 import pytest
@@ -54,5 +55,7 @@ def test_the_main_page_and_each_robots_own_are_among_them() -> None:
 @pytest.mark.parametrize(("robot", "page"), PLAYED, ids=[f"{robot}: {page.parent.name}" for robot, page in PLAYED])
 def test_answers_are_those_given(robot: str, page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(RobotLab, "motions", str(tmp_path))
+    shutil.copy(ROOT / "docs" / "examples" / "bow.mtn", tmp_path)
     windows = Windows(robot)
     assert differences(page, robot, windows.play, windows.happen, stamps=False) == ""

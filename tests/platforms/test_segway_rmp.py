@@ -667,3 +667,8 @@ def test_a_base_that_is_lost_on_its_way_ends_the_way() -> None:
     place = lab.base.body.forward
     lab.run(3.0)
     assert lab.base.body.forward == pytest.approx(place, abs=0.01)
+
+
+def test_an_RMP_that_is_made_with_no_number_says_what_it_takes() -> None:
+    lab = Lab.ready()
+    assert 'RMP.new: expected the period in seconds, given "a"' in lab.say('RMP.new("a");')

@@ -102,3 +102,11 @@ def test_a_segway_that_is_disabled() -> None:
     heard = segway.say("rmp.forwardSpeed = 1|;", 0.2)
     assert 'warning: the base does not drive (mode disabled): switch it on with mode = "tractor"' in heard
     assert_off(segway, "rmp", "mode disabled")
+
+
+def test_a_stop_does_not_stiffen_a_joint_that_was_switched_off() -> None:
+    lab = ax()
+    lab.say("motor6.val = 0.3; sleep(1s); motor6.load = 0;", 2.0)
+    assert lab.register(6, "torque_enable") == 0
+    lab.say("robot.stop;", 1.0)
+    assert lab.register(6, "torque_enable") == 0

@@ -141,3 +141,10 @@ def test_assignments_during_a_movement(console: Console) -> None:
 def test_other_modes_are_stored_and_mean_normal(console: Console) -> None:
     assert console.say('m.val->blend = 3; m.val = 4; m.val;') == ["3", "4", "4"]
     assert console.say('m.val->blend = "mix"; m.val = "text"; m.val;') == ['"mix"', '"text"', '"text"']
+
+
+def test_a_wave_of_a_device_that_is_lost_goes_on_within_its_speed(console: Console) -> None:
+    console.say("o.x->speedmax = 2| o.x = nan|;")
+    assert console.say("o.x = 0 sin:1s ampli:1,", 0.5) == []
+    values = console.samples("o.x", *(0.02 * n for n in range(30)))
+    assert max(abs(b - a) for a, b in zip(values, values[1:], strict=False)) <= 0.04 + 1e-6

@@ -25,6 +25,7 @@ from typing import Final
 
 from urbihw.buses.errors import BadUrl, Unavailable
 from urbihw.buses.link import Context, Link, Port, Url, byte_link
+from urbihw.extras import install_command
 
 # scheme -> "module:Class". Strings, so that listing costs no import and a missing library breaks only its own row.
 BUSES: Final = {
@@ -80,7 +81,7 @@ def _port_class(url: Url) -> type[Port]:
         module = importlib.import_module(module_name)
     except ImportError as error:
         # What not everybody has is an extra with the name of the scheme.
-        package = f"'urbihw[{url.scheme}]'" if url.scheme in BUSES else error.name
-        raise Unavailable(f"{url.scheme}:// needs the Python package {error.name}: pip install {package}") from error
+        how = install_command(url.scheme) if url.scheme in BUSES else f"pip install {error.name}"
+        raise Unavailable(f"{url.scheme}:// needs the Python package {error.name}: {how}") from error
     found: type[Port] = getattr(module, class_name)
     return found

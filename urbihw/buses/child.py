@@ -34,7 +34,7 @@ def main(arguments: list[str]) -> int:
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, terminate)
-    pipe = Connection(int(pipe_fd))
+    pipe = Connection(_lower_descriptor(int(pipe_fd)))
     try:
         begin = pipe.recv()
     except (EOFError, OSError):
@@ -45,6 +45,14 @@ def main(arguments: list[str]) -> int:
     mailbox = Mailbox(pipe)
     Engine(url, driver_of(family), mailbox, begin, Context(), lambda: terminated or os.getppid() != parent).run()
     return 0
+
+
+def _lower_descriptor(fd: int) -> int:
+    """Move a descriptor to the lowest free number: it has that of a daemon with many clients, and ``select``, whose
+    time-out is finer than that of ``poll``, takes numbers below 1024 only."""
+    low = os.dup(fd)
+    os.close(fd)
+    return low
 
 
 def _sharpen_timer() -> None:

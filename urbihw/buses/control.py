@@ -24,8 +24,9 @@ from typing import Any, Final
 from urbihw.buses.errors import Unavailable
 from urbihw.buses.messages import DeviceState, FromWorker, Happened, Latched, LinkState, Samples, Statistics, Stopped
 
-STOP, ESTOP, RELEASE, STATE, SUBSCRIBE = "stop", "estop", "release", "state", "subscribe"
-VERBS: Final = (STOP, ESTOP, RELEASE, STATE, SUBSCRIBE)
+STOP, ESTOP, RELEASE, STATE, SUBSCRIBE, HEALTH = "stop", "estop", "release", "state", "subscribe", "health"
+TRACE: Final = "trace"
+VERBS: Final = (STOP, ESTOP, RELEASE, STATE, SUBSCRIBE, HEALTH, TRACE)
 MAX_CLIENTS: Final = 16
 """Connections at a time; one more ends the oldest."""
 MAX_LINE_BYTES: Final = 4096
@@ -54,6 +55,7 @@ class _Client:
         connection.setblocking(False)
         self.socket = connection
         self.subscribed = False
+        self.traces = False
         self.closed = False
         self._buffer = b""
         self._waiting: deque[bytes] = deque()
@@ -186,6 +188,17 @@ class ControlSocket:
             line = _as_json(message)
             for client in listeners:
                 client.send_telemetry(line)
+
+    @property
+    def is_traced(self) -> bool:
+        """Whether a client wants the bytes on the wire."""
+        return any(client.traces and not client.closed for client in self._clients)
+
+    def publish_traffic(self, event: Mapping[str, Any]) -> None:
+        """Send bytes of the wire (`TrafficLog.take`) to the clients that want them."""
+        for client in self._clients:
+            if client.traces and not client.closed:
+                client.send_telemetry(event)
 
     def close(self) -> None:
         """Close the listener and all clients; calling it twice is allowed."""

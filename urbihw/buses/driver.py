@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final, NamedTuple
 
 from urbihw.buses.errors import BadValue
 from urbihw.buses.link import Port
-from urbihw.buses.messages import Configure, FromWorker, Request, Targets, Watch
+from urbihw.buses.messages import Configure, FromWorker, Limit, Request, Targets, Watch
+from urbihw.buses.readings import Quantity, Reading, reading_of
 
 # Protocol family -> driver class. The driver of a single robot lives in its platform and is named "module:Class".
 FAMILIES: Final = {"servos": "urbihw.buses.servos.driver:ServoDriver"}
@@ -51,15 +52,19 @@ class Driver:
             switched off by hand); the engine treats it as a stop with this reason.
         knows_motion: whether the devices tell if they move, so that `stop_what_moves` knows.
         url_parameters: parameters of the url that are meant for the robot; the port is opened without them.
+        device_info: the frozen dataclass that describes a device in `Found`; None if the next run has no use for it.
         identity: what tells the robot that `attach` has found from others of its kind, such as its serial number; "" if
             nothing does. The engine stops everything when another robot answers than the last time.
+        quantities: item -> what it measures, for `reading`.
     """
 
     slow_verbs: frozenset[str] = frozenset()
     knows_motion: bool = False
     url_parameters: frozenset[str] = frozenset()
     halted: str = ""
+    device_info: type | None = None
     identity: str = ""
+    quantities: Mapping[str, Quantity] = {}
 
     def configure(self, settings: Configure) -> None:
         """Apply settings.  Raises BadValue, BadSetting."""
@@ -119,6 +124,18 @@ class Driver:
         """Return the targets that a request writes by itself: it is refused if one of them is beyond a limit."""
         return ()
 
+    def unheld_target(self, device: Any, item: str, value: Any, limits: Mapping[tuple[Any, str], Limit]) -> str:
+        """Return why a target cannot be held within these limits, so that it is refused; "" if it can."""
+        return ""
+
+    def unheld_request(self, request: Request, limits: Mapping[tuple[Any, str], Limit]) -> str:
+        """Return why a request cannot be held within these limits, so that it is refused; "" if it can."""
+        return ""
+
+    def leaves_place(self, request: Request) -> bool:
+        """Whether the device may be elsewhere than at its last target after this request: its torque was off."""
+        return False
+
     def pose(self, device: Any, item: str) -> float | None:
         """Return the position of a device in the unit of the target `item`; None if unknown or not a position."""
         return None
@@ -133,6 +150,13 @@ class Driver:
     def raw_of(self, device: Any, item: str, signed: float) -> Any:
         """Return the raw target of a signed number: the inverse of `signed`."""
         return round(signed)
+
+    def reading(self, device: Any, item: str, raw: Any) -> Reading | None:
+        """Return a measured value or a target in SI units; None for an item that tells nothing of the health.
+
+        By default the row of `quantities`; override it where devices differ.
+        """
+        return reading_of(self.quantities, item, raw)
 
     def errors(self) -> dict[str, int]:
         """Return the number of failures since `attach`, by kind."""

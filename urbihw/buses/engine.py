@@ -16,6 +16,7 @@ The loop ends when the pipe is closed or on request (SIGTERM, death of the paren
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
@@ -23,12 +24,14 @@ from typing import Any, Final
 from urbihw import buses
 from urbihw.backoff import BackOff
 from urbihw.buses.authority import MotionAuthority
-from urbihw.buses.control import ESTOP, RELEASE, SUBSCRIBE, ControlSocket
+from urbihw.buses.control import ESTOP, HEALTH, RELEASE, STATE, SUBSCRIBE, TRACE, ControlSocket
 from urbihw.buses.counter import StatisticsCounter
 from urbihw.buses.driver import Driver
 from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
 from urbihw.buses.gate import Gate
+from urbihw.buses.health import HealthRecord
 from urbihw.buses.inbox import Inbox
+from urbihw.buses.inventory import Inventory
 from urbihw.buses.link import Context, Port, split_parameters
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import (
@@ -53,12 +56,16 @@ from urbihw.buses.messages import (
     ToWorker,
     Watch,
     WorkerHeartbeat,
+    Writers,
 )
 from urbihw.buses.ticker import Ticker
+from urbihw.buses.traffic import TrafficLog
 
 _FIRST_BACK_OFF_S = 0.2
-_LAST_BACK_OFF_S = 2.0
+_LAST_BACK_OFF_S = 1.0
 _STATISTICS_PERIOD_S = 1.0
+_MISTAKES = frozenset({errno.ENOTTY, errno.ENOPKG})
+"""Failures to open a link that no robot mends: no serial port, or a package of this machine is missing."""
 # With less than this left until the next tick, messages are posted during that tick, while the wire is busy.
 _TIME_TO_POST_S = 0.0005
 
@@ -106,6 +113,9 @@ class Engine:
         control = Path(begin.control) if begin.control else None
         self._authority = MotionAuthority(begin.epoch, control.with_suffix(".estop") if control is not None else None)
         self._gate = Gate(driver, self._authority)
+        self._inventory = Inventory(begin.settings.expected)
+        self._traffic = TrafficLog(url, self._clock)
+        self._health = HealthRecord(driver, begin, now)
         driver.configure(begin.settings)
         driver.expect_devices(begin.devices)
         for watch in begin.watches:
@@ -135,6 +145,7 @@ class Engine:
             reason = f"our bug in the bus worker: {type(error).__name__}: {error}"
         self._post_tick_messages()
         self._stop_robot("the worker ends")
+        self._share_traffic()
         if self._link is not None:
             self._link.close()
         if self._control is not None:
@@ -158,6 +169,7 @@ class Engine:
         self._execute_urgent()
         self._execute_requests()
         self._execute_commands()
+        self._share_traffic()
         self._tally.ticks += 1
         now = self._clock.now()
         self._post_statistics(now)
@@ -171,6 +183,7 @@ class Engine:
         now = self._clock.now()
         given = self._gate.set_points.next_targets(now)
         if given:
+            self._health.record_applied(given)
             self._post_all(self._driver.targets(Targets(given)))
         news = self._driver.tick(now, self._post_tick_messages, self._is_tick_urgent)
         self._post_tick_messages()
@@ -219,6 +232,11 @@ class Engine:
         self._mailbox.post(message)
         if self._control is not None:
             self._control.publish(message)
+            self._traffic.hear(message)
+            self._health.hear(message, self._clock.now())
+        differences = self._inventory.hear(message)
+        if differences is not None:
+            self._mailbox.post(differences)
 
     # Listening.
 
@@ -257,6 +275,7 @@ class Engine:
             case Targets():
                 self._accept_targets(message, now)
             case Watch():
+                self._health.record_watch(message)
                 self._run_guarded(lambda: self._post_all(self._driver.watch(message, now)))
             case Request():
                 self._accept_request(message)
@@ -266,8 +285,10 @@ class Engine:
                 self._release(message.who)
             case Limits():
                 self._gate.set_limits(message)
+            case Writers():
+                self._health.writers.update(message.names)
             case Configure():
-                self._settings = message
+                self._settings = self._health.settings = message
                 self._driver.configure(message)
                 self._ticker = Ticker(1 / message.rate, now)
             case Heartbeat() | EmergencyStop():
@@ -276,12 +297,15 @@ class Engine:
     def _accept_targets(self, message: Targets, now: float) -> None:
         given, news = self._gate.filter_targets(message, now)
         self._post_all(news)
+        if not self._authority.refusal(message.epoch):
+            self._health.record_requested(message.values)
         if given:
+            self._health.record_applied(given)
             fresh = Targets(given, message.epoch, message.time)
             self._run_guarded(lambda: self._post_all(self._driver.targets(fresh)))
 
     def _accept_request(self, message: Request) -> None:
-        request, news = self._gate.filter_request(message)
+        request, news = self._gate.filter_request(message, self._clock.now())
         self._post_all(news)
         if request is not None:
             self._requests.append(request)
@@ -332,7 +356,16 @@ class Engine:
                 self._release(command.who)
             elif command.verb == SUBSCRIBE:
                 command.client.subscribed = True
-            command.answer(self._state_fields())
+            elif command.verb == TRACE:
+                command.client.traces = True
+            told = self._state_fields()
+            if command.verb == TRACE:
+                told |= self._traffic.fields(self._link)
+            if command.verb in (STATE, HEALTH):
+                told |= self._inventory.state_fields()
+            if command.verb == HEALTH:
+                told |= self._health.fields(self._clock.now(), self._inbox.heard_at, self._link is not None)
+            command.answer(told)
 
     def _state_fields(self) -> dict[str, Any]:
         return {
@@ -345,6 +378,10 @@ class Engine:
     def _execute_requests(self) -> None:
         while self._requests:
             request = self._requests.pop(0)
+            unheld = self._gate.explain_unheld(request)
+            if unheld:
+                self._post_all([Reply(request.reply_id, False, error=unheld)])
+                continue
             if request.verb in self._driver.slow_verbs:
                 self._post_all([WorkerHeartbeat(SLOW_ALLOWANCE_S)])
             if not self._run_guarded(lambda request=request: self._post_all(self._driver.request(request))):  # type: ignore[misc]
@@ -364,9 +401,10 @@ class Engine:
         try:
             link = buses.open(self._url, self._context)
         except (BadUrl, Unavailable) as error:
-            self._close_link(str(error))
+            self._close_link(str(error), isinstance(error, BadUrl) or error.errno in _MISTAKES)
             return
         self._link = link
+        self._share_traffic()
         messages: list[FromWorker] = []
         try:
             if not self._run_guarded(lambda: messages.extend(self._driver.attach(link))):
@@ -414,14 +452,14 @@ class Engine:
             which = ", ".join(map(str, moved))
             self._post_all([Stopped(f"{which} moved when the link was opened", self._authority.epoch)])
 
-    def _close_link(self, reason: str) -> None:
+    def _close_link(self, reason: str, mistake: bool = False) -> None:
         link, self._link = self._link, None
         if link is not None:
             link.close()
             self._driver.detach()
         if self._announced is not False:
             self._announced = False
-            self._post_all([LinkState(False, reason)])
+            self._post_all([LinkState(False, reason, mistake)])
         self._retry_at = self._clock.now() + self._back_off.next_pause()
 
     def _run_guarded(self, work: Callable[[], None]) -> bool:
@@ -440,6 +478,14 @@ class Engine:
         self._post_tick_messages()
         for message in messages:
             self._post(message)
+
+    def _share_traffic(self) -> None:
+        """Send the bytes of the last tick to the clients that trace them."""
+        if self._control is not None:
+            self._traffic.observe(self._link, self._control.is_traced)
+            event = self._traffic.take()
+            if event is not None:
+                self._control.publish_traffic(event)
 
     def _post_heartbeat(self, now: float) -> None:
         if now >= self._pulse_at:

@@ -50,9 +50,13 @@ class Gate:
         news: list[FromWorker] = []
         refusal = self.authority.refusal(message.epoch)
         passed: dict[Key, Any] = {}
+        limits = self.set_points.limits
         for key, value in message.values.items():
             reason = refusal or self._holding_threshold(key[0])
-            if reason and self._driver.moves(*key, value):
+            unheld = limits and self._driver.unheld_target(*key, value, limits)
+            if unheld and not reason:
+                news.append(Refused(*key, unheld))
+            elif reason and self._driver.moves(*key, value):
                 # A target that a stop has overtaken is dropped without a message: this is the normal case.
                 news += [] if reason is STALE else [Refused(*key, reason)]
             else:
@@ -60,11 +64,16 @@ class Gate:
         given = self.set_points.accept_targets(passed, now, message.time, message.resumed)
         return given, news + [*self.set_points.pop_limited()]
 
-    def filter_request(self, message: Request) -> tuple[Request | None, list[FromWorker]]:
-        """Return the request after the limits; None and an error reply if it must not be executed now."""
+    def filter_request(self, message: Request, now: float) -> tuple[Request | None, list[FromWorker]]:
+        """Return the request after the limits; None and a reply if it must not be executed now.
+
+        A write that a limit lets change only slowly becomes a target, which is reached in steps.
+        """
         reason = self.authority.refusal(message.epoch) or self._holding_threshold(message.device)
         if reason and self._driver.request_moves(message):
             return None, [Reply(message.reply_id, False, error=reason)]
+        if self._driver.leaves_place(message):
+            self.set_points.drop_courses((message.device,))
         clamp = self.set_points.clamp_value
         for implied in self._driver.implied_targets(message):
             limit = self.set_points.find_exceeded_limit(implied)
@@ -73,11 +82,24 @@ class Gate:
                 why = f"it is beyond {limit}" if known else f"it may exceed {limit}, which cannot be told before"
                 return None, [Reply(message.reply_id, False, error=why)]
         if message.verb == "write":
+            start = self.set_points.start_ramp
+            unheld = self.explain_unheld(message)
+            asked = None if unheld else start(message.device, message.item, message.value, now)
+            if asked is not None:
+                return None, [*self.set_points.pop_limited(), Reply(message.reply_id, True, asked)]
             message = replace(message, value=clamp(message.device, message.item, message.value))
         elif message.verb == "write_all":
             steps = tuple((item, clamp(message.device, item, value)) for item, value in message.value)
             message = replace(message, value=steps)
         return message, [*self.set_points.pop_limited()]
+
+    def explain_unheld(self, request: Request) -> str:
+        """Return why a request that is about to be executed cannot be held within the limits, "" if it can.
+
+        Not earlier: requests before it may have changed the mode.
+        """
+        limits = self.set_points.limits
+        return self._driver.unheld_request(request, limits) if limits else ""
 
     def check_samples(self, samples: Samples) -> ThresholdActions | None:
         """Compare measured values with the thresholds; None if none was crossed."""

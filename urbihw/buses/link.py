@@ -8,7 +8,7 @@ themselves. A port that carries something other than bytes (CAN frames) is anoth
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 from urllib.parse import parse_qsl
@@ -47,7 +47,9 @@ class Url:
 
     @classmethod
     def parse(cls, text: str) -> Url:
-        """Take `text` apart. Raises BadUrl when there is no target or an option is not `key=value`."""
+        """Take `text` apart. Raises BadUrl for unprintable text, without a target, or an option not `key=value`."""
+        if not text.isprintable():
+            raise BadUrl(f"bus url {text!r} contains unprintable characters, such as the end of a line")
         scheme, separator, rest = text.partition("://")
         if not separator:
             scheme, rest = "serial", text
@@ -117,6 +119,8 @@ class Port(ABC):
         self.baud: int = self.options.get("baud", DEFAULT_BAUD)
         self.bytes_read = 0
         self.bytes_written = 0
+        self.observer: Callable[[str, bytes], None] | None = None
+        """Called with ">" or "<" and what was written or read; None, the usual case, for nobody."""
         self._is_open = False
 
     @classmethod
@@ -195,6 +199,8 @@ class Link(Port):
             raise LinkGone(f"{self.url.text} is closed")
         data = self._read(size, deadline)
         self.bytes_read += len(data)
+        if self.observer is not None and data:
+            self.observer("<", data)
         return data
 
     def write(self, data: bytes) -> None:
@@ -203,6 +209,8 @@ class Link(Port):
             raise LinkGone(f"{self.url.text} is closed")
         self._write(data)
         self.bytes_written += len(data)
+        if self.observer is not None:
+            self.observer(">", data)
 
     def is_writable(self) -> bool:
         """Whether what is written now would leave soon: asked before bulk data, behind which a stop would wait."""

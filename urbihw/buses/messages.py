@@ -1,8 +1,9 @@
 """The messages between a bus worker and its parent: frozen, and picklable for a pipe between processes.
 
-To the worker: Begin first; then Targets, Watch, Request, Stop, EmergencyStop, Release, Limits, Heartbeat, Configure.
-From the worker: Found, Samples, Happened, DeviceState, LinkState, Reply, Refused, Limited, ThresholdCrossed, Stopped,
-Latched, Statistics, WorkerHeartbeat, Ended.  From the worker's supervisor: WorkerState.
+To the worker: Begin first; then Targets, Writers, Watch, Request, Stop, EmergencyStop, Release, Limits, Heartbeat,
+Configure.
+From the worker: Found, Differences, Samples, Happened, DeviceState, LinkState, Reply, Refused, Limited,
+ThresholdCrossed, Stopped, Latched, Statistics, WorkerHeartbeat, Ended.  From the worker's supervisor: WorkerState.
 
 They are the same for all protocol families; the names of devices (a number, a name, a port), their items, and the verbs
 of requests are defined by the driver of the family. Values are raw counts, converted to SI and back by the platform;
@@ -146,6 +147,26 @@ class Heartbeat:
 
 
 @dataclass(frozen=True, slots=True)
+class Writers:
+    """Who moves which device from now on: device -> name and address of the client; for `urbihw status` and the like.
+
+    Sent before the targets when a device gets another writer, not with each of them.
+    """
+
+    names: Mapping[Any, str]
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectedDevice:
+    """A device that the settings expect: its id and name; `model` and `firmware` as text, "" for any."""
+
+    id: int
+    name: str
+    model: str = ""
+    firmware: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Configure:
     """All settings of a worker; sending another one replaces them.
 
@@ -155,6 +176,7 @@ class Configure:
         torque_off_on_stop: every stop also switches the motors off: the robot falls.
         resume: a movement whose device or link was lost meanwhile continues on its return.
         options: settings of the protocol family, by name.
+        expected: the devices that the settings expect; () if they expect none.
     """
 
     rate: float = 100.0
@@ -162,6 +184,7 @@ class Configure:
     torque_off_on_stop: bool = False
     resume: bool = True
     options: Mapping[str, Any] = field(default_factory=dict)
+    expected: tuple[ExpectedDevice, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,6 +198,7 @@ class Begin:
         instead: why it replaces another worker, "" if it does not.
         devices: the devices that the last worker found; they are searched first.
         watches: the watches from the first tick on.
+        restarts: how many workers it has replaced.
     """
 
     settings: Configure
@@ -183,6 +207,7 @@ class Begin:
     instead: str = ""
     devices: tuple[Any, ...] = ()
     watches: tuple[Watch, ...] = ()
+    restarts: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,6 +216,28 @@ class Found:
 
     devices: tuple[Any, ...]
     conflicts: tuple[Any, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """A device that is not as the settings expect it; `expected` and `found` are model and firmware in words.
+
+    `found` is "" for a missing device, `name` and `expected` are "" for an unexpected one.
+    """
+
+    id: int
+    name: str = ""
+    expected: str = ""
+    found: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Differences:
+    """What differs from the expected devices now: those that are missing, unexpected, of another model or firmware."""
+
+    missing: tuple[Difference, ...] = ()
+    unexpected: tuple[Difference, ...] = ()
+    other: tuple[Difference, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,10 +279,11 @@ class Happened:
 
 @dataclass(frozen=True, slots=True)
 class LinkState:
-    """The link came up, or went down for a `reason`."""
+    """The link came up, or went down for a `reason`; `mistake`: the url makes no sense, and trying again is no use."""
 
     up: bool
     reason: str = ""
+    mistake: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -342,9 +390,10 @@ class Ended:
     reason: str = ""
 
 
-ToWorker = Targets | Watch | Request | Stop | EmergencyStop | Release | Limits | Heartbeat | Configure
+ToWorker = Targets | Writers | Watch | Request | Stop | EmergencyStop | Release | Limits | Heartbeat | Configure
 FromWorker = (
     Found
+    | Differences
     | Samples
     | Happened
     | DeviceState

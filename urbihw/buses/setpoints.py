@@ -92,11 +92,15 @@ class TargetConverter(Protocol):
 
 
 class SetPoints:
-    """The courses of all items of one wire."""
+    """The courses of all items of one wire.
+
+    Attributes:
+        limits: the limits of targets by (device, item); ``set_limits`` replaces them.
+    """
 
     def __init__(self, wire: TargetConverter) -> None:
         self._converter = wire
-        self._limits: Mapping[Key, Limit] = {}
+        self.limits: Mapping[Key, Limit] = {}
         self._courses: dict[Key, _Course] = {}
         self._under_way: dict[Key, None] = {}
         self._stepped_at = -math.inf
@@ -104,7 +108,7 @@ class SetPoints:
 
     def set_limits(self, table: Mapping[Key, Limit]) -> None:
         """Replace all limits."""
-        self._limits = table
+        self.limits = table
 
     def drop_courses(self, devices: tuple[Any, ...] | None = None) -> None:
         """Drop the courses of the robot, or of some devices, which were stopped."""
@@ -133,7 +137,7 @@ class SetPoints:
             course = self._courses.get(key)
             if course is None:
                 course = self._courses[key] = _Course()
-            limit = self._limits.get(key)
+            limit = self.limits.get(key)
             wanted = float(raw) if limit is None else self._apply_limit(key, course, limit, raw)
             held_up = key in resumed and course.speed() > 0
             course.add_target(wanted, now, now if written is None else written, held_up)
@@ -149,15 +153,25 @@ class SetPoints:
 
     def clamp_value(self, device: Any, item: str, raw: Any) -> Any:
         """Return a value that is written once, after its limits."""
-        limit = self._limits.get((device, item))
+        limit = self.limits.get((device, item))
         if limit is None or raw.__class__ is bool or not isinstance(raw, int | float):
             return raw
         course = self._courses.setdefault((device, item), _Course())
         return self._raw_value((device, item), raw, self._apply_limit((device, item), course, limit, raw))
 
+    def start_ramp(self, device: Any, item: str, raw: Any, now: float) -> Any | None:
+        """Start a ramp to a value that is written once; return the value after its limits, None without a ramp."""
+        key = device, item
+        limit = self.limits.get(key)
+        if limit is None or limit.rate == math.inf or raw.__class__ is bool or not isinstance(raw, int | float):
+            return None
+        if self.accept_targets({key: raw}, now):
+            return None
+        return self._converter.raw_of(*key, self._courses[key].asked)
+
     def find_exceeded_limit(self, target: ImpliedTarget) -> str:
         """Return the name of the limit that a target would exceed, "" if it may be written."""
-        limit = self._limits.get((target.device, target.item))
+        limit = self.limits.get((target.device, target.item))
         if limit is None:
             return ""
         value = self._converter.signed(target.device, target.item, target.value)
@@ -196,7 +210,7 @@ class SetPoints:
                 del self._courses[key], self._under_way[key]
                 continue
             way = course.asked - course.given
-            pace = self._limits.get(key, _NO_LIMIT).rate
+            pace = self.limits.get(key, _NO_LIMIT).rate
             if course.returning:
                 pace = min(pace, course.speed() or abs(way) / CATCH_UP_S)
             reach = pace * elapsed
@@ -237,9 +251,12 @@ class SetPoints:
 
     def _start_ramp(self, key: Key, course: _Course, now: float) -> bool:
         """Start a ramp to a target; False if it is reached already."""
+        place = self._converter.pose(*key)
         if math.isnan(course.given):
-            place = self._converter.pose(*key)
             course.given = 0.0 if place is None else place
+        elif place is not None and abs(place - course.given) > self.limits[key].rate * LIVE_TIMEOUT_S:
+            # It was moved by something else: a ramp that began at the last target would send it there at full speed.
+            course.given = place
         if course.given == course.asked:
             return False
         if not self._under_way:

@@ -207,6 +207,7 @@ class Supervisor:
             # The queue was meant for the worker that ended; its requests have been answered with an error.
             self._backlog.clear()
             self._epoch += 1
+            self._begin = replace(self._begin, restarts=self._begin.restarts + 1)
             begin = replace(self._begin, epoch=self._epoch, instead=reason, watches=self._all_watches())
             self._worker = Worker.start(self._url, post=self._handle_message, begin=begin, family=self._family)
             self._dead = False

@@ -115,7 +115,7 @@ class UsbLink(Link):
             devices = list(usb.core.find(find_all=True, idVendor=vendor, idProduct=product, backend=backend))
         except usb.core.NoBackendError as error:
             raise Unavailable(
-                errno.ENOENT, "libusb is missing, without which USB cannot be used: sudo apt install libusb-1.0-0"
+                errno.ENOPKG, "libusb is missing, without which USB cannot be used: sudo apt install libusb-1.0-0"
             ) from error
         except usb.core.USBError as error:
             raise self._explain(error) from error
@@ -161,8 +161,8 @@ class UsbLink(Link):
         if error.errno in (errno.EACCES, errno.EPERM):
             return Unavailable(
                 errno.EACCES,
-                f"no permission to open {name}: install share/99-urbihw.rules and add yourself to the group dialout "
-                "(sudo usermod -aG dialout $USER), then log in again",
+                f"no permission to open {name}: install urbihw/share/99-urbihw.rules and add yourself to the group "
+                "dialout (sudo usermod -aG dialout $USER), then log in again",
             )
         if error.errno == errno.EBUSY:
             return Unavailable(errno.EBUSY, f"{name} is in use by another program; close that one first")

@@ -9,12 +9,12 @@
     worker.send(Watch(6, ("present_position", "present_load"), 0.0))                   # every tick
     worker.send(Watch(6, ("present_voltage", "present_temperature"), 1.0))             # once a second
 
-    goal = tables.AX12.item("goal_position")
+    goal = tables.table_named("AX-12").item("goal_position")
     worker.send(Targets({(6, goal.name): units.from_si(goal, 0.5)}))                   # 0.5 rad
     worker.send(Request(1, "write", 6, "torque_limit", 512))                           # ... post(Reply(1, True, 512))
 
     # ... post(Samples(time=81.25, values={6: {"present_position": 609, "present_load": 40}}, times={6: 81.25}))
-    units.to_si(tables.AX12.item("present_position"), 609)                             # 0.4991 rad
+    units.to_si(tables.table_named("AX-12").item("present_position"), 609)             # 0.4991 rad
 
     every(0.5, lambda: worker.send(Heartbeat()))             # after 1.5 s of silence the worker stops the robot
     worker.stop()                                            # safe stop, then the worker ends

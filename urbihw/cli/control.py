@@ -90,6 +90,8 @@ def no_daemon_problem(verb: str) -> str:
     """The message for the case that no daemon answers."""
     if SERVICE_FOLDER.is_dir() and not os.access(SERVICE_FOLDER, os.R_OK | os.X_OK):
         return f"{SERVICE_FOLDER} may not be read: {_RIGHTS}"
+    if verb == "health":
+        return "no daemon answers: start it (urbihw serve)"
     if verb == "release":
         return "no daemon answers: start it (urbihw serve), then release it"
     return "no daemon answers; if the robot moves, cut its power, or: urbihw stop --direct --config FILE"

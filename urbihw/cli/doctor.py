@@ -1,49 +1,105 @@
-"""Check whether this machine is ready for a robot."""
+"""Check whether this machine and its robot are well.
+
+Without a url: the machine.  With the url of a robot: its bus, too; with --mend, return delays of servos are written.
+"""
 
 from __future__ import annotations
 
 import argparse
 import grp
+import json
 import os
 import sys
+import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final
 
-from urbihw import platforms
+from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
+from urbihw.buses.link import Url
 from urbihw.buses.ports import SerialPort, serial_ports
+from urbihw.cli.dialogue import Dialogue
+from urbihw.cli.machine import Finding, check_machine, clock_jump
+from urbihw.cli.options import Refused
+from urbihw.cli.ports_in_use import open_line
+from urbihw.cli.robot_check import BusReport, check_line, check_served, mend_delays, mend_latency
+from urbihw.cli.scan_ports import adapter_name
+from urbihw.cli.tracing import traffic_of
 from urbihw.exitcodes import EX_CONFIG
-from urbihw.kernel.uobject import BadConfig
+from urbihw.extras import install_command, required_packages
 
-Verdict = Literal["ok", "note", "bad"]
 LATENCY: Final = Path("/sys/bus/usb-serial/devices")
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One line of the report; a ``bad`` one tells what to do."""
-
-    verdict: Verdict
-    text: str
+_MEASURED: Final = {"serial", "pipe", "socket"}
+"""Kinds of ports whose servos can be asked without a daemon."""
 
 
 def options(parser: argparse.ArgumentParser) -> None:
-    """``urbihw doctor`` takes none."""
+    """The options of ``urbihw doctor``."""
+    parser.add_argument("url", nargs="?", default="", metavar="URL",
+                        help="of a robot, such as /dev/ttyUSB0?baud=1000000")
+    parser.add_argument("--mend", action="store_true",
+                        help="after a question each, set the adapter's latency timer and the servos' return delays")
+    parser.add_argument("--json", action="store_true", help="print the findings as JSON")
 
 
 def run(options: argparse.Namespace) -> int:
     """Print the findings; 78 if one of them is a problem."""
-    findings = [
-        *python(sys.version_info[:2]),
-        *packages(version),
-        *adapters(serial_ports()),
-        *dialout(os.getgroups()),
-    ]
-    for finding in findings:
-        print(f"{finding.verdict:5} {finding.text}")
+    if options.mend and (not options.url or options.json):
+        print("urbihw: --mend takes the url of a bus of servos, and no --json", file=sys.stderr)
+        return EX_CONFIG
+    before = time.time() - time.monotonic()
+    report = BusReport()
+    findings: list[Finding] = []
+
+    def tell(found: Iterable[Finding]) -> None:
+        for finding in found:
+            findings.append(finding)
+            if not options.json:
+                print(f"{finding.verdict:5} {finding.text}", flush=True)
+
+    tell(python(sys.version_info[:2]))
+    tell(packages(version))
+    tell(adapters(serial_ports()))
+    tell(dialout(os.getgroups()))
+    tell(check_machine())
+    if options.url:
+        report = robot(options.url, options.mend, tell)
+    tell(clock_jump(before, time.time() - time.monotonic()))
+    if options.json:
+        print(json.dumps(as_json(findings, report), indent=2))
     return EX_CONFIG if any(finding.verdict == "bad" for finding in findings) else 0
+
+
+def robot(url: str, mend: bool, tell: Callable[[Iterable[Finding]], None]) -> BusReport:
+    """Check a robot: by the daemon that serves it, else on its port."""
+    report = BusReport()
+    try:
+        traffic = traffic_of(url)
+        if traffic is not None:
+            with traffic:
+                report = check_served(traffic)
+            tell(report.findings)
+            if mend:
+                tell([Finding("bad", "a daemon serves this robot: stop it, then --mend")])
+        elif Url.parse(url).scheme not in _MEASURED:
+            tell([Finding("note", f"nobody serves {url}: start a daemon, then its bus is measured")])
+        else:
+            with open_line(url) as line:
+                report = check_line(line)
+                tell(report.findings)
+                if mend:
+                    tell(mend_latency(Url.parse(url).target, Dialogue()))
+                    tell(mend_delays(line, report.servos, Dialogue()))
+    except (BadUrl, Unavailable, LinkGone, Refused) as error:
+        tell([Finding("bad", str(error))])
+    return report
+
+
+def as_json(findings: Iterable[Finding], report: BusReport) -> dict[str, Any]:
+    """The report for programs; times in seconds."""
+    rows = [{"verdict": finding.verdict, "text": finding.text} for finding in findings]
+    return {"findings": rows, "bus": report.numbers}
 
 
 def python(found: tuple[int, int]) -> Iterable[Finding]:
@@ -57,29 +113,24 @@ def python(found: tuple[int, int]) -> Iterable[Finding]:
 
 def packages(version_of: Callable[[str], str]) -> Iterable[Finding]:
     """Check which required packages and which extras are installed."""
-    for line in requires("urbihw") or ():
-        name = line.split(";")[0].split("[")[0].strip()
-        for sign in "<>=!~":
-            name = name.split(sign)[0]
-        extra = line.partition("extra ==")[2].strip(" \"'")
-        if extra == "dev":
+    for name, _, extra in required_packages():
+        if extra in ("dev", "all"):
             continue
         try:
             yield Finding("ok", f"{name} {version_of(name)}")
         except PackageNotFoundError:
             if extra:
-                yield Finding("note", f"{name} is not installed; for what needs it: pip install 'urbihw[{extra}]'")
+                yield Finding("note", f"{name} is not installed; for what needs it: {install_command(extra)}")
             else:
                 yield Finding("bad", f"{name} is missing: pip install {name}")
 
 
 def adapters(ports: Iterable[SerialPort]) -> Iterable[Finding]:
     """List the serial ports with their adapters, and check the permission to open them."""
-    known = _known_adapters()
     found = False
     for port in ports:
         found = True
-        adapter = known.get((port.vendor or 0, port.product or 0), port.description)
+        adapter = adapter_name(port)
         if os.access(port.device, os.R_OK | os.W_OK):
             yield Finding("ok", f"{port.device}: {adapter}")
         else:
@@ -104,16 +155,3 @@ def dialout(groups: Iterable[int]) -> Iterable[Finding]:
         yield Finding("ok", "serial ports may be opened (group dialout)")
     else:
         yield Finding("note", "you are not in the group dialout: sudo usermod -aG dialout $USER, then log in again")
-
-
-def _known_adapters() -> dict[tuple[int, int], str]:
-    known = {}
-    for folder in platforms.folders():
-        try:
-            manifest = platforms.read(folder)
-        except BadConfig:
-            # ``urbihw platforms`` reports its error.
-            continue
-        for usb in manifest.usb:
-            known[usb.vendor, usb.product] = f"{usb.name} ({manifest.name})"
-    return known

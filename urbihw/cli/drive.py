@@ -23,12 +23,13 @@ from importlib.resources import files
 from typing import Any, Final
 
 from urbihw.cli.console import address
-from urbihw.cli.drivekeys import HELP, STAND, STEP, Keys, Order, Wish
+from urbihw.cli.drivekeys import HELP, LEAST_FULL, MOST_FULL, STAND, Keys, Order, Wish, change_full
 from urbihw.cli.drivepad import Pad
 from urbihw.cli.lobby_client import LobbyClient
 from urbihw.cli.options import DEFAULT_PORT, Refused, complain, number
 from urbihw.cli.reach import add_access, credentials, resolve_server
 from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_UNAVAILABLE
+from urbihw.settings import one_line
 
 PERIOD_S: Final = 0.1
 """Seconds between two orders."""
@@ -38,6 +39,10 @@ ANSWER_TIMEOUT_S: Final = 1.0
 """Seconds within which the server must answer an order; then the program ends."""
 SPAN_S: Final = 0.5
 """Seconds over which the measured speeds are averaged."""
+STANDING: Final = (0.02, 0.05)
+"""Measured speeds, m/s and rad/s, below which the base stands."""
+STANDING_TIMEOUT_S: Final = 10.0
+"""Seconds for which the end of the program waits until the base stands."""
 CHUNK: Final = 4096
 _ENDING: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
@@ -47,11 +52,12 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("server", nargs="?", type=address, default=(None, DEFAULT_PORT), metavar="HOST:PORT",
                         help=f"address of the server, or path of its UNIX socket (this machine, {DEFAULT_PORT})")
     add_access(parser)
-    parser.add_argument("--speed", type=number(0.001, 20, "speed in m/s"), metavar="M/S",
+    parser.add_argument("--speed", type=number(LEAST_FULL, MOST_FULL, "speed in m/s"), metavar="M/S",
                         help="speed at first (default: robot.defaultXSpeed)")
-    parser.add_argument("--turn", type=number(0.001, 20, "speed in rad/s"), metavar="RAD/S",
+    parser.add_argument("--turn", type=number(LEAST_FULL, MOST_FULL, "speed in rad/s"), metavar="RAD/S",
                         help="yaw rate at first (default: robot.defaultYawSpeed)")
-    parser.add_argument("--gamepad", metavar="DEVICE", help="a gamepad, such as /dev/input/event7; needs urbihw[evdev]")
+    parser.add_argument("--gamepad", metavar="DEVICE",
+                        help="a gamepad, such as /dev/input/event7; needs the extra evdev")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -76,6 +82,7 @@ class Base:
     Attributes:
         name: of the robot; speeds: its default speeds, m/s and rad/s.
         deferred: whether somebody else has stopped it, so that orders wait until the keys are released.
+        late: whether the last order came too late to be carried out.
         ordered: the speeds in force; measured: those of the last SPAN_S; position: x, y, theta, in m and rad.
     """
 
@@ -87,21 +94,37 @@ class Base:
         found = self._ask("drive.check")
         if found == "none":
             raise Refused(f"{link.peer} has no robot that drives: robot is no Interface.Mobile", EX_UNAVAILABLE)
-        x, yaw, self.name = found.split("|", 2)
+        now, x, yaw, name = found.split("|", 3)
+        # The name may be that of a device, and goes to a terminal.
+        self.name = one_line(name)
+        self._set_time(float(now))
         self.speeds = float(x), float(yaw)
-        self.deferred = False
+        self.deferred = self.late = False
         self.ordered = self.measured = (0.0, 0.0)
         self.position = (0.0, 0.0, 0.0)
         self._track: deque[tuple[float, float, float, float]] = deque()
 
     def order(self, x: float, yaw: float) -> None:
         """Order speeds, m/s and rad/s to the left.  Raises Refused: the order failed, or the server is gone."""
-        deferred, *words = self._ask(f"drive.order({x:.4g}, {yaw:.4g}, {TIMEOUT_S})").split("|")
-        self.deferred = deferred == "true"
+        made = self._server_ahead + time.monotonic()
+        deferred, late, *words = self._ask(f"drive.order({x:.4g}, {yaw:.4g}, {TIMEOUT_S}, {made:.3f})").split("|")
+        self.deferred, self.late = deferred == "true", late == "true"
         now, ordered_x, ordered_yaw, *place = map(float, words)
         self.ordered = ordered_x, ordered_yaw
         self.position = (place[0], place[1], place[2])
+        self._set_time(now)
         self._measure(now)
+
+    def _set_time(self, now: float) -> None:
+        """Take the server's time from its answer.  It is older by the way of the answer, so that orders never seem
+        younger than they are."""
+        self._server_ahead = now - time.monotonic()
+
+    @property
+    def stands(self) -> bool:
+        """Whether nothing is ordered or measured."""
+        slow = all(abs(speed) < most for speed, most in zip(self.measured, STANDING, strict=True))
+        return slow and self.ordered == (0.0, 0.0)
 
     def _ask(self, expression: str) -> str:
         return self._link.ask(expression, ANSWER_TIMEOUT_S).shown.strip('"')
@@ -152,9 +175,29 @@ class Driver:
             finally:
                 with contextlib.suppress(Refused):
                     self._base.order(0.0, 0.0)
+            reason, self._ending = self._ending, ""
+            outcome = self._bring_to_rest()
         with contextlib.suppress(OSError):
-            print(f"\n{self._base.name} stands: {self._ending}", flush=True)
+            print(f"\n{outcome}: {reason}", flush=True)
         return EX_OK
+
+    def _bring_to_rest(self) -> str:
+        """Wait until the base stands, or the user leaves once more; returns what became of it, in words."""
+        base = self._base
+        end = time.monotonic() + STANDING_TIMEOUT_S
+        try:
+            while not base.stands and not self._ending and time.monotonic() < end:
+                self._wait()
+                base.order(0.0, 0.0)
+                self._show()
+        except Refused as error:
+            return f"{base.name} was told to stand ({error})"
+        if base.stands:
+            return f"{base.name} stands"
+        if base.ordered != (0.0, 0.0):
+            return f"{base.name} is driven by somebody else"
+        speeds = f"{base.measured[0]:+.2f} m/s {base.measured[1]:+.2f} rad/s"
+        return f"{base.name} was told to stand, and still moves: {speeds}"
 
     # ---------------------------------------------------------------- what the user wants
 
@@ -184,8 +227,7 @@ class Driver:
             elif order is Order.SUSPEND:
                 self._suspending = True
             else:
-                factor = STEP if order is Order.FASTER else 1 / STEP
-                self._full, self._full_turn = self._full * factor, self._full_turn * factor
+                self._full, self._full_turn = (change_full(full, order) for full in (self._full, self._full_turn))
 
     def _wish(self) -> Wish:
         if self._ending or self._suspending:
@@ -200,7 +242,7 @@ class Driver:
         except Refused as error:
             if self._base.ended or "did not answer" in str(error):
                 raise
-            self._problem = str(error)
+            self._problem = one_line(str(error))
             self._keys.release()
         else:
             if wish != STAND:
@@ -215,6 +257,8 @@ class Driver:
         )
         if base.deferred:
             text = "somebody else stopped or moved the robot: release the keys  " + text
+        elif base.late:
+            text = f"the order came more than {TIMEOUT_S} s late: the base stands  " + text
         if self._problem:
             text = f"{self._problem}  {text}"
         with contextlib.suppress(OSError):
@@ -266,14 +310,17 @@ class Driver:
                 signal.signal(each, handler)
 
     def _suspend(self) -> None:
-        """The base stands already; stop this process until the shell continues it."""
+        """The base was told to stand; stop this process when it does, until the shell continues it."""
+        outcome = self._bring_to_rest()
         self._suspending = False
+        if self._ending:
+            return
         self._keys.release()
         if self._pad is not None:
             self._pad.release()
         self._restore()
         handler = signal.signal(signal.SIGTSTP, signal.SIG_DFL)
-        print(f"\n{self._base.name} stands", flush=True)
+        print(f"\n{outcome}", flush=True)
         os.kill(os.getpid(), signal.SIGTSTP)
         signal.signal(signal.SIGTSTP, handler)
         self._take_keys()

@@ -17,6 +17,8 @@ REPEAT_HOLD_S: Final = 0.25
 """Seconds for which a key counts as held after a repetition: the slowest usual rate is 10 in a second."""
 STEP: Final = 1.1
 """Factor of the keys + and -."""
+LEAST_FULL, MOST_FULL = 0.01, 20.0
+"""Bounds of the full speeds, m/s and rad/s; the least is still shown as something."""
 
 
 class Wish(NamedTuple):
@@ -64,6 +66,11 @@ HELP: Final = """  w s a d, arrows   forward, backward, turn left, turn right: a
 
 _KEYS: Final = re.compile(r"\x1b[\[O][0-9;]*([A-Za-z~])|\x1b|(.)", re.DOTALL)
 _ARROWS: Final = {"A": "up", "B": "down", "C": "right", "D": "left"}
+
+
+def change_full(full: float, order: Order) -> float:
+    """A full speed after one of the keys + and -."""
+    return max(LEAST_FULL, min(MOST_FULL, full * STEP if order is Order.FASTER else full / STEP))
 
 
 class Keys:

@@ -11,6 +11,7 @@ from typing import Any, Final
 from urbihw.cli.drivekeys import STAND, Wish
 from urbihw.cli.options import Refused
 from urbihw.exitcodes import EX_CONFIG
+from urbihw.extras import install_command
 
 DEAD_ZONE: Final = 0.12
 """Share of the way of the stick that counts as its middle."""
@@ -36,7 +37,7 @@ class Pad:
         try:
             import evdev
         except ImportError:
-            raise Refused("--gamepad needs the Python package evdev: pip install 'urbihw[evdev]'", EX_CONFIG) from None
+            raise Refused(f"--gamepad needs the Python package evdev: {install_command('evdev')}", EX_CONFIG) from None
         try:
             return cls(evdev.InputDevice(path), evdev.ecodes.ecodes)
         except OSError as error:

@@ -13,6 +13,7 @@ from typing import Any, Final
 
 from urbihw.cli import control
 from urbihw.exitcodes import EX_CONFIG, EX_UNAVAILABLE, INTERRUPTED
+from urbihw.extras import install_command
 
 PRESSED: Final = 1
 """The value of a key event when the key goes down; 0 is up, 2 is held."""
@@ -26,7 +27,7 @@ def run(options: argparse.Namespace) -> int:
     try:
         import evdev
     except ImportError:
-        return control.complain("--key needs the Python package evdev: pip install 'urbihw[evdev]'", EX_CONFIG)
+        return control.complain(f"--key needs the Python package evdev: {install_command('evdev')}", EX_CONFIG)
     code = evdev.ecodes.ecodes.get(name)
     if code is None:
         return control.complain(f"no key is called {name}; evtest shows the names", EX_CONFIG)

@@ -1,4 +1,4 @@
-"""The log of the programs, configured by the ``GD_*`` variables (manual, section Environment Variables).
+"""The log of the programs: the lines of all, and the ``GD_*`` variables (manual, section Environment Variables).
 
 The variables for colours are ignored: the log has no colours.
 """
@@ -9,7 +9,10 @@ import argparse
 import logging
 import sys
 from collections.abc import Mapping
+from types import TracebackType
 from typing import Final
+
+from urbihw.settings import escape_unprintable
 
 LEVELS: Final = {
     "NONE": logging.CRITICAL + 10,
@@ -50,11 +53,34 @@ class _Categories(logging.Filter):
         return not names & self._never and (self._only is None or bool(names & self._only))
 
 
+class LineFormatter(logging.Formatter):
+    """Writes each record as one line, whatever a robot, a file or a client has put into its text.
+
+    This is the last gate before a terminal: a name with a line end would be a second line of the log, and one with an
+    escape sequence a command to the terminal of its reader.
+    """
+
+    def formatMessage(self, record: logging.LogRecord) -> str:
+        """The line of a record."""
+        return escape_unprintable(super().formatMessage(record))
+
+    def formatException(
+        self, ei: tuple[type[BaseException], BaseException, TracebackType | None] | tuple[None, None, None]
+    ) -> str:
+        """The traceback of an error of ours, which keeps its lines."""
+        return "\n".join(map(escape_unprintable, super().formatException(ei).split("\n")))
+
+
+def make_handler(program: str, fields: str = "") -> logging.Handler:
+    """Write to standard error: the fields of a record, the name of the program, the message."""
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(LineFormatter(f"{fields}{program}: %(message)s"))
+    return handler
+
+
 def set_up(program: str, verbosity: str | None, environment: Mapping[str, str]) -> None:
     """Log to standard error.  ``verbosity`` (``--debug``) wins over ``GD_LEVEL``; an unknown ``GD_LEVEL`` is LOG."""
     wanted = verbosity or environment.get("GD_LEVEL", "LOG").upper()
-    handler = logging.StreamHandler(sys.stderr)
-    fields = "".join(text for name, text in _FIELDS if name in environment)
-    handler.setFormatter(logging.Formatter(f"{fields}{program}: %(message)s"))
+    handler = make_handler(program, "".join(text for name, text in _FIELDS if name in environment))
     handler.addFilter(_Categories(environment.get("GD_ENABLE_CATEGORY"), environment.get("GD_DISABLE_CATEGORY")))
     logging.basicConfig(handlers=[handler], level=LEVELS.get(wanted, logging.WARNING), force=True)

@@ -2,12 +2,13 @@
 
 Exit codes: 0 success, 65 an error in urbiscript source, 69 no daemon answers, 70 an internal error, 78 a configuration
 error (bad option, no robot, port in use), for which one line on standard error tells what to do, 130 after Ctrl-C,
-where that is no orderly end.
+where that is no orderly end, 141 when the reader of a pipe has closed it.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -16,19 +17,32 @@ from typing import Any, Final, NoReturn
 from urbihw.cli.options import Version
 from urbihw.exitcodes import EX_CONFIG, INTERRUPTED
 
+PIPE_CLOSED: Final = 141
+"""Exit code after the reader of standard output has gone: 128 + SIGPIPE, as shells have it."""
 COMMANDS: Final = {
     "serve": "serve a robot on a TCP port",
     "stop": "stop the robot now",
     "estop": "stop the robot now and let nothing move it until it is released",
     "release": "release the robot after an emergency stop",
+    "status": "show the robots that are served and their devices, one line each",
+    "health": "judge the robots that are served: ok, warning or bad, with reasons",
+    "monitor": "watch a robot: a live table of its devices",
+    "find": "find the robots that are announced in the network",
     "config": "check settings, show those in force",
     "platforms": "list the robots that urbihw knows",
-    "scan": "search the network for robots",
+    "scan": "search the serial ports for servos, or the network for robots",
+    "servo": "set up single servos: id, speed, registers, backup, replacement",
+    "calibrate": "calibrate the joints of a servo chain by hand",
     "console": "an interactive console of a server",
     "drive": "drive a robot by the keyboard or a gamepad",
+    "teach": "record a motion that is shown to a robot by hand",
+    "play": "play recorded motions and poses",
     "access": "manage access from the network: make, list and remove tokens",
     "dump": "show the stages of compiling urbiscript to Python",
-    "doctor": "check whether this machine is ready for a robot",
+    "doctor": "check whether this machine and its robot are well",
+    "latency": "measure how long the server, a remote UObject and the bus take to answer",
+    "trace": "show the traffic of a robot's bus, decoded",
+    "install-service": "install a robot as a service of systemd",
     "new-platform": "write the skeleton of a new robot into a clone of the sources",
 }
 """Subcommand -> help text; each is a module beside this one with ``options(parser)`` and ``run(options)``."""
@@ -42,18 +56,23 @@ class Parser(argparse.ArgumentParser):
         self.exit(EX_CONFIG, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 
-def parser(wanted: str = "") -> Parser:
-    """The parser of all commands, with the options of the wanted one; the modules of the others are not imported."""
+def parser(*wanted: str) -> Parser:
+    """The parser of all commands, with the options of the wanted ones; the modules of the others are not imported."""
     made = Parser(prog="urbihw", description="Robots as urbiscript objects on a TCP port.")
     made.add_argument("--version", action=Version, text="urbihw {}")
     commands = made.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
     for name, help_ in COMMANDS.items():
         command = commands.add_parser(name, help=help_)
-        if name == wanted:
+        if name in wanted:
             module = _module(name)
             command.description = (module.__doc__ or help_).splitlines()[0]
             module.options(command)
     return made
+
+
+def full_parser() -> Parser:
+    """The parser with the options of all commands, of which the manual pages and the completion of shells are made."""
+    return parser(*COMMANDS)
 
 
 def _module(command: str) -> Any:
@@ -66,8 +85,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         options = parser(next((word for word in words if not word.startswith("-")), "")).parse_args(words)
         code: int = _module(options.command).run(options)
+        sys.stdout.flush()
     except KeyboardInterrupt:  # while modules are imported, or before a command has its own handler
         return INTERRUPTED
+    except BrokenPipeError:  # the reader of a pipe, such as head, has enough
+        with open(os.devnull, "w") as nowhere:
+            # What is still in the buffer must not fail when Python ends.
+            os.dup2(nowhere.fileno(), sys.stdout.fileno())
+        return PIPE_CLOSED
     return code
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final
 from urbihw.cli.options import Refused
 from urbihw.client.lines import Binary
 from urbihw.exitcodes import EX_CONFIG, EX_RUNTIME
+from urbihw.extras import install_command
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -78,7 +79,7 @@ class Picture:
         try:
             from PIL import Image
         except ImportError as error:
-            raise Refused("this needs Pillow: pip install 'urbihw[images]'; without it, JPEG can be saved as .jpg, RGB "
+            raise Refused(f"this needs Pillow: {install_command('images')}; without it, JPEG can be saved as .jpg, RGB "
                           "and PPM as .ppm", EX_CONFIG) from error
         try:
             if self.kind in RAW:

@@ -11,13 +11,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from urbihw.cli.logs import LineFormatter, make_handler
 from urbihw.cli.options import port
 from urbihw.daemon.config import Config, configure
+from urbihw.daemon.journal import journal_handler
 from urbihw.daemon.notify import Notifier
 from urbihw.daemon.service import Service, StartError
 from urbihw.exitcodes import EX_CONFIG
 from urbihw.kernel.server.exit_watchdog import leave
 from urbihw.kernel.uobject import BadConfig
+from urbihw.settings import escape_unprintable
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -50,12 +53,21 @@ def run(options: argparse.Namespace) -> int:
     """Serve until the process is told to stop."""
     try:
         settings = config(options)
-        logging.basicConfig(format="urbihw: %(message)s", level=settings.log_level.upper(), stream=sys.stderr)
+        logging.basicConfig(handlers=[_log_handler()], level=settings.log_level.upper())
         with Notifier.from_environment(os.environ) as notifier:
             return asyncio.run(_serve(Service(settings, notifier, lambda: config(options))))
     except (StartError, BadConfig) as error:
-        print(f"urbihw: {error}", file=sys.stderr)
+        print("urbihw: " + "\n".join(map(escape_unprintable, str(error).split("\n"))), file=sys.stderr)
         return EX_CONFIG
+
+
+def _log_handler() -> logging.Handler:
+    """The journal where standard error is the journal, else standard error."""
+    handler = journal_handler(os.environ)
+    if handler is None:
+        return make_handler("urbihw")
+    handler.setFormatter(LineFormatter())
+    return handler
 
 
 async def _serve(service: Service) -> int:

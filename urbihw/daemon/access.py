@@ -24,7 +24,8 @@ from pathlib import Path
 from typing import Final
 
 from urbihw.backoff import BackOff
-from urbihw.daemon.state import lock_folder, read_secret, write_secret
+from urbihw.daemon.files import read_regular
+from urbihw.daemon.state import MAX_SECRET_BYTES, lock_folder, read_secret, write_secret
 from urbihw.kernel.server.handshake import Refusal, line
 from urbihw.kernel.uobject import BadConfig
 
@@ -32,6 +33,8 @@ log = logging.getLogger("urbihw.access")
 
 FILE: Final = "tokens"
 """Name of the file in the state folder, with a line of name, date, salt and hash for each token."""
+CREDENTIAL: Final = "urbihw.tokens"
+"""Name of the same file as a credential of the service manager."""
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.@-]{0,63}")
 MAX_TOKENS: Final = 1000
 """Maximum number of tokens of a robot; all are compared at each login."""
@@ -66,19 +69,27 @@ class Tokens:
     All methods raise BadConfig if the file cannot be read or written, or if other users can read it.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, passed: Path | None = None) -> None:
+        """``passed``: a file of the service manager with the tokens, which is read instead of that of the folder."""
         self._folder = folder
         self._file = folder / FILE
+        self._passed = passed
 
     def entries(self) -> list[Entry]:
         """All tokens, in the order of their creation."""
         found = []
-        for number, row in enumerate(read_secret(self._file).splitlines(), 1):
+        for number, row in enumerate(self._text().splitlines(), 1):
             words = row.split()
             if len(words) != 4:
-                raise BadConfig(f"{self._file}: line {number} is no token: delete that line, and add its owner anew")
+                file = self._passed or self._file
+                raise BadConfig(f"{file}: line {number} is no token: delete that line, and add its owner anew")
             found.append(Entry(*words))
         return found
+
+    def _text(self) -> str:
+        if self._passed is None:
+            return read_secret(self._file)
+        return read_regular(self._passed, MAX_SECRET_BYTES).data.decode("utf-8", "replace")
 
     def add(self, name: str) -> str:
         """Make a token for a new name, and return it; only its hash is stored.  Raises BadConfig for a name that has

@@ -10,12 +10,13 @@ import ipaddress
 import logging
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from ssl import SSLContext
 
 from urbihw.daemon import tls
-from urbihw.daemon.access import Authenticator, TokenHandshake, Tokens
+from urbihw.daemon.access import CREDENTIAL, Authenticator, TokenHandshake, Tokens
 from urbihw.daemon.config import Config
-from urbihw.daemon.state import state_folder
+from urbihw.daemon.state import credential, state_folder
 from urbihw.kernel.server.connection import Connection
 from urbihw.kernel.server.handshake import HandshakeFactory, PlainHandshake, Refusal, line
 from urbihw.kernel.uobject import BadConfig
@@ -70,6 +71,19 @@ class AccessPolicy:
                 connection.refuse(Refusal(line("token refused: it was removed"), "its token was removed"))
 
 
+def _certificate(config: Config, folder: Path) -> tls.Files:
+    """The certificate of the settings, else that of the service manager, else one in the state folder, made if needed.
+
+    Raises BadConfig.
+    """
+    passed = credential(tls.CREDENTIAL)
+    if config.tls_cert or passed is None:
+        if not config.tls_cert:
+            tls.make(folder)
+        return tls.files(config.tls_cert, config.tls_key, folder)
+    return tls.Files(passed, passed)
+
+
 def access_policy(config: Config, addresses: Iterable[str]) -> AccessPolicy:
     """The policy for the addresses of ``config.host``; a certificate is made if there is none yet.
 
@@ -82,15 +96,13 @@ def access_policy(config: Config, addresses: Iterable[str]) -> AccessPolicy:
                     "and everybody on the way can read along; without it TLS and a token are asked for", config.host)
         return AccessPolicy()
     folder = state_folder()
-    tokens = Tokens(folder)
+    tokens = Tokens(folder, credential(CREDENTIAL))
     count = len(tokens.entries())
     if not count:
         raise BadConfig(f"others than this machine reach host {config.host}, and nobody has a token yet: urbihw access "
                         "add NAME, as the same user (with sudo for the service); or set allow_plain = true, which lets "
                         "in everybody")
-    if not config.tls_cert:
-        tls.make(folder)
-    files = tls.files(config.tls_cert, config.tls_key, folder)
+    files = _certificate(config, folder)
     context = tls.context(files)
     log.info("TLS on %s for %d who have a token; fingerprint %s", config.host, count, tls.fingerprint(files))
     authenticator = Authenticator(tokens)

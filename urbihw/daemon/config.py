@@ -1,6 +1,7 @@
 """Every setting of the daemon, with its default.  A TOML file fills it, flags override the file.
 
-The keys of the file are the names of the fields; the platform says which ``[options]`` and ``[limits]`` there are::
+The keys of the file are the names of the fields; the platform says which ``[options]`` and ``[limits]`` there are, and
+whether there are ``[devices]``::
 
     platform = "bioloid"
     url = "serial:///dev/ttyUSB0?baud=1000000"
@@ -19,7 +20,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -27,6 +28,7 @@ from urbihw import buses, platforms
 from urbihw.buses.errors import BadUrl, Unavailable
 from urbihw.buses.link import Context, split_parameters
 from urbihw.daemon.files import read_regular, unreadable
+from urbihw.daemon.metrics import parse_address
 from urbihw.kernel.server.bounds import HOLD_LIMIT, MAX_JOBS, MAX_TOTAL_JOBS, MEMORY_LIMIT
 from urbihw.kernel.uobject import BadConfig
 from urbihw.settings import (
@@ -50,7 +52,7 @@ MAX_FILE_BYTES = 64 * 1024
 MAX_DEPTH = 32
 """Maximum nesting depth of lists and tables, and maximum number of parts of a dotted key.  Settings need three; the
 time of the TOML parser grows with the square of the depth."""
-_TABLES = ("options", "limits")
+_TABLES = ("options", "limits", "devices")
 _NESTING = re.compile(
     r"""(?:\"{3}[\s\S]*?\"{3}|'{3}[\s\S]*?'{3}|"(?:\\.|[^"\\\n])*+"|'[^'\n]*+'|\#[^\n]*+)"""  # strings and comments
     r"""|([\[{])|([\]}])"""
@@ -93,7 +95,11 @@ class Config(Table):
         on_lost: the effect of the loss of a device or link on a movement: it continues when the device is back
             ("resume"), or it is ended ("end").
         limits: the limits of each device for requested values (``urbihw.platforms.limits``).
+        devices: the expected devices of a chain of servos: name -> id, or a table (``urbihw.platforms.expected``).
+        motions: folder of the recorded motions and poses of the robot; empty for one in the state folder.
         control: path of the control socket of the bus worker; empty for ``control_path()``, "off" for none.
+        metrics: address and port of this machine for ``/metrics``, such as ``127.0.0.1:9100``; empty for none.
+        announce: announce the port in the network, if other machines reach it (``urbihw find``).
         log_level: the minimum level of logged messages.
         options: further settings that the platform defines, by name.
     """
@@ -116,7 +122,11 @@ class Config(Table):
     on_disconnect: str = setting("stop", choice("stop", "keep"))
     on_lost: str = setting("resume", choice("resume", "end"))
     limits: dict[str, Any] = setting({}, TABLE)
+    devices: dict[str, Any] = setting({}, TABLE)
+    motions: str = setting("", TEXT)
     control: str = setting("", TEXT)
+    metrics: str = setting("", TEXT)
+    announce: bool = setting(False, SWITCH)
     log_level: str = setting("info", choice("debug", "info", "warning", "error"))
     options: dict[str, Any] = setting({}, TABLE)
     socket: str = setting("", TEXT)
@@ -129,8 +139,17 @@ class Config(Table):
         """The conflicts between settings that are valid by themselves."""
         if self.url and self.fake:
             yield Mistake("fake", "a fake robot has no url; give one or the other")
+        if not self.host.isprintable() or " " in self.host:
+            yield Mistake("host", f"wants an address or a name, such as 127.0.0.1 or ::1, not {self.host!r}")
         if self.tls_key and not self.tls_cert:
             yield Mistake("tls_key", "there is no tls_cert that it belongs to; give both, or none to have one made")
+        if self.metrics:
+            try:
+                parse_address(self.metrics)
+            except ValueError as error:
+                yield Mistake("metrics", str(error))
+        if self.metrics and self.control == "off":
+            yield Mistake("metrics", "they are those of the bus worker, which has no control socket; leave control out")
 
 
 class Complaint(NamedTuple):
@@ -207,12 +226,27 @@ def load(file: Path | None = None, flags: Mapping[str, Any] | None = None) -> Lo
         values.pop("url", None)
         values.pop("fake", None)
     config = Config(**{**values, **typed})
+    if file is not None and "options" in values:
+        config = replace(config, options=_files_beside(file, config))
     of_robot = [
         Complaint(top, one_line(f"{_place(each.key, '' if top in typed else name)}: {each.text}"))
         for each in _mistakes_about_robot(config)
         for top in [each.key.partition(".")[0]]
     ]
     return Loaded(config, name, values.keys(), typed.keys(), (*mistakes, *wrong, *wrong_flags, *of_robot))
+
+
+def _files_beside(settings: Path, config: Config) -> dict[str, Any]:
+    """The options, with the files that the platform wants named from the folder of the settings file."""
+    try:
+        names = platforms.load_options(platforms.find(config.platform)).files()
+    except BadConfig:  # an unknown platform, which is told elsewhere
+        return config.options
+    folder = settings.absolute().parent
+    return {
+        key: str(folder / value) if key in names and isinstance(value, str) and value else value
+        for key, value in config.options.items()
+    }
 
 
 def entries(loaded: Loaded) -> Iterator[Entry]:
@@ -228,10 +262,11 @@ def entries(loaded: Loaded) -> Iterator[Entry]:
             yield Entry(key, value, loaded.source(key), note)
     if manifest is not None:
         yield from _options_in_force(loaded, platforms.load_options(manifest))
-    for key, value in config.limits.items():
-        rows = {f".{kind}": row for kind, row in value.items()} if isinstance(value, dict) else {"": value}
-        for kind, row in rows.items():
-            yield Entry(f"limits.{key}{kind}", row, loaded.source(f"limits.{key}{kind}"))
+    for top, table in (("limits", config.limits), ("devices", config.devices)):
+        for key, value in table.items():
+            rows = {f".{kind}": row for kind, row in value.items()} if isinstance(value, dict) else {"": value}
+            for kind, row in rows.items():
+                yield Entry(f"{top}.{key}{kind}", row, loaded.source(f"{top}.{key}{kind}"))
 
 
 def _note_of_hold(config: Config) -> str:
@@ -298,7 +333,7 @@ def _mistakes_about_robot(config: Config) -> Iterator[Mistake]:
     except BadConfig as error:
         yield Mistake("platform", str(error))
         return
-    yield from platforms.mistakes(manifest, config.options, config.limits)
+    yield from platforms.mistakes(manifest, config.options, config.limits, config.devices)
     if manifest is None:
         for top in _TABLES:
             if getattr(config, top):

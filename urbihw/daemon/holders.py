@@ -11,6 +11,7 @@ from pathlib import Path
 
 PROC = Path("/proc")
 _LISTEN = "0A"  # state in /proc/net/tcp
+_WORKER = b"urbihw.buses.child"
 
 
 def holder_of_port(port: int, proc: Path = PROC) -> str:
@@ -20,8 +21,27 @@ def holder_of_port(port: int, proc: Path = PROC) -> str:
 
 
 def holder_of_file(path: str, proc: Path = PROC) -> str:
-    """The process, other than this one, that has a file or device open; "" if unknown."""
+    """The process, other than this one, that has a file or device open; "" if unknown.
+
+    A daemon of urbihw goes first: the other side of a pseudo terminal has it open, too.
+    """
+    daemon = daemon_of_file(path, proc)
+    if daemon:
+        return f"an urbihw daemon (process {daemon})"
     return _holder({os.path.realpath(path)}, proc)
+
+
+def daemon_of_file(path: str, proc: Path = PROC) -> int:
+    """The process number of the urbihw daemon whose bus worker has a device open; 0 if it is none."""
+    for process in _holders({os.path.realpath(path)}, proc):
+        try:
+            words = (process / "cmdline").read_bytes().split(b"\0")
+            fields = (process / "stat").read_text("ascii", "replace").rpartition(")")[2].split()
+        except OSError:
+            continue
+        if _WORKER in words:
+            return int(fields[1])
+    return 0
 
 
 def _listening(port: int, proc: Path) -> Iterator[str]:
@@ -37,16 +57,25 @@ def _listening(port: int, proc: Path) -> Iterator[str]:
 
 
 def _holder(targets: set[str], proc: Path) -> str:
+    for process in _holders(targets, proc):
+        try:
+            return f"{(process / 'comm').read_text('utf-8').strip()} (process {process.name})"
+        except OSError:  # It has just ended.
+            continue
+    return ""
+
+
+def _holders(targets: set[str], proc: Path) -> Iterator[Path]:
+    """The folders of the other processes that have one of these files open, in order of their numbers."""
     for process in sorted(proc.glob("[0-9]*"), key=lambda path: int(path.name)):
         if process.name == str(os.getpid()):
             continue
         try:
             if any(_target(entry) in targets for entry in (process / "fd").iterdir()):
-                return f"{(process / 'comm').read_text('utf-8').strip()} (process {process.name})"
+                yield process
         except OSError:
             # A process of another user, or one that has just ended.
             continue
-    return ""
 
 
 def _target(entry: Path) -> str:

@@ -12,8 +12,11 @@ from __future__ import annotations
 import logging
 import os
 import socket
+import time
 from collections.abc import Mapping
 from types import TracebackType
+
+from urbihw.settings import one_line
 
 log = logging.getLogger("urbihw.notify")
 
@@ -52,8 +55,16 @@ class Notifier:
         return cls(environment.get("NOTIFY_SOCKET", ""), period)
 
     def ready(self, status: str) -> None:
-        """Report that clients can connect."""
+        """Report that clients can connect, or that a reload is over."""
         self._send("READY=1", _status(status))
+
+    def reloading(self) -> None:
+        """Report that the settings are read again; ``ready`` reports the end of it.
+
+        ``MONOTONIC_USEC`` (microseconds of CLOCK_MONOTONIC) is for managers that asked for the reload by
+        ``Type=notify-reload``.
+        """
+        self._send("RELOADING=1", f"MONOTONIC_USEC={time.monotonic_ns() // 1000}")
 
     def status(self, text: str) -> None:
         """Report a short status for ``systemctl status``."""
@@ -91,5 +102,5 @@ class Notifier:
 
 
 def _status(text: str) -> str:
-    # A line end would begin another assignment.
-    return "STATUS=" + " ".join(text.split())
+    # A line end would begin another assignment; names of robots are part of the text.
+    return "STATUS=" + one_line(" ".join(text.split()))

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from urbihw.kernel.uobject import BadConfig
 
 SERVICE_FOLDER: Final = Path("/run/urbihw")
-"""The RuntimeDirectory of the unit in share/."""
+"""The RuntimeDirectory of the unit in urbihw/share."""
 
 
 def runtime_folder(environment: Mapping[str, str] = os.environ) -> Path:

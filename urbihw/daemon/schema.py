@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from urbihw import platforms
 from urbihw.daemon.config import Config
-from urbihw.platforms import DeviceLimits, Manifest
+from urbihw.platforms import DeviceLimits, DeviceSettings, Manifest
 from urbihw.settings import Table
 
 DRAFT: Final = "https://json-schema.org/draft/2020-12/schema"
@@ -26,6 +26,7 @@ def schema() -> dict[str, Any]:
     made = of_table(Config)
     made["properties"]["platform"]["enum"] = ["", *(manifest.name for manifest in manifests)]
     made["properties"]["limits"] |= _limits(None)
+    made["properties"]["devices"] |= {"additionalProperties": _device()}
     return {
         "$schema": DRAFT,
         "title": "The settings of urbihw",
@@ -64,10 +65,20 @@ def meanings(table: type[Table]) -> dict[str, str]:
 def _of_platform(manifest: Manifest) -> dict[str, Any]:
     """The schema of a file that names the platform of ``manifest``."""
     tables = {"options": of_table(platforms.load_options(manifest)), "limits": _limits(manifest)}
+    if not manifest.devices:
+        tables["devices"] = {"maxProperties": 0}
     return {
         "if": {"properties": {"platform": {"const": manifest.name}}, "required": ["platform"]},
         "then": {"properties": tables},
     }
+
+
+def _device() -> dict[str, Any]:
+    """The schema of an expected device: its id, or a table."""
+    row = of_table(DeviceSettings) | {"required": ["id"]}
+    del row["properties"]["id"]["default"]
+    del row["properties"]["limits"]["default"]
+    return {"anyOf": [DeviceSettings.rules()["id"].schema(), row]}
 
 
 def _limits(manifest: Manifest | None) -> dict[str, Any]:

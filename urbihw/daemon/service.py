@@ -2,8 +2,8 @@
 ``urbihw.kernel.process``.
 
 Order of a start: bind the port, load the robot's library, find the robot and fill its slots, load the user's files,
-listen for clients.  A fault during the start raises ``StartError``: one line, and exit code 78.  Later no fault of the
-robot ends the daemon.
+listen for clients.  A mistake in the settings raises ``StartError``: one line, and exit code 78.  No fault of the robot
+ends the daemon: one that is absent at the start is waited for, with the slots that the settings or the last run know.
 
 Order of a stop: the robot (its effectors stop within a second), the clients (notified, then disconnected), the rest.
 """
@@ -24,24 +24,28 @@ from urbihw import platforms
 from urbihw.buses.errors import BadUrl
 from urbihw.buses.link import Url
 from urbihw.daemon.access_policy import AccessPolicy, access_policy
+from urbihw.daemon.activation import passed_sockets
 from urbihw.daemon.config import Config
 from urbihw.daemon.dead_sockets import remove_dead_sockets
 from urbihw.daemon.fake import Fake
 from urbihw.daemon.files import read_regular
 from urbihw.daemon.holders import holder_of_file, holder_of_port
 from urbihw.daemon.notify import Notifier
+from urbihw.daemon.observers import END_TIMEOUT_S, Observers
 from urbihw.daemon.reload import Reloader, restart_settings
 from urbihw.daemon.runtime import client_path, control_path, runtime_folder
+from urbihw.daemon.state import motions_folder, robots_folder
 from urbihw.kernel.process import KernelProcess, resolver
 from urbihw.kernel.server.bounds import bounds
-from urbihw.kernel.uobject import BadConfig, DeviceError, Robot, RobotSettings
+from urbihw.kernel.uobject import BadConfig, DeviceError, NotReady, Robot, RobotSettings
 from urbihw.kernel.uobject.protection import protect_robot
 from urbihw.platforms import Manifest
 
 log = logging.getLogger("urbihw.daemon")
 
-OPEN_TIMEOUT_S = 30.0
-"""Maximum seconds to find the robot; a scan of two protocols with a slow adapter takes a few seconds."""
+OPEN_TIMEOUT_S = 20.0
+"""Maximum seconds to find the robot before the port is served without it; a scan of two protocols with a slow adapter
+takes a few seconds."""
 STATUS_PERIOD_S = 1.0
 MAX_PROGRAM_BYTES = 16 * 1024 * 1024
 """Maximum size of a file of ``load`` in bytes."""
@@ -68,8 +72,13 @@ class Service:
         self._process: KernelProcess
         self._robot: Robot | None = None
         self._robot_url = ""
+        self._slot = ""
+        self._waits_for_robot = False
+        self._is_protected = False
         self._fake: Fake | None = None
         self._access_policy = AccessPolicy()
+        self._observers = Observers(config)
+        self._control_path = ""
         self._reloader: Reloader
 
     async def run(self) -> int:
@@ -100,6 +109,7 @@ class Service:
         """Read settings, tokens and certificate again; mistakes are logged, and the settings in force stay."""
         if self._reread is None or self._robot is None:
             return
+        self._notifier.reloading()
         try:
             config = self._reread()
             if config.platform != self._config.platform:
@@ -112,6 +122,7 @@ class Service:
             log.info("settings read again%s", f"; with the next start: {', '.join(later)}" if later else "")
         for problem in self._access_policy.problems():
             log.error("%s", problem)
+        self._notifier.ready(self._status())
 
     # ---------------------------------------------------------------- start
 
@@ -135,15 +146,15 @@ class Service:
         _show_to_load(manifest.folder)
         for name in manifest.library:
             # Users know the library by its names, not where it is installed.
-            await self._load(manifest.folder / name, name)
+            await self._load(manifest.folder / name, Path(name).name)
         try:
             await self._open(manifest, kind)
         except DeviceError as error:
             raise StartError(self._explained(str(error))) from error
         for name in config.load:
             await self._load(Path(name))
-        if self._robot is not None:
-            protect_robot(self._robot, manifest.slot)
+        self._slot = manifest.slot
+        self._protect_robot()
         kernel.complete()
         self._listen()
 
@@ -157,7 +168,10 @@ class Service:
         """Bind the port and the socket path for clients before the robot is opened; no client can connect yet."""
         config = self._config
         try:
-            addresses = self._process.bind(config.host, config.port)
+            passed = passed_sockets(config.port)
+            addresses = self._process.adopt(passed) if passed else self._process.bind(config.host, config.port)
+        except BadConfig as error:
+            raise StartError(str(error)) from error
         except (socket.gaierror, UnicodeError) as error:
             why = getattr(error, "strerror", None) or error
             raise StartError(f"cannot listen on {config.host!r}: {why}; choose --host") from error
@@ -165,6 +179,7 @@ class Service:
             raise self._no_port(error) from error
         try:
             self._access_policy = access_policy(config, addresses)
+            self._observers.bind(addresses, self._process.bound_port)
         except BadConfig as error:
             raise StartError(str(error)) from error
         if config.socket == "off":
@@ -199,24 +214,71 @@ class Service:
         except BadConfig as error:
             raise StartError(f"cannot load {error}") from error
         problem = await self._process.run_text(text, shown or str(path))
-        if problem:
+        if problem and self._waits_for_robot:
+            log.error("cannot load a file: %s; the robot is not there", problem)
+        elif problem:
             raise StartError(f"cannot load a file: {problem}")
 
     async def _open(self, manifest: Manifest, kind: type[Robot]) -> None:
-        url = self._config.url or manifest.default_url
-        if self._fake is not None:
-            url = await self._fake.url()
-        self._robot_url = url
-        opened: asyncio.Future[DeviceError | None] = asyncio.get_running_loop().create_future()
+        """Open the robot, and wait until it is there, or known to be absent.  Raises DeviceError."""
+        self._robot_url = url = await self._fake.url() if self._fake is not None else self._bus_url(manifest)
+        first: asyncio.Future[DeviceError | None] = asyncio.get_running_loop().create_future()
+        answer = resolver(first)
+
+        def answered(error: DeviceError | None) -> None:
+            if first.done():
+                self._robot_came(error)
+            else:
+                answer(error)
+
         self._robot = self._process.kernel.host.create(kind, manifest.slot)
-        self._robot.open(_robot_settings(self._config, url, self._control()), resolver(opened))
+        self._control_path = self._control()
+        settings = _robot_settings(self._config, url, self._control_path, self._memory())
+        self._robot.open(settings, answered)
         self._process.drive()
         try:
-            error = await asyncio.wait_for(opened, OPEN_TIMEOUT_S)
+            error = await asyncio.wait_for(first, OPEN_TIMEOUT_S)
         except TimeoutError:
-            raise StartError(f"no word from the robot on {url} in {OPEN_TIMEOUT_S:g} s") from None
-        if error is not None:
+            error = NotReady(f"no word from it in {OPEN_TIMEOUT_S:g} s")
+        self._waits_for_robot = isinstance(error, NotReady)
+        if self._waits_for_robot:
+            log.warning("waiting for the robot on %s: %s", url, self._explained(str(error)))
+        elif error is not None:
             raise error
+
+    def _robot_came(self, error: DeviceError | None) -> None:
+        """The robot has arrived after the start, or cannot be served as the settings say."""
+        if error is not None:
+            if not isinstance(error, NotReady):
+                log.error("the robot on %s cannot be served: %s", self._robot_url, error)
+            return
+        self._waits_for_robot = False
+        self._protect_robot()
+        log.warning("the robot on %s is here: %s", self._robot_url, self._status())
+
+    def _protect_robot(self) -> None:
+        """Protect the robot's slots, once they exist: the tree of an unknown robot is built when it arrives."""
+        robot = self._robot
+        if robot is not None and not self._is_protected and robot.host.has_slot("robot"):
+            self._is_protected = True
+            protect_robot(robot, self._slot)
+
+    def _bus_url(self, manifest: Manifest) -> str:
+        """The url of the settings, of the only adapter of the platform, or the default.  Raises StartError."""
+        if self._config.url:
+            return self._config.url
+        adapters = platforms.adapters(manifest)
+        if len(adapters) > 1:
+            names = ", ".join(f"{each.url} ({each.name})" for each in adapters)
+            raise StartError(f"several adapters may be the {manifest.name}: {names}; choose one: --url")
+        return adapters[0].url if adapters else manifest.default_url
+
+    def _memory(self) -> str:
+        """The path of the file of the last run's devices; "" for a fake, and without a port that stays the same."""
+        config = self._config
+        if config.fake or not config.port:
+            return ""
+        return str(robots_folder() / f"{config.platform}-{config.port}.json")
 
     def _control(self) -> str:
         """The path of the control socket; "" for none.  Raises BadConfig when a live daemon listens there."""
@@ -259,6 +321,7 @@ class Service:
                 process.write_port_file(Path(config.port_file))
             except OSError as error:
                 raise StartError(f"cannot write the port to {config.port_file}: {error.strerror}") from error
+        self._observers.start(self._control_path)
         log.info("port %d of %s: %s", process.port, config.host, self._status())
         self._notifier.ready(self._status())
         self._reloader.begin()
@@ -266,7 +329,10 @@ class Service:
     # ---------------------------------------------------------------- serve
 
     def _status(self) -> str:
-        return "" if self._robot is None else f"{self._config.platform}: {self._robot.status()}"
+        if self._robot is None:
+            return ""
+        awaited = self._robot.waits_for()
+        return f"{self._config.platform}: {f'waiting for the robot: {awaited}' if awaited else self._robot.status()}"
 
     async def _report(self) -> None:
         """Report the status to the service manager until the service stops, and disconnect clients whose token was
@@ -301,6 +367,8 @@ class Service:
                 if connection.lobby is not None:
                     connection.lobby.output.line("*** urbihw: shutting down, the robot is stopped")
         await process.close()
+        process.extend_deadline(END_TIMEOUT_S)
+        self._observers.close()
         if self._fake is not None:
             process.extend_deadline()
             self._fake.close()
@@ -313,7 +381,7 @@ def _show_to_load(folder: Path) -> None:
     os.environ["URBI_PATH"] = os.pathsep.join((os.environ.get("URBI_PATH", ""), str(folder)))
 
 
-def _robot_settings(config: Config, url: str, control: str = "") -> RobotSettings:
+def _robot_settings(config: Config, url: str, control: str = "", memory: str = "") -> RobotSettings:
     return RobotSettings(
         url,
         config.rate,
@@ -323,5 +391,8 @@ def _robot_settings(config: Config, url: str, control: str = "") -> RobotSetting
         keep_motion=config.on_disconnect == "keep",
         resume=config.on_lost == "resume",
         limits=config.limits,
+        devices=config.devices,
         control=control,
+        memory=memory,
+        motions=config.motions or str(motions_folder() / config.platform),
     )

@@ -1,4 +1,4 @@
-"""The state folder of the daemon: its certificate, and the hashes of the tokens of clients.
+"""The state folder of the daemon: its certificate, the hashes of the tokens of clients, what it knows of its robots.
 
 A user who can write there can give access to anyone, so a folder that other users can write is refused.
 """
@@ -17,7 +17,7 @@ from urbihw.daemon.files import read_regular
 from urbihw.kernel.uobject import BadConfig
 
 SERVICE_STATE: Final = Path("/var/lib/urbihw")
-"""The StateDirectory of the unit in share/."""
+"""The StateDirectory of the unit in urbihw/share."""
 MAX_SECRET_BYTES: Final = 1024 * 1024
 """Maximum size in bytes of a file of tokens, or of a key with its certificate."""
 
@@ -30,13 +30,7 @@ def state_folder(environment: Mapping[str, str] = os.environ, *, create: bool = 
     ``sudo urbihw access`` applies to the service; otherwise in ``urbihw`` of XDG_STATE_HOME.  Raises BadConfig if it
     cannot be created, or if other users can write there.
     """
-    if environment.get("STATE_DIRECTORY"):
-        above = Path(environment["STATE_DIRECTORY"].split(":")[0])
-    elif os.geteuid() == 0 and SERVICE_STATE.is_dir():
-        above = SERVICE_STATE
-    else:
-        home = environment.get("XDG_STATE_HOME") or os.path.join(environment.get("HOME", "~"), ".local", "state")
-        above = Path(home).expanduser() / "urbihw"
+    above = _base_folder(environment)
     folder = above / "access"
     try:
         if not folder.is_dir():
@@ -51,6 +45,35 @@ def state_folder(environment: Mapping[str, str] = os.environ, *, create: bool = 
         raise BadConfig(f"{folder} belongs to somebody else or can be written by others, who could let anybody in: "
                         f"chmod 700 {folder}, or move it away")
     return folder
+
+
+def robots_folder(environment: Mapping[str, str] = os.environ) -> Path:
+    """The folder of what the last run knew of its robots (``urbihw.platforms.remembered``); it may not exist yet."""
+    return _base_folder(environment) / "robots"
+
+
+def motions_folder(environment: Mapping[str, str] = os.environ) -> Path:
+    """The folder of the motions and poses of all robots, with a folder for each platform; it may not exist yet."""
+    return _base_folder(environment) / "motions"
+
+
+def _base_folder(environment: Mapping[str, str]) -> Path:
+    if environment.get("STATE_DIRECTORY"):
+        return Path(environment["STATE_DIRECTORY"].split(":")[0])
+    if os.geteuid() == 0 and SERVICE_STATE.is_dir():
+        return SERVICE_STATE
+    home = environment.get("XDG_STATE_HOME") or os.path.join(environment.get("HOME", "~"), ".local", "state")
+    return Path(home).expanduser() / "urbihw"
+
+
+def credential(name: str, environment: Mapping[str, str] = os.environ) -> Path | None:
+    """The file of a credential that the service manager has passed (``LoadCredential``); None if there is none.
+
+    Only the service can read it, whatever its mode shows: systemd gives the right by an access control list.
+    """
+    folder = environment.get("CREDENTIALS_DIRECTORY")
+    file = Path(folder, name) if folder else None
+    return file if file is not None and file.exists() else None
 
 
 def _give_to_owner(file: Path | int, folder: Path) -> None:

@@ -21,6 +21,8 @@ from urbihw.kernel.uobject import BadConfig
 
 FILE: Final = "certificate.pem"
 """Name of the file in the state folder: the key, followed by the certificate."""
+CREDENTIAL: Final = "urbihw.certificate.pem"
+"""Name of the same file as a credential of the service manager."""
 DAYS: Final = 36_500
 OPENSSL_TIMEOUT_S: Final = 60.0
 """Maximum seconds to make a key, on a slow board."""

@@ -210,13 +210,18 @@ class KernelProcess:
         self._bound = bind(host, port)
         return [str(one.getsockname()[0]) for one in self._bound]
 
+    def adopt(self, sockets: Sequence[socket.socket]) -> list[str]:
+        """Take sockets of the service manager, on one port, instead of binding.  Returns their addresses."""
+        self._bound = list(sockets)
+        return [str(one.getsockname()[0]) for one in self._bound]
+
     def bind_unix(self, path: Path) -> None:
         """Bind the path of a UNIX socket for clients.  Raises OSError."""
         self._bound_unix.append(bind_unix(path))
 
     @property
     def bound_port(self) -> int:
-        """The port that ``bind`` has bound."""
+        """The port of the sockets of ``bind`` or ``adopt``."""
         return int(self._bound[0].getsockname()[1])
 
     def listen(
@@ -228,7 +233,7 @@ class KernelProcess:
         unread_limit: int = UNREAD_LIMIT,
         max_clients: int = MAX_CLIENTS,
     ) -> None:
-        """Listen on the sockets of ``bind`` and ``bind_unix``; ``handshake`` and ``ssl`` are for TCP.
+        """Listen on the sockets of ``bind`` (or ``adopt``) and ``bind_unix``; ``handshake`` and ``ssl`` are for TCP.
 
         ``open_lobby`` opens the lobbies of the clients (``Kernel.open_lobby``).  Raises OSError.
         """

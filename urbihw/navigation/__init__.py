@@ -5,7 +5,8 @@ implements: ``Base``, and ``Scanner`` if it has one), ``navigator`` (the object 
 modules); without I/O: ``frames`` (poses), ``maps`` and ``pictures`` (files), ``grid`` (a map as cells), ``planner``
 (paths), ``obstacles`` (what sensors see beside the map), ``drive`` (speeds, motions, safety distances), ``follow``
 (driving along a path), ``localize`` (matching scans with a map), ``locator`` (keeping and finding the pose),
-``survey`` (building a map), ``drawing`` (pictures), ``background`` (work in threads); with numpy and scipy, loaded by
+``survey`` (building a map), ``loading`` (reading one), ``goal`` (what is pursued), ``drawing`` (pictures),
+``background`` (work in threads); with numpy and scipy, loaded by
 ``extra``: ``arrays`` (ways), ``montecarlo`` (finding a carried robot), ``mapping`` (the map being built); objects of
 urbiscript: ``odometry``, ``scanner``; ``pilot`` (a ``Base`` for a platform with wheels and odometry); ``lasers`` (the
 lasers on wires of their own); ``options`` (the rows of the settings). Imports ``urbihw.kernel.uobject``,

@@ -10,7 +10,8 @@ THREAD_NAME = "planner"
 
 
 class Background:
-    """One piece of work at a time counts: the last one that was begun.
+    """One piece of work at a time: a newer one begins when the thread of the older one has ended, whose result is
+    dropped.
 
     Attributes:
         busy: a piece of work was begun, and its result has not come.
@@ -22,10 +23,13 @@ class Background:
         self._post = post
         self._expected = expected
         self._task = 0
+        self._has_thread = False
+        self._next: Callable[[], None] | None = None
 
     def drop(self) -> None:
-        """Drop the result of the work that runs."""
+        """Drop the result of the work that runs, and the work that waits for it to end."""
         self._task += 1
+        self._next = None
         self.busy = False
 
     def start(self, work: Callable[[], Any], done: Callable[[Any], None], failed: Callable[[Exception], None]) -> None:
@@ -35,7 +39,11 @@ class Background:
         task = self._task
 
         def receive(act: Callable[[Any], None], value: Any) -> None:
-            if task == self._task:
+            self._has_thread = False
+            following, self._next = self._next, None
+            if following is not None:
+                following()
+            elif task == self._task:
                 self.busy = False
                 act(value)
 
@@ -51,4 +59,11 @@ class Background:
             else:
                 self._post(lambda: receive(done, value))
 
-        threading.Thread(target=run, name=THREAD_NAME, daemon=True).start()
+        def begin() -> None:
+            self._has_thread = True
+            threading.Thread(target=run, name=THREAD_NAME, daemon=True).start()
+
+        if self._has_thread:
+            self._next = begin
+        else:
+            begin()

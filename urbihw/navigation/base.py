@@ -56,6 +56,8 @@ class Scanner(Protocol):
     """Distance in m from the middle of the base ahead to the scanner."""
     scanned: Callable[[], None]
     """Called after each scan; the navigator sets it."""
+    wanted: bool
+    """A program has switched it on; it may be connecting, or lost."""
 
     def check_on(self) -> None:
         """Raises ValueError while the scanner is off; the message tells how to switch it on."""
@@ -67,6 +69,10 @@ class Scanner(Protocol):
 
     def fresh_echoes(self) -> Sequence[Echo]:
         """The readings of the last scan with an echo; none if the scan is older than a second."""
+        ...
+
+    def is_fresh(self) -> bool:
+        """Whether the last scan is at most a second old."""
         ...
 
 

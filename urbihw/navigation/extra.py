@@ -7,7 +7,7 @@ import importlib
 from types import ModuleType
 from typing import Any
 
-INSTALL = "pip install 'urbihw[navigation]'"
+from urbihw.extras import install_command
 
 
 @functools.cache
@@ -16,6 +16,11 @@ def _load(name: str) -> ModuleType | None:
         return importlib.import_module(f"urbihw.navigation.{name}")
     except ImportError:
         return None
+
+
+def how_to_install() -> str:
+    """The command that installs the extra."""
+    return install_command("navigation")
 
 
 def load_arrays() -> Any:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Final
 
 Point = tuple[float, float]
 Pose = tuple[float, float, float]
 ORIGIN: Pose = (0.0, 0.0, 0.0)
+MAX_METRES: Final = 10_000.0
+"""Greatest coordinate of a map and of a pose on it."""
 _STRAIGHT = 1e-6
 """rad; an arc of less is as long as its chord."""
 
@@ -14,6 +18,11 @@ _STRAIGHT = 1e-6
 def wrapped(angle: float) -> float:
     """An angle from -pi up to pi."""
     return (angle + math.pi) % (2 * math.pi) - math.pi
+
+
+def path_length(path: Sequence[Point]) -> float:
+    """Length in m of the straight lines between some points."""
+    return sum(math.dist(a, b) for a, b in zip(path, path[1:], strict=False))
 
 
 def compose(frame: Pose, pose: Pose) -> Pose:

@@ -39,8 +39,7 @@ class Match:
 def match_scan(grid: Grid, guess: Pose, points: Sequence[tuple[float, float]], place: float) -> Match:
     """Match a scan, (distance, angle) from a laser ``place`` m ahead of the robot's middle, with the walls of a
     grid."""
-    step = max(1, len(points) // MAX_POINTS)
-    local = [(place + r * math.cos(a), r * math.sin(a)) for r, a in points[::step]]
+    local = _ends(points, place)
     if not local:
         return Match(guess, 0.0)
     best, score = guess, _score(grid, guess, local)
@@ -57,6 +56,12 @@ def match_scan(grid: Grid, guess: Pose, points: Sequence[tuple[float, float]], p
                 break
             best, score = around[scores.index(top)], top
     return Match(best, score)
+
+
+def _ends(points: Sequence[tuple[float, float]], place: float) -> list[tuple[float, float]]:
+    """Where some of the readings end, in the frame of the robot."""
+    step = max(1, len(points) // MAX_POINTS)
+    return [(place + r * math.cos(a), r * math.sin(a)) for r, a in points[::step]]
 
 
 def _score(grid: Grid, pose: Pose, local: list[tuple[float, float]]) -> float:

@@ -4,17 +4,21 @@ While the pose is known each scan corrects it (``localize``).  After ``MAX_MISFI
 base is lost: somebody carried it, or it was never where the map says.  Then a particle filter (``montecarlo``, in a
 thread) takes the scans until one place explains them.  Standing still may not be enough for that: a program has to turn
 or drive the base, the locator never does.
+
+The corrections while the wheels turn are added up.  If they undo half of the way, the base is lost too: the laser sends
+one old scan for ever, or the wheels spin.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from urbihw.navigation.background import Background
 from urbihw.navigation.base import Echo, PoseEstimate
-from urbihw.navigation.extra import INSTALL, load_montecarlo
-from urbihw.navigation.frames import Pose, compose, frame_of
+from urbihw.navigation.extra import how_to_install, load_montecarlo
+from urbihw.navigation.frames import Pose, compose, frame_of, wrapped
 from urbihw.navigation.grid import Grid
 from urbihw.navigation.localize import GOOD_SCORE, match_scan
 
@@ -22,6 +26,37 @@ MAX_MISFITS: Final = 5
 """Consecutive scans that do not match the map after which the robot is lost."""
 MAX_FIRST_SCANS: Final = 20
 """Maximum number of scans to find the pose on a new map."""
+WAY, TURN = 1.0, 1.5
+"""m or rad after which the corrections are added up anew."""
+MAX_SLIP: Final = 0.5
+"""Share of them that the corrections may reach."""
+
+
+class _Slip:
+    """Compares the way by the wheels with the corrections of it by scans."""
+
+    def __init__(self) -> None:
+        self._last: Pose | None = None
+        self._way = self._turned = 0.0
+        self._x = self._y = self._turn = 0.0
+
+    def add(self, guess: Pose, matched: Pose) -> bool:
+        """Add a correction from ``guess`` to ``matched``; returns whether the wheels and the scans contradict."""
+        last, self._last = self._last, matched
+        if last is None:
+            return False
+        way, turn = math.dist(last[:2], guess[:2]), wrapped(guess[2] - last[2])
+        if not way and not turn:
+            # Somebody pushed a standing robot, or the match has become better.
+            return False
+        if self._way >= WAY or abs(self._turned) >= TURN:
+            self._way = self._turned = self._x = self._y = self._turn = 0.0
+        self._way += way
+        self._turned += turn
+        self._x += matched[0] - guess[0]
+        self._y += matched[1] - guess[1]
+        self._turn += wrapped(matched[2] - guess[2])
+        return math.hypot(self._x, self._y) > MAX_SLIP * WAY or abs(self._turn) > MAX_SLIP * TURN
 
 
 class Locator:
@@ -50,6 +85,13 @@ class Locator:
         self._misfits = 0
         self._searching = False
         self._filter: Any = None
+        self._said_ambiguous = False
+        self._slip = _Slip()
+
+    @property
+    def is_searching(self) -> bool:
+        """Whether the pose is being searched on the whole map."""
+        return self._searching
 
     def use_map(self, walls: Grid | None) -> None:
         """Match the scans with these walls from now on; None ends that."""
@@ -61,6 +103,13 @@ class Locator:
         """Somebody has said where the base is: begin there, and end a search."""
         self._background.drop()
         self._misfits, self._searching, self._filter = 0, False, None
+        self._said_ambiguous = False
+        self._slip = _Slip()
+
+    def doubt_pose(self) -> None:
+        """The pose is not known until a scan matches the map where the robot should be."""
+        self.trust_pose()
+        self.found = False
 
     def take_scan(self, echoes: Sequence[Echo], place: float) -> None:
         """Process a scan of a laser ``place`` m ahead of the middle of the base."""
@@ -74,20 +123,23 @@ class Locator:
         if match.score < GOOD_SCORE:
             self._misfits += 1
             if self._misfits >= (MAX_MISFITS if self.found else MAX_FIRST_SCANS):
-                self._lose()
+                self._lose(f"the laser does not see what the map shows (score {self.score:.2f})")
             return
         self._misfits = 0
+        if self.found and self._slip.add(self._odometry.absolute, match.pose):
+            self._lose("the wheels turn and the scans do not change as they should: old scans, or wheels that slip")
+            return
         self._odometry.correct(match.pose)
         if not self.found:
             self.found = True
             self._on_found()
 
-    def _lose(self) -> None:
+    def _lose(self, why: str) -> None:
         self.trust_pose()
         self.found = False
         self._searching = load_montecarlo() is not None
-        why = f"the laser does not see what the map shows (score {self.score:.2f})"
-        how = "searching the map: turn or drive the robot" if self._searching else f"searching the map needs {INSTALL}"
+        how = ": turn or drive the robot" if self._searching else f" needs numpy and scipy: {how_to_install()}"
+        how = f"searching the map{how}"
         self._on_lost(f"{why}; {how}", self._searching)
 
     def _search(self, walls: Grid, echoes: Sequence[Echo], place: float) -> None:
@@ -103,6 +155,9 @@ class Locator:
 
     def _take_estimate(self, then: Pose, particles: Any, estimate: Pose | None) -> None:
         """Continue the search, or go to the pose that it has found; the base has moved since ``then``."""
+        if particles.is_ambiguous and not self._said_ambiguous:
+            self._said_ambiguous = True
+            self._on_lost("more than one place explains the scans; drive the robot to where they differ", True)
         self._filter = particles
         if estimate is not None:
             self._odometry.correct(compose(frame_of(estimate, then), self._odometry.absolute))

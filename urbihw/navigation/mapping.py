@@ -9,6 +9,7 @@ loops: on a long round tour the drift of the matching stays in the map.
 from __future__ import annotations
 
 import math
+import re
 import threading
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,12 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from urbihw.files import write_regular
 from urbihw.navigation.base import Echo
 from urbihw.navigation.frames import Pose
 
 CELL: Final = 0.05
 SIZE: Final = 60.0
 """Size in m of a cell, and of the map, in whose middle it begins."""
+_NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
+"""The names that can be written into a YAML file without quotes."""
 MAX_RANGE: Final = 12.0
 """Distance in m up to which echoes are used."""
 HIT, MISS, LIMIT = 0.85, -0.4, 6.0
@@ -120,7 +124,10 @@ class MapBuilder:
     # ---------------------------------------------------------------- the file
 
     def save(self, name: str) -> None:
-        """Write NAME.yaml and NAME.pgm in the format of map_server, cut to what was seen.  Raises OSError."""
+        """Write NAME.yaml and NAME.pgm in the format of map_server, cut to what was seen.  Raises ValueError."""
+        stem = Path(name.removesuffix(".yaml").removesuffix(".yml").removesuffix(".pgm"))
+        if not _NAME.fullmatch(stem.name):
+            raise ValueError(f"{name!r} is no name for a map: use letters, digits, and _ - . between them")
         with self._lock:
             odds = self._odds.copy()
         rows, columns = np.nonzero(odds)
@@ -131,16 +138,15 @@ class MapBuilder:
         pixels = np.full(seen.shape, 205, np.uint8)
         pixels[seen > OCCUPIED] = 0
         pixels[seen < FREE] = 254
-        stem = Path(name).with_suffix("") if name.endswith((".yaml", ".yml", ".pgm")) else Path(name)
         head = b"P5\n%d %d\n255\n" % (seen.shape[1], seen.shape[0])
-        stem.with_name(stem.name + ".pgm").write_bytes(head + pixels[::-1].tobytes())
+        write_regular(stem.with_name(stem.name + ".pgm"), head + pixels[::-1].tobytes())
         left, bottom = self._left + first_column * CELL, self._bottom + first_row * CELL
         x, y, heading = self._start
         text = (
             f"image: {stem.name}.pgm\nresolution: {CELL}\norigin: [{left:.3f}, {bottom:.3f}, 0.0]\nnegate: 0\n"
             f"occupied_thresh: 0.65\nfree_thresh: 0.196\nhome: [{x:.3f}, {y:.3f}, {heading:.4f}]\n"
         )
-        stem.with_name(stem.name + ".yaml").write_text(text, "ascii")
+        write_regular(stem.with_name(stem.name + ".yaml"), text.encode())
 
 
 def _best_pose(

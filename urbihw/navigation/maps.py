@@ -10,15 +10,17 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Protocol
 
-from urbihw.navigation.frames import ORIGIN, Pose
+from urbihw.extras import install_command
+from urbihw.files import BadFile, cannot_read, read_regular
+from urbihw.navigation.frames import MAX_METRES, ORIGIN, Pose
 
-MAX_FILE_BYTES: Final = 64 * 1024 * 1024
-MAX_LINES: Final = 2_000_000
+MAX_FILE_BYTES: Final = 16 * 1024 * 1024
+MAX_LINES: Final = 200_000
 
 Segment = tuple[float, float, float, float]
 Bounds = tuple[float, float, float, float]
@@ -67,22 +69,47 @@ class Map:
             walls.block_box(*box)
 
 
-def read(path: str) -> Map:
-    """The map in a file.  Raises BadMap."""
-    file = Path(path)
-    reader = _READERS.get(file.suffix.lower())
+def check_name(path: str) -> None:
+    """Raise BadMap for a name that is not that of a map, and if there is no such file."""
+    _reader_of(path)
+    try:
+        Path(path).stat()
+    except FileNotFoundError:
+        raise BadMap(f"{path}: there is no such file") from None
+    except OSError as error:
+        raise BadMap(cannot_read(Path(path), error)) from error
+    except ValueError as error:
+        raise BadMap(f"{path!r} is no name of a file") from error
+
+
+def _reader_of(path: str) -> Callable[[str, Path], Map]:
+    reader = _READERS.get(Path(path).suffix.lower())
     if reader is None:
         raise BadMap(f"{path}: maps end in {', '.join(sorted(_READERS))}")
+    return reader
+
+
+def read(path: str) -> Map:
+    """The map in a file.  Raises BadMap."""
+    file, reader = Path(path), _reader_of(path)
     try:
-        if file.stat().st_size > MAX_FILE_BYTES:
-            raise BadMap(f"{path}: larger than {MAX_FILE_BYTES >> 20} MB, which is no map")
-        text = file.read_text("latin-1")
-    except OSError as error:
-        raise BadMap(f"{path}: cannot be read: {error.strerror}") from error
+        text = read_regular(file, MAX_FILE_BYTES).data.decode("latin-1")
+    except FileNotFoundError:
+        raise BadMap(f"{path}: there is no such file") from None
+    except BadFile as error:
+        raise BadMap(str(error)) from error
     try:
         return reader(text, file)
     except (ValueError, IndexError, OverflowError) as error:
         raise BadMap(f"{path}: {error}") from error
+
+
+def _coordinates(words: Iterable[str], scale: float = 1.0) -> list[float]:
+    """Words as m (or as an angle), divided by ``scale``.  Raises ValueError for what no map can mean."""
+    values = [float(word) / scale for word in words]
+    if not all(abs(value) <= MAX_METRES for value in values):
+        raise ValueError(f"a coordinate is no number up to {MAX_METRES:g} m")
+    return values
 
 
 # --- ARIA ------------------------------------------------------------------------------------------------------------
@@ -100,10 +127,12 @@ class _AriaReader:
 
     def cairn(self, line: str) -> None:
         kind, *numbers = line.split()[1:5]
-        pose = (float(numbers[0]) / 1000, float(numbers[1]) / 1000, math.radians(float(numbers[2])))
+        x, y = _coordinates(numbers[:2], 1000)
+        (degrees,) = _coordinates(numbers[2:3])
+        pose = (x, y, math.radians(degrees))
         quoted = line.split('"')
         name = quoted[3] if len(quoted) > 3 else ""
-        corners = [float(word) / 1000 for word in quoted[4].split()] if len(quoted) > 4 else []
+        corners = _coordinates(quoted[4].split(), 1000) if len(quoted) > 4 else []
         if kind in ("RobotHome", "Dock") and self.home is None:
             self.home = pose
         elif kind in ("Goal", "GoalWithHeading"):
@@ -131,8 +160,6 @@ class _AriaReader:
         ys = [y for line in self.lines for y in line[1::2]] + [y for _, y in self.points]
         if not xs:
             raise ValueError("it has neither lines nor points")
-        if not all(map(math.isfinite, xs + ys)):
-            raise ValueError("a coordinate is no finite number")
         bounds = (min(xs), min(ys), max(xs), max(ys))
         return Map(bounds, self.home, self.goals, tuple(self.lines), tuple(self.boxes))
 
@@ -155,13 +182,14 @@ def _aria(text: str, file: Path) -> Map:
             elif not words or words[0].endswith(":"):
                 continue
             elif section == "LINES":
-                x1, y1, x2, y2 = (float(word) / 1000 for word in words)
+                x1, y1, x2, y2 = _coordinates(words, 1000)
                 reader.lines.append((x1, y1, x2, y2))
             elif section == "DATA":
-                x, y = (float(word) / 1000 for word in words)
+                x, y = _coordinates(words, 1000)
                 reader.points.append((x, y))
         except (ValueError, IndexError):
-            raise ValueError(f"line {number} cannot be understood: {row[:60]!r}") from None
+            why = f"cannot be understood, or is no place within {MAX_METRES:g} m"
+            raise ValueError(f"line {number} {why}: {row[:60]!r}") from None
     return reader.done()
 
 
@@ -173,9 +201,9 @@ _KEYS: Final = {"resolution": 0.05, "negate": 0.0, "occupied_thresh": 0.65, "fre
 def _numbers(text: str, key: str) -> Pose:
     parts = text.strip().removeprefix("[").removesuffix("]").split(",")
     try:
-        x, y, heading = (float(part) for part in parts)
+        x, y, heading = _coordinates(parts)
     except ValueError:
-        raise ValueError(f"{key} must be [x, y, heading], not {text!r}") from None
+        raise ValueError(f"{key} must be [x, y, heading] in m and rad, not {text[:60]!r}") from None
     return x, y, heading
 
 
@@ -202,7 +230,7 @@ def _ros(text: str, file: Path) -> Map:
     try:
         pictures = importlib.import_module("urbihw.navigation.pictures")
     except ImportError as error:
-        raise ValueError("reading pictures needs Pillow: pip install 'urbihw[images]'") from error
+        raise ValueError(f"reading pictures needs Pillow: {install_command('images')}") from error
     free_above = 255 * (1 - values["free_thresh"])
     width, height, runs = pictures.dark_runs(file.parent / table["image"], free_above, negate=bool(values["negate"]))
     size, (left, bottom, _) = values["resolution"], origin

@@ -9,14 +9,15 @@ at one of several equal places by chance.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from urbihw.navigation.base import Echo
-from urbihw.navigation.frames import Pose
+from urbihw.navigation.frames import Pose, compose, frame_of, wrapped
 from urbihw.navigation.grid import Grid
 from urbihw.navigation.localize import GOOD_SCORE, match_scan
 
@@ -44,6 +45,10 @@ SURE_SCORE: Final = 0.7
 """Score of ``match_scan`` that the estimate must reach."""
 CONFIRMATIONS: Final = 10
 """Scans in a row that one place must explain, each after some movement: one scan may fit a place that looks alike."""
+RIVALS: Final = 16
+"""Other places of the map that are compared with the one that was found."""
+LEAD: Final = 0.05
+"""By how much the place must explain the last scans better than each of them, in the score of ``match_scan``."""
 MAX_SCANS: Final = 40
 """Scans that count after which the search begins anew."""
 
@@ -51,7 +56,11 @@ _Floats = NDArray[np.floating[Any]]
 
 
 class ParticleFilter:
-    """Particles (x, y, heading) on the free cells of a map."""
+    """Particles (x, y, heading) on the free cells of a map.
+
+    Attributes:
+        is_ambiguous: more than one place explains the scans; the robot must be driven to where they differ.
+    """
 
     def __init__(self, walls: Grid, seed: int = 1) -> None:
         self._walls = walls
@@ -64,6 +73,8 @@ class ParticleFilter:
         self._particles: _Floats = np.empty((0, 3))
         self._last: Pose | None = None
         self._scans = self._confirmed = 0
+        self._taken: deque[tuple[Pose, Sequence[Echo]]] = deque(maxlen=CONFIRMATIONS)
+        self.is_ambiguous = False
 
     def add_scan(self, odometric: Pose, echoes: Sequence[Echo], place: float) -> Pose | None:
         """Process a scan taken at a pose of the odometry, whose frame may be any but must not change; returns the pose
@@ -72,6 +83,7 @@ class ParticleFilter:
         local = np.array([(place + r * math.cos(a), r * math.sin(a)) for r, a in echoes[::step]])
         if not len(local) or not self._move_particles(odometric):
             return None
+        self._taken.append((odometric, echoes))
         weights = self._weigh(local)
         best = self._particles[int(np.argmax(weights))].copy()
         off = np.abs((self._particles[:, 2] - best[2] + math.pi) % math.tau - math.pi)
@@ -81,15 +93,54 @@ class ParticleFilter:
         self._scans += 1
         if not agreed:
             self._confirmed = 0
+            self.is_ambiguous = self._scans >= MAX_SCANS
             return None
         match = match_scan(self._walls, (float(best[0]), float(best[1]), float(best[2])), echoes, place)
         self._confirmed = self._confirmed + 1 if match.score >= SURE_SCORE else 0
         if self._confirmed >= CONFIRMATIONS:
-            return match.pose
+            self._confirmed = 0
+            self.is_ambiguous = self._has_rival(match.pose, local, place)
+            return None if self.is_ambiguous else match.pose
         if match.score < GOOD_SCORE or self._scans >= MAX_SCANS:
             # They have gathered at a wrong place, and no particle is left at the right one.
             self._last = None
         return None
+
+    def _has_rival(self, found: Pose, local: _Floats, place: float) -> bool:
+        """Whether another place of the map explains the last scans nearly as well or better: particles gather at one of
+        several rooms that look alike, and then none is left in the others."""
+        echoes = self._taken[-1][1]
+        enough = self._explain(found, place, 0.0) - LEAD
+        rivals = (match_scan(self._walls, pose, echoes, place).pose for pose in self._rivals(found, local))
+        return any(not _is_near(pose, found) and self._explain(pose, place, enough) > enough for pose in rivals)
+
+    def _explain(self, pose: Pose, place: float, least: float) -> float:
+        """The mean score of the last scans on the way to a pose, each matched with the map as the wheels slip; 0 as
+        soon as it cannot reach ``least``."""
+        lost, count = 0.0, len(self._taken)
+        after = self._taken[-1][0]
+        for then, echoes in reversed(self._taken):
+            match = match_scan(self._walls, compose(frame_of(pose, after), then), echoes, place)
+            pose, after = match.pose, then
+            lost += 1 - match.score
+            if 1 - lost / count < least:
+                return 0.0
+        return 1 - lost / count
+
+    def _rivals(self, found: Pose, local: _Floats) -> Iterator[Pose]:
+        """The places of the whole map at which the last scan fits best, beside the one that was found."""
+        everywhere = self._everywhere()
+        weights = self._weigh(local, everywhere)
+        chosen = [found]
+        for index in np.argsort(weights)[::-1]:
+            x, y, heading = everywhere[index]
+            pose = float(x), float(y), float(heading)
+            if any(_is_near(pose, other) for other in chosen):
+                continue
+            chosen.append(pose)
+            yield pose
+            if len(chosen) > RIVALS:
+                return
 
     def _move_particles(self, odometric: Pose) -> bool:
         """Move the particles as the odometry moved; False if that was too little to count."""
@@ -109,6 +160,10 @@ class ParticleFilter:
 
     def _spread(self) -> None:
         """Put particles on all free cells, in all headings."""
+        self._particles = self._everywhere()
+        self._scans = self._confirmed = 0
+
+    def _everywhere(self) -> _Floats:
         walls = self._walls
         skip = max(1, round(SPACING / walls.cell))
         rows, columns = np.nonzero(self._free[::skip, ::skip])
@@ -116,13 +171,12 @@ class ParticleFilter:
         x = walls.left + (columns * skip + 0.5) * walls.cell
         y = walls.bottom + (rows * skip + 0.5) * walls.cell
         places = np.repeat(np.stack((x, y), axis=1), HEADINGS, axis=0)
-        self._particles = np.column_stack((places, np.tile(headings, len(rows))))
-        self._scans = self._confirmed = 0
+        return np.column_stack((places, np.tile(headings, len(rows))))
 
-    def _weigh(self, local: _Floats) -> _Floats:
-        """The share of each particle in the explanation of a scan; the sum is 1."""
+    def _weigh(self, local: _Floats, particles: _Floats | None = None) -> _Floats:
+        """The share of each particle (by default, of the filter's) in the explanation of a scan; the sum is 1."""
         walls, field = self._walls, self._field
-        x, y, heading = self._particles.T
+        x, y, heading = (self._particles if particles is None else particles).T
         c, s = np.cos(heading) / walls.cell, np.sin(heading) / walls.cell
         column0, row0 = (x - walls.left) / walls.cell + 1, (y - walls.bottom) / walls.cell + 1
         total = np.zeros(len(x))
@@ -139,6 +193,11 @@ class ParticleFilter:
         marks = (self._random.random() + np.arange(PARTICLES)) / PARTICLES
         chosen = np.searchsorted(np.cumsum(weights), marks).clip(0, len(weights) - 1)
         self._particles = self._particles[chosen]
+
+
+def _is_near(pose: Pose, other: Pose) -> bool:
+    """Whether two poses count as one place."""
+    return math.dist(pose[:2], other[:2]) < 2 * CLUSTER and abs(wrapped(pose[2] - other[2])) < 2 * CLUSTER_TURN
 
 
 def _relative(last: Pose, now: Pose) -> Pose:

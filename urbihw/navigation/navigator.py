@@ -8,10 +8,11 @@ if they are obsolete.  The pose is that of the odometry, which begins at the map
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
+from urbihw.files import write_regular
 from urbihw.kernel.uobject import (
     UObject,
     UVar,
@@ -28,11 +29,12 @@ from urbihw.navigation.base import Base
 from urbihw.navigation.drawing import draw_map
 from urbihw.navigation.drive import FINISHED, STALLED, Motion
 from urbihw.navigation.follow import PathFollower, Tolerance
-from urbihw.navigation.frames import Point, Pose, compose, wrapped
+from urbihw.navigation.frames import Point, Pose, compose, path_length, wrapped
+from urbihw.navigation.goal import Goal
 from urbihw.navigation.grid import Grid
-from urbihw.navigation.localize import CELL
+from urbihw.navigation.loading import check_map, load_map
 from urbihw.navigation.locator import Locator
-from urbihw.navigation.maps import BadMap, Map, read
+from urbihw.navigation.maps import BadMap, Map
 from urbihw.navigation.obstacles import ObstacleLayer, closes_path, free_way
 from urbihw.navigation.options import SCAN
 from urbihw.navigation.planner import NoPath, Obstructed, check_goal, plan_around
@@ -40,34 +42,18 @@ from urbihw.navigation.survey import Survey
 
 FAILED, SUCCEEDED, CANCELED = 0.0, 1.0, 2.0
 """The payload of ``pathPlanningEvent``."""
-MAX_WAITS: Final = 8
-"""Maximum number of pauses of one goal because of obstacles; together longer than a mark of the sensors lasts."""
 RETRY_S: Final = 3.0
 """Seconds of a pause while obstacles close all ways."""
-MAX_NEW_WAYS: Final = 40
-"""Maximum number of new plans for one goal while it is driven to."""
 NEW_WAY_PAUSE_S: Final = 1.0
 """Seconds between two of them."""
-MAX_APPROACHES: Final = 3
-"""Maximum number of new plans for a goal beside which the robot has come to stand."""
 LOOK_AHEAD: Final = 2.5
 """Distance in m along the path that must be free of obstacles."""
 BLOCKING_RANGE: Final = 1.5
 """Distance in m up to which echoes are marked as obstacles where the robot had to stop."""
+BLIND_TIMEOUT_S: Final = 5.0
+"""Seconds without a scan after which a goal, and the pose that scans keep, are given up."""
 SIDE_CLEARANCE: Final = 0.03
 """Clearance in m beside the robot's radius that must be free ahead."""
-
-
-@dataclass(frozen=True, slots=True)
-class Goal:
-    """A goal: a point and a heading on the map; ``waits``, ``new_ways`` and ``approaches`` are the remaining numbers of
-    pauses and of new plans."""
-
-    place: Point
-    heading: float
-    waits: int = MAX_WAITS
-    new_ways: int = MAX_NEW_WAYS
-    approaches: int = MAX_APPROACHES
 
 
 class Navigator(UObject):
@@ -115,6 +101,7 @@ class Navigator(UObject):
         self._follower: PathFollower | None = None
         self._retry_at = math.inf
         self._planned_at = -math.inf
+        self._blind_since = math.inf
         self._work = Background(self.host.post, (BadMap, NoPath))
         searching, matching = Background(self.host.post, ()), Background(self.host.post, ())
         self._locator = Locator(base.odometry, searching, self._localized, self._lost_pose)
@@ -141,11 +128,14 @@ class Navigator(UObject):
         scans, cell = self._uses_scans(), self._base.navigation.cell
         if name and scans:
             self._check_scanner("localization by scans")
+        if name:
+            check_map(name)
         self._drop_map()
+        self.failure.sense("")
         self.mapFileName.sense(name)
         if name:
             self._end_mapping()
-            self._work.start(lambda: _load(name, cell, scans=scans), self._map_loaded, self._map_failed)
+            self._work.start(lambda: load_map(name, cell, scans=scans), self._map_loaded, self._map_failed)
 
     def _uses_scans(self) -> bool:
         return self._base.navigation.localization == SCAN
@@ -191,13 +181,18 @@ class Navigator(UObject):
         """The pose is not known any more, and there is no way to find it: report it, drop the map and the goal."""
         self._base.log.warning("localization failed: %s", why)
         self._drop_map()
+        self.failure.sense(why)
         self.locFailureEvent.emit(why)
 
     def _lost_pose(self, why: str, searching: bool) -> None:
         """The scans do not match the map any more; while the locator searches, the map stays."""
-        if not searching:
+        if searching:
+            self._doubt_pose(why)
+        else:
             self._lose(why)
-            return
+
+    def _doubt_pose(self, why: str) -> None:
+        """The pose is not known until the locator finds it; the map stays."""
         self._base.log.warning("localization failed: %s", why)
         self.ready.sense(False)
         self.cancel()
@@ -214,9 +209,35 @@ class Navigator(UObject):
         """The base calls this after each measurement of its pose."""
         if self.ready.sensed and self._is_outside():
             self._lose("the robot is outside the map")
+        self._watch_scanner()
         if self.host.now() >= self._retry_at and self._goal is not None:
             self._retry_at = math.inf
             self._plan(self._goal)
+
+    def _watch_scanner(self) -> None:
+        """Stand while the scans do not come that the goal or the pose relies on; give both up after a while."""
+        scanner, goal, now = self._base.scanner, self._goal, self.host.now()
+        relied_on = self._grid is not None and self._uses_scans() or goal is not None and goal.scanned
+        if scanner is None or not relied_on or scanner.is_fresh():
+            if self._blind_since < math.inf and self.ready.sensed:
+                self._retry_at = now
+            self._blind_since = math.inf
+            return
+        if self._blind_since == math.inf:
+            self._blind_since = now
+        if goal is not None and self.ready.sensed:
+            self._work.drop()
+            self._retry_at = math.inf
+            self._stand("the laser sends no scan")
+        if now - self._blind_since >= BLIND_TIMEOUT_S:
+            self._give_up_scans(f"the laser has sent no scan for {BLIND_TIMEOUT_S:g} s")
+
+    def _give_up_scans(self, why: str) -> None:
+        if self._goal is not None:
+            self._fail(why)
+        if self.ready.sensed and self._uses_scans():
+            self._locator.doubt_pose()
+            self._doubt_pose(why)
 
     def _scan_came(self) -> None:
         """Process a new scan: correct the pose if the options require that, and mark and clear obstacles."""
@@ -249,6 +270,11 @@ class Navigator(UObject):
 
     # ---------------------------------------------------------------- a new map
 
+    @function("asString")
+    def name_slot(self) -> str:
+        """Return its slot, as the text of the object."""
+        return self.slot_name
+
     @function("startMapping")
     def start_mapping(self) -> None:
         """Begin to build a map from the scans of the laser, here and now; the old map is dropped.  Drive the robot by
@@ -277,10 +303,7 @@ class Navigator(UObject):
             raise ValueError(f"there is no map; set {self.slot_name}.mapFileName first")
         seen, path = self._seen.points(self.host.now()), [(x, y) for x, y in self.path.sensed]
         text = draw_map(self._map, seen, self._grid.cell, path, self._pose(), self._base.radius)
-        try:
-            Path(name).write_text(text, "ascii")
-        except OSError as error:
-            raise ValueError(f"{name}: cannot be written: {error.strerror}") from error
+        write_regular(Path(name), text.encode())
 
     def _end_mapping(self) -> None:
         self._survey.stop()
@@ -295,6 +318,7 @@ class Navigator(UObject):
         if not self.mapFileName.sensed:
             raise ValueError(f"there is no map; set {self.slot_name}.mapFileName first")
         self._base.check_motors()
+        self._check_pose()
         if self._grid is not None:
             try:
                 check_goal(self._grid, (x, y), self._clearance())
@@ -304,10 +328,23 @@ class Navigator(UObject):
         self._base.drive.halt("a path is being planned")
         self.cancel()
         self.failure.sense("")
-        self._goal = Goal((x, y), heading)
+        scanner = self._base.scanner
+        self._goal = Goal((x, y), heading, scanned=scanner is not None and scanner.wanted)
         self.active.sense(True)
         if self.ready.sensed:
             self._plan(self._goal)
+
+    def _check_pose(self) -> None:
+        """Raise ValueError while the robot is lost on the map, or cannot see although its laser is switched on."""
+        scanner = self._base.scanner
+        if self._uses_scans():
+            self._check_scanner("localization by scans")
+        if scanner is not None and scanner.wanted and not scanner.is_fresh():
+            raise ValueError("the laser is switched on and sends no scan; wait until it does, or write 0 to its load")
+        if self._locator.is_searching:
+            raise ValueError(
+                "the robot is lost on the map: turn or drive it until it has found itself, or write odometry.position"
+            )
 
     def _clearance(self) -> float:
         """Distance in m that paths keep from walls, from the middle of the base."""
@@ -330,6 +367,12 @@ class Navigator(UObject):
         )
 
     def _follow_path(self, goal: Goal, path: list[Point]) -> None:
+        left = path_length(self._follower.rest()) if self._follower is not None else goal.direct
+        if goal.is_detour(path, left):
+            self._goal = replace(goal, patience=goal.patience - 1, direct=left)
+            self._stand("a detour would be longer than a pause")
+            self._retry_at = self.host.now() + RETRY_S
+            return
         self.path.sense([list(point) for point in path])
         if self._follower is not None:
             self._follower.change_path(path)
@@ -343,11 +386,15 @@ class Navigator(UObject):
         if not isinstance(error, Obstructed) or not goal.waits:
             self._fail(str(error))
             return
-        follower, self._follower = self._follower, None
-        if follower is not None and self._base.drive.motion is follower:
-            self._base.drive.halt("obstacles close all ways")
+        self._stand("obstacles close all ways")
         self._goal = replace(goal, waits=goal.waits - 1)
         self._retry_at = self.host.now() + RETRY_S
+
+    def _stand(self, why: str) -> None:
+        """End the motion along the path; the goal stays."""
+        follower, self._follower = self._follower, None
+        if follower is not None and self._base.drive.motion is follower:
+            self._base.drive.halt(why)
 
     def _fail(self, why: str) -> None:
         """End the goal, and say why."""
@@ -366,7 +413,7 @@ class Navigator(UObject):
         elif how == STALLED:
             self._fail("the wheels were told to turn and stood still")
         elif follower.blocked:
-            self._leave_obstacle(goal)
+            self._leave_obstacle(replace(goal, direct=path_length(follower.rest())))
         elif self._tolerance().allows(self._pose(), goal.place, goal.heading):
             self._end_goal(SUCCEEDED)
         elif goal.approaches:
@@ -394,15 +441,14 @@ class Navigator(UObject):
             self._end_goal(CANCELED)
 
     def _end_goal(self, how: float) -> None:
-        follower, self._follower, self._goal = self._follower, None, None
+        self._goal = None
         self._retry_at = math.inf
         if self._grid is not None:
             # Without a map the work is that of reading one, for which another goal waits.
             self._work.drop()
         self.active.sense(False)
         self.path.sense([])
-        if follower is not None and self._base.drive.motion is follower:
-            self._base.drive.halt("the path was given up")
+        self._stand("the path was given up")
         self.pathPlanningEvent.emit(how)
 
     # ---------------------------------------------------------------- what the path follower asks
@@ -422,13 +468,3 @@ class Navigator(UObject):
             return self._base.obstacles()
         seen = [(scanner.place + r * math.cos(a), r * math.sin(a)) for r, a in scanner.fresh_echoes()]
         return seen + self._base.obstacles()
-
-
-def _load(name: str, cell: float, *, scans: bool) -> tuple[Map, Grid, Grid]:
-    """Read a map, and make its grids for paths and for scans (the same one without scans).  Raises BadMap."""
-    map_ = read(name)
-    grid = Grid.of(map_, cell)
-    walls = Grid.of(map_, CELL) if scans else grid
-    for measured in (grid, walls):
-        measured.distances()
-    return map_, grid, walls

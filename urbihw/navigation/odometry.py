@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import ClassVar
 
-from urbihw.kernel.uobject import UObject, finite_numbers, owned, reading
-from urbihw.navigation.frames import ORIGIN, Pose, compose, frame_of, moved, wrapped
+from urbihw.kernel.uobject import UObject, finite_numbers, function, owned, reading
+from urbihw.navigation.frames import MAX_METRES, ORIGIN, Pose, compose, frame_of, moved, wrapped
 
 
 class Odometry(UObject):
     """The pose in the frame of the odometry (``x``, ``y``, ``yaw``) and in the absolute frame (``position``).
 
-    A platform derives its own class, whose name is that in urbiscript.
+    A platform derives its own class, whose name is that in urbiscript, and sets ``slot_name`` to its slot.
     """
+
+    slot_name: ClassVar[str] = "robot.body.odometry"
+    """Its slot in urbiscript."""
 
     x = reading(0.0)
     y = reading(0.0)
@@ -38,6 +42,11 @@ class Odometry(UObject):
         self.frame: Pose = ORIGIN
         self.placed: Callable[[], None] = lambda: None
         self.notify_change(self.position, self._position_written)
+
+    @function("asString")
+    def name_slot(self) -> str:
+        """Return its slot, as the text of the object."""
+        return self.slot_name
 
     @property
     def absolute(self) -> Pose:
@@ -67,6 +76,8 @@ class Odometry(UObject):
 
     def _position_written(self) -> None:
         x, y, _, yaw = finite_numbers(self.position.value, 4, 4, "[x, y, z, yaw]")
+        if abs(x) > MAX_METRES or abs(y) > MAX_METRES:
+            raise ValueError(f"no map goes farther than {MAX_METRES:g} m; write [x, y, z, yaw] in m and rad")
         self.correct((x, y, yaw))
         self.placed()
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 from urbihw import buses
 from urbihw.buses.errors import BadUrl, Unavailable
@@ -31,6 +31,9 @@ class NavigationOptions(Table):
         laser_turn: degrees to the left from the front of the base to the front of the laser.
     """
 
+    own_lasers: ClassVar[tuple[str, ...]] = ()
+    """Values of ``laser`` that are no url: lasers on the wire of the robot."""
+
     localization: str = setting(ODOMETRY, choice(ODOMETRY, SCAN))
     cell: float = setting(0.1, number(0.02, 1.0, " m"))
     clearance: float = setting(0.05, number(0.0, 2.0, " m"))
@@ -44,7 +47,8 @@ class NavigationOptions(Table):
 
     def clashes(self) -> Iterator[Mistake]:
         """Yield a laser url that no bus accepts."""
-        if self.laser:
+        yield from super().clashes()
+        if self.laser and self.laser not in self.own_lasers:
             try:
                 buses.port_for(self.laser, Context())
             except (BadUrl, Unavailable) as error:

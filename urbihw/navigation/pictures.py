@@ -5,12 +5,16 @@ Unknown cells (grey) count as occupied: a robot is not sent into unexplored area
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 from typing import Final
 
 from PIL import Image, UnidentifiedImageError
 
+from urbihw.files import read_regular
+
 MAX_PIXELS: Final = 16_000_000
+MAX_FILE_BYTES: Final = 64 * 1024 * 1024
 
 Run = tuple[int, int, int]
 """A run of pixels: row from the top, first column, column behind the last."""
@@ -19,13 +23,14 @@ Run = tuple[int, int, int]
 def dark_runs(path: Path, free_above: float, *, negate: bool) -> tuple[int, int, list[Run]]:
     """Width, height and the runs of pixels that are not lighter than ``free_above``.  Raises ValueError."""
     try:
-        with Image.open(path) as picture:
+        with Image.open(BytesIO(read_regular(path, MAX_FILE_BYTES).data)) as picture:
             width, height = picture.size
             if width * height > MAX_PIXELS:
                 raise ValueError(f"{path.name} has {width} by {height} pixels; {MAX_PIXELS} are the most")
             data = picture.convert("L").tobytes()
     except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:
-        raise ValueError(f"{path.name} cannot be read as a picture: {error}") from error
+        why = getattr(error, "strerror", None) or "it is none that Pillow knows"
+        raise ValueError(f"{str(path)!r} cannot be read as a picture: {why}") from error
     blocked = bytes((255 - value if negate else value) <= free_above for value in range(256))
     flags = data.translate(blocked)
     runs = []

@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, Final
 
-from urbihw.navigation.extra import INSTALL, load_arrays
+from urbihw.navigation.extra import how_to_install, load_arrays
 from urbihw.navigation.frames import Point
 from urbihw.navigation.grid import Grid
 
@@ -114,7 +114,7 @@ def _search_slowly(
         moves: Any = importlib.import_module("pathfinding.core.diagonal_movement")
         finder: Any = importlib.import_module("pathfinding.finder.a_star")
     except ImportError as error:
-        raise NoPath(f"planning needs numpy and scipy: {INSTALL}") from error
+        raise NoPath(f"planning needs numpy and scipy: {how_to_install()}") from error
     matrix = [costs[row * grid.width : (row + 1) * grid.width] for row in range(grid.height)]
     nodes = core.Grid(matrix=matrix)
     star = finder.AStarFinder(diagonal_movement=moves.DiagonalMovement.only_when_no_obstacle)

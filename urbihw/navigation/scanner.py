@@ -35,7 +35,7 @@ class RangeScanner(UObject):
         "laserDistanceMin": ("least distance that can be measured", "m"),
         "laserDistanceMax": ("greatest distance that can be measured", "m"),
         "rate": ("scans in a second", "Hz"),
-        "state": ("off, connecting, ok or lost", ""),
+        "state": ("off, connecting, on or lost", ""),
         "dirty": ("whether the front screen is dirty", ""),
         "model": ("model of the scanner", ""),
         "serial": ("serial number of the scanner", ""),
@@ -153,12 +153,13 @@ class RangeScanner(UObject):
 
     def fresh_echoes(self) -> list[Echo]:
         """Return the echoes of the last scan, none when it is older than FRESH_S."""
-        return self.echoes() if self._is_fresh() else []
+        return self.echoes() if self.is_fresh() else []
 
     def echoes(self) -> list[Echo]:
         """Return the finite readings of the last scan with their angles: (m, rad)."""
         first, step = self.angleMin.sensed, self.resolution.sensed
         return [(r, first + i * step) for i, r in enumerate(self.ranges) if math.isfinite(r)]
 
-    def _is_fresh(self) -> bool:
+    def is_fresh(self) -> bool:
+        """Return whether the last scan is at most FRESH_S old."""
         return self.host.now() - self.stamp <= FRESH_S

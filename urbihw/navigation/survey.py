@@ -8,7 +8,7 @@ from typing import Any
 
 from urbihw.navigation.background import Background
 from urbihw.navigation.base import Echo, Log, PoseEstimate
-from urbihw.navigation.extra import INSTALL, load_mapping
+from urbihw.navigation.extra import how_to_install, load_mapping
 from urbihw.navigation.frames import Pose, compose, frame_of, wrapped
 
 MOVED, TURNED = 0.1, math.radians(5)
@@ -29,7 +29,7 @@ class Survey:
         """Begin with an empty map.  Raises ValueError without the extra ``navigation``."""
         mapping = load_mapping()
         if mapping is None:
-            raise ValueError(f"building a map needs numpy and scipy: {INSTALL}")
+            raise ValueError(f"building a map needs numpy and scipy: {how_to_install()}")
         self.stop()
         self._builder = mapping.MapBuilder(self._odometry.absolute)
 
@@ -62,7 +62,4 @@ class Survey:
         written."""
         if self._builder is None:
             raise ValueError("no map is being built; begin with startMapping")
-        try:
-            self._builder.save(name)
-        except OSError as error:
-            raise ValueError(f"{name}: cannot be written: {error.strerror}") from error
+        self._builder.save(name)

@@ -10,20 +10,25 @@ from __future__ import annotations
 import importlib
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from urbihw.buses import port_for
+from urbihw.buses import port_for, ports
 from urbihw.buses.errors import BadUrl, Unavailable
 from urbihw.buses.link import Context
+from urbihw.buses.servos.tables import model_names
 from urbihw.buses.tcp import TcpLink
+from urbihw.buses.trace import MakeDecoder
+from urbihw.extras import install_command
 from urbihw.kernel.uobject import BadConfig, Robot
-from urbihw.platforms import limits
+from urbihw.platforms import expected, limits
+from urbihw.platforms.expected import DeviceSettings
 from urbihw.platforms.limits import DeviceLimits
 from urbihw.platforms.manifest import FILE, BadManifest, Manifest, read
 from urbihw.settings import Mistake, Table, guess
 
 __all__ = [
-    "BadManifest", "DeviceLimits", "Manifest", "find", "folders", "load", "load_options", "mistakes", "read", "scan",
+    "Adapter", "BadManifest", "DeviceLimits", "DeviceSettings", "Manifest", "adapters", "find", "folders", "load",
+    "load_options", "load_trace", "mistakes", "read", "scan",
 ]  # fmt: skip
 
 
@@ -54,6 +59,26 @@ def guess_url(manifest: Manifest, url: str) -> str:
     return f"bus url {url!r}: did you mean {meant}?" if isinstance(port, TcpLink) else ""
 
 
+class Adapter(NamedTuple):
+    """A serial port whose USB adapter a manifest names."""
+
+    url: str
+    name: str
+
+
+def adapters(manifest: Manifest) -> list[Adapter]:
+    """The serial ports of this machine that may carry a platform, by the USB ids of its manifest."""
+    if not manifest.default_url.startswith("/"):
+        return []
+    names = {(each.vendor, each.product): each.name for each in manifest.usb}
+    return [
+        Adapter(port.device, " ".join(filter(None, (names[ids], port.serial_number))))
+        for port in ports.serial_ports()
+        for ids in [(port.vendor or 0, port.product or 0)]
+        if ids in names
+    ]
+
+
 def load(manifest: Manifest) -> type[Robot]:
     """Import a platform: the class of its robot.
 
@@ -63,8 +88,7 @@ def load(manifest: Manifest) -> type[Robot]:
     try:
         module = importlib.import_module(f"urbihw.platforms.{manifest.name}.{module_name}")
     except ImportError as error:
-        extras = ",".join(manifest.needs)
-        how = f"pip install 'urbihw[{extras}]'" if extras else f"pip install {error.name}"
+        how = install_command(*manifest.needs) if manifest.needs else f"pip install {error.name}"
         raise BadConfig(f"platform {manifest.name} needs the Python package {error.name}: {how}") from error
     found = getattr(module, class_name, None)
     if not (isinstance(found, type) and issubclass(found, Robot)):
@@ -104,8 +128,33 @@ def scan(manifest: Manifest) -> Iterable[object]:
     return robots
 
 
-def mistakes(manifest: Manifest | None, options: Mapping[str, Any], limits_: Mapping[str, Any]) -> Iterator[Mistake]:
-    """What is wrong with the tables ``[options]`` and ``[limits]`` for a platform; None if it is not known which.
+def load_trace(manifest: Manifest) -> MakeDecoder:
+    """Import what makes the decoder of a platform's traffic.
+
+    Raises BadConfig when there is none, or a package is missing that it needs; BadManifest when it is not there.
+    """
+    if not manifest.trace:
+        raise BadConfig(f"the traffic of a {manifest.name} cannot be decoded")
+    module_name, _, function = manifest.trace.partition(":")
+    if "." not in module_name:
+        module_name = f"urbihw.platforms.{manifest.name}.{module_name}"
+    try:
+        found: MakeDecoder = getattr(importlib.import_module(module_name), function)
+    except ModuleNotFoundError as error:
+        if manifest.needs and not str(error.name).startswith("urbihw"):
+            how = install_command(*manifest.needs)
+            raise BadConfig(f"platform {manifest.name} needs the Python package {error.name}: {how}") from error
+        raise BadManifest(f"{manifest.folder / FILE}: trace: {error}") from error
+    except AttributeError as error:
+        raise BadManifest(f"{manifest.folder / FILE}: trace: {error}") from error
+    return found
+
+
+def mistakes(
+    manifest: Manifest | None, options: Mapping[str, Any], limits_: Mapping[str, Any], devices: Mapping[str, Any]
+) -> Iterator[Mistake]:
+    """What is wrong with the tables ``[options]``, ``[limits]`` and ``[devices]`` for a platform; None if it is not
+    known which.
 
     Raises BadManifest.
     """
@@ -114,3 +163,9 @@ def mistakes(manifest: Manifest | None, options: Mapping[str, Any], limits_: Map
             yield Mistake(f"options.{mistake.key}", mistake.text)
     for mistake in limits.mistakes(limits_, None if manifest is None else manifest.limits):
         yield Mistake(f"limits.{mistake.key}", mistake.text)
+    if devices and manifest is not None and not manifest.devices:
+        yield Mistake("devices", f"platform {manifest.name} finds its parts by itself; only chains of servos have it")
+    elif devices:
+        taken = () if manifest is None else (manifest.slot,)
+        for mistake in expected.mistakes(devices, model_names(), taken):
+            yield Mistake(f"devices.{mistake.key}", mistake.text)

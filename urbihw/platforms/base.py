@@ -15,28 +15,34 @@ import logging
 import math
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any, ClassVar, Final, Protocol
 
 from urbihw.buses import messages as m
 from urbihw.buses.driver import driver_of
 from urbihw.buses.errors import BadUrl, BadValue, LinkGone
 from urbihw.buses.supervisor import Supervisor
+from urbihw.files import BadFile
 from urbihw.kernel.uobject import (
     BadConfig,
     DeviceError,
     Motion,
     NotReady,
     Opened,
+    Origin,
     RobotSettings,
     event,
     function,
     owned,
     reading,
 )
+from urbihw.platforms import remembered
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.clipping import TargetLimits
 from urbihw.platforms.devicelog import DeviceLog
+from urbihw.platforms.expected import for_worker
 from urbihw.platforms.identity import IdentifiedRobot
 from urbihw.platforms.limits import DeviceLimits, LimitSettings
 from urbihw.platforms.words import ROBOT
@@ -50,6 +56,15 @@ FIRST_READING_TIMEOUT_S: Final = 2.0
 """Seconds to wait for the first reading of all devices before ``open`` is answered."""
 SILENCE_TIMEOUT_S: Final = 3.0
 """Seconds without a message of the worker after which it is not alive; it sends statistics every second."""
+
+_ABSENT: Final = """\
+{{
+  if (!Global.hasLocalSlot("robot")) Global.setSlot("robot", Component.new("robot"))
+  | robot.shareLink({slot})
+  | if (!robot.hasLocalSlot("stop")) robot.setSlot("stop", function () {{ {slot}.stop }})
+}};
+"""
+"""The object ``robot`` of a robot of which nothing is known yet; its tree takes the place of it."""
 
 LINK_DOWN: Final = "the link to the robot is down"
 """Explains why a robot does not do what it is told."""
@@ -101,6 +116,7 @@ class WiredRobot(IdentifiedRobot):
     rate = reading(0.0)
     busLoad = reading(0.0)
     statistics = reading()
+    problems = reading([])
     linkLost = event()
     linkBack = event()
     stopped = event()
@@ -119,13 +135,25 @@ class WiredRobot(IdentifiedRobot):
         """Called by ``new``; nothing happens before ``open``."""
         self.log = DeviceLog(logging.getLogger(f"urbihw.{self.robot_name}"), self.host.now, self._call_later)
         self.motion = Motion(self.host, self.robot_name, self._stop_released)
+        self.motion.set_absent(None, LINK_DOWN)
         self.channel = DeviceChannel(self.send_message, self.motion)
         self.limits = LimitSettings({}, {})
         self._target_limits = TargetLimits(self, self.on_limited)
         self.offset = 0.0
         """Kernel's time = worker's time + offset, in seconds."""
         self._worker: WorkerHandle | None = None
-        self._on_opened: Opened | None = None
+        self._opened: Opened = _ignore
+        self._has_answered = False
+        self._is_here = False
+        self._awaited = ""
+        self._is_shown = False
+        self.tree_begun = False
+        """Whether the tree of the robot exists, or is being built: each is built once."""
+        self.expected: tuple[m.ExpectedDevice, ...] = ()
+        """The devices that the settings expect; their names are those of the start."""
+        self.found_devices: dict[Hashable, Any] = {}
+        """The devices that the worker has found, by their ids; "" for a robot of one part."""
+        self._memory: Path | None = None
         self._had_link_loss = False
         self._resume = True
         self._stop_asked_at = -math.inf
@@ -138,10 +166,12 @@ class WiredRobot(IdentifiedRobot):
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
         """Start the worker; ``opened`` is called when the devices have been read.  The options go to the driver."""
-        self._on_opened = opened
+        self._opened = opened
         self._heard_at = self.bus_time()
         self.offset = self.host.now() - self._heard_at
         self.url.sense(settings.url)
+        self.expected = for_worker(settings.devices)
+        self._memory = Path(settings.memory) if settings.memory else None
         self.identify()
         self.show_address(settings.url)
         self.motion.keep = settings.keep_motion
@@ -149,8 +179,8 @@ class WiredRobot(IdentifiedRobot):
         self._resume = settings.resume
         try:
             self._worker = self.start_worker(
-                settings.url, post=self._post, settings=_for_worker(settings), family=self.family,
-                control=settings.control,
+                settings.url, post=self._post, settings=replace(_for_worker(settings), expected=self.expected),
+                family=self.family, control=settings.control,
             )
         except (BadValue, BadSetting) as error:
             raise BadConfig(f"{self.robot_name}: {error}") from error
@@ -161,7 +191,7 @@ class WiredRobot(IdentifiedRobot):
 
     def configure(self, settings: RobotSettings) -> None:
         """Apply new settings and limits.  Raises BadConfig."""
-        message, limits = _for_worker(settings), LimitSettings.of(settings.limits)
+        message, limits = replace(_for_worker(settings), expected=self.expected), LimitSettings.of(settings.limits)
         try:
             driver_of(self.family).configure(message)
         except (BadValue, BadSetting) as error:
@@ -205,6 +235,16 @@ class WiredRobot(IdentifiedRobot):
     def check_motion(self) -> None:
         """Raise an error if the running statement began before the last stop."""
         self.motion.check()
+
+    @function("beginMovement")
+    def begin_movement(self, tag: Any, end: Any) -> None:
+        """Begin a movement of the jobs of a tag; a write by others to a device that it moves calls ``end`` first."""
+        self.motion.begin_movement(tag, end)
+
+    @function("endMovement")
+    def end_movement(self, tag: Any) -> None:
+        """The movement of a tag is over."""
+        self.motion.end_movement(tag)
 
     def _set_estop(self) -> None:
         who = str(self.motion.origin())
@@ -263,18 +303,56 @@ class WiredRobot(IdentifiedRobot):
 
     @property
     def opening(self) -> bool:
-        """Whether the daemon still waits for the answer of ``open``."""
-        return self._on_opened is not None
+        """Whether the robot has not been there yet since ``open``."""
+        return not self._is_here
+
+    def waits_for(self) -> str:
+        """See ``Robot``."""
+        return self._awaited
 
     def answer_open(self, error: DeviceError | None) -> None:
-        """Answer ``open``; later calls do nothing."""
-        opened, self._on_opened = self._on_opened, None
-        if opened is not None:
-            opened(error)
+        """Answer ``open``: NotReady once while the robot is absent, None once when it is there, with its slots.
+
+        An arrival after a NotReady emits ``linkBack``.
+        """
+        if self._is_here:
+            return
+        if error is None and not self.link.sensed:
+            # The tree of an absent robot has been built.
+            error = NotReady(self._awaited)
+        elif isinstance(error, NotReady):
+            self._awaited = str(error)
+            if not self._has_answered and not self.tree_begun:
+                self.tree_begun = self.build_absent()
+                if self.tree_begun:
+                    self.on_link_down(self._awaited)
+                    return
+                if not self._is_shown:
+                    self.host.run(_ABSENT.format(slot=self.unique_name), "absent", self._shown_absent)
+                    return
+        waited, self._has_answered = self._has_answered, True
+        if waited and isinstance(error, NotReady):
+            return
+        self._is_here = error is None
+        if self._is_here:
+            self._awaited = ""
+        self._opened(error)
+        if self._is_here and waited:
+            self.linkBack.emit()
+
+    def _shown_absent(self, problem: str) -> None:
+        """The object ``robot`` of an absent robot is there: answer ``open``."""
+        self._is_shown = True
+        if problem:
+            self.log.error("the slots of the absent robot are not there: %s", problem)
+        self.answer_open(NotReady(self._awaited))
 
     def wait_for_readings(self) -> None:
         """Answer ``open`` when ``is_complete``, or after a time-out: a device may have died since it was found."""
-        self._call_later(FIRST_READING_TIMEOUT_S, lambda: self.answer_open(None))
+        if self.link.sensed:
+            self._call_later(FIRST_READING_TIMEOUT_S, lambda: self.answer_open(None))
+        else:
+            self.answer_open(None)
 
     def _call_later(self, seconds: float, action: Callable[[], None]) -> Callable[[], None]:
         """Call ``action`` once after some seconds; return a function that cancels it."""
@@ -289,9 +367,10 @@ class WiredRobot(IdentifiedRobot):
 
     def send_limits(self) -> None:
         """Send all limits to the worker; called when the devices are known, and when one has changed its mode."""
-        if not self.limits and not self._has_sent_limits:
+        limited = self.has_limits()
+        if not limited and not self._has_sent_limits:
             return
-        self._has_sent_limits = bool(self.limits)
+        self._has_sent_limits = limited
         table: dict[tuple[Any, str], m.Limit] = {}
         thresholds: list[m.Threshold] = []
         names: dict[str, None] = {}
@@ -314,6 +393,10 @@ class WiredRobot(IdentifiedRobot):
 
     # ---------------------------------------------------------------- hooks
 
+    def has_limits(self) -> bool:
+        """Return whether anything is limited; override where devices have limits of their own."""
+        return bool(self.limits)
+
     def limited_devices(self) -> Mapping[str, LimitedDevice]:
         """Return the devices that can have limits, by the names of their slots."""
         return {}
@@ -329,6 +412,22 @@ class WiredRobot(IdentifiedRobot):
     def on_found(self, message: m.Found) -> None:
         """Handle the devices found after the link came up: the first time and after each loss."""
         raise NotImplementedError
+
+    def build_absent(self) -> bool:
+        """Begin to build the tree of a robot that is absent at the start, from what the last run found.
+
+        Returns False if nothing is known of it.  When the tree is built, ``wait_for_readings`` or ``answer_open`` is
+        called, as after ``on_found``.
+        """
+        known = self._remembered()
+        if not known:
+            return False
+        try:
+            self.on_found(m.Found(known))
+        except Exception as error:  # The file may describe devices that do not exist; the robot itself will tell.
+            self.log.warning("the devices of the last run cannot be shown: %s: %s", self._memory, error)
+            return False
+        return True
 
     def on_samples(self, message: m.Samples) -> None:
         """Handle measured values; add ``offset`` to their times."""
@@ -365,7 +464,7 @@ class WiredRobot(IdentifiedRobot):
         elif message.holds:
             self.motion.held.pop(message.device, None)
         what = "passed" if message.passed else "is back from"
-        self.log.warning("%s: %s %s %s", message.device, message.item, what, message.name)
+        self.log.warning("%s: %s %s %s", message.device, message.item, what, message.name, event="limit")
         self.guarded.emit(str(message.device), message.name, message.passed)
 
     def on_refused(self, message: m.Refused) -> None:
@@ -387,17 +486,20 @@ class WiredRobot(IdentifiedRobot):
         match message:
             case m.Samples():
                 self.on_samples(message)
-                if self._on_opened is not None and self.is_complete():
+                if self.opening and self.is_complete():
                     self.answer_open(None)
             case m.Reply():
                 self.channel.handle_reply(message)
             case m.Happened():
                 self.on_happened(message)
             case m.Found():
-                self.on_found(message)
+                self._handle_found(message)
+            case m.Differences():
+                self._show_differences(message)
             case m.DeviceState():
                 if message.new == "lost" and not self._resume:
                     self._end_movements(message.device, f"it was lost: {message.reason}")
+                self._show_absence(message)
                 self.on_device_state(message)
             case m.LinkState():
                 self._handle_link_state(message)
@@ -421,6 +523,71 @@ class WiredRobot(IdentifiedRobot):
             case m.WorkerHeartbeat():
                 pass
 
+    def _handle_found(self, message: m.Found) -> None:
+        self._remember(message.devices)
+        if not self.opening:
+            self.on_found(message)
+            return
+        if message.devices:
+            # An adapter alone is no robot.
+            self._show_link(True)
+        self.on_found(message)
+        if message.devices and self.tree_begun:
+            # The platform waits for readings only once, when the tree has been built.
+            self.wait_for_readings()
+        self.tree_begun = self.tree_begun or bool(message.devices)
+
+    def _show_differences(self, message: m.Differences) -> None:
+        """Show and log what differs from the expected devices, one line for each kind."""
+        missing = [f"{each.name} (id {each.id})" for each in message.missing]
+        unexpected = [f"id {each.id} ({each.found})" for each in message.unexpected]
+        other = [f"{each.name} (id {each.id}) is {each.found}, not {each.expected}" for each in message.other]
+        before = {*map(str, self.problems.sensed)}
+        lists = ("missing", missing), ("unexpected", unexpected), ("of another kind", other)
+        texts = [f"{text} {word}" if word != "of another kind" else text for word, texts in lists for text in texts]
+        self.problems.sense(texts)
+        if before and not texts:
+            self.log.info("all expected devices are there, and no others")
+        for word, devices in lists:
+            if devices and not before.issuperset(texts):
+                self.log.warning("%s: %s", word, ", ".join(devices))
+
+    def _remembered(self) -> tuple[Any, ...]:
+        """Return the devices that the last run found; () if that is not known."""
+        kind = driver_of(self.family).device_info
+        if self._memory is None or kind is None:
+            return ()
+        try:
+            return remembered.load(self._memory, str(self.url.sensed), kind)
+        except (remembered.BadMemory, OSError) as error:
+            self.log.warning("the devices of the last run are not known: %s: %s", self._memory, error)
+            return ()
+
+    def _remember(self, devices: tuple[Any, ...]) -> None:
+        """Keep the devices that were found for the next run, if they are others than before."""
+        before = dict(self.found_devices)
+        self.found_devices |= {getattr(each, "id", ""): each for each in devices}
+        if self._memory is None or self.found_devices == before or driver_of(self.family).device_info is None:
+            return
+        try:
+            remembered.save(self._memory, str(self.url.sensed), self.found_devices.values())
+        except (BadFile, OSError) as error:
+            self.log.warning("the devices are not kept for the next run: %s", error)
+            self._memory = None
+
+    def _show_absence(self, message: m.DeviceState) -> None:
+        if message.new == "lost":
+            name = f"the {message.device}" if isinstance(message.device, str) else f"device {message.device}"
+            self.motion.set_absent(message.device, f"{name} is lost: {message.reason}")
+        elif message.new in ("back", "ok"):
+            self.motion.set_absent(message.device, "")
+
+    def warn_writer(self, origin: Origin, text: str, *values: Any) -> None:
+        """Log that a write was not executed, and warn the client that wrote, unless a stop has ended the write."""
+        self.log.warning(text, *values)
+        if self.motion.is_live(origin):
+            self.motion.warn(origin, text % values)
+
     def _end_movements(self, device: Hashable, reason: str) -> None:
         """End the movements of a device that was lost (``on_lost = "end"``)."""
         self.motion.end(device, reason)
@@ -428,7 +595,7 @@ class WiredRobot(IdentifiedRobot):
 
     def _handle_stopped(self, message: m.Stopped) -> None:
         if message.devices is None:
-            self.log.info("%s stopped: %s", self.robot_name, message.reason)
+            self.log.info("%s stopped: %s", self.robot_name, message.reason, event="stopped")
         if message.devices is None and message.epoch > self.motion.epoch:
             self._end_motion(message.reason, message.epoch)
         self.on_stopped(message.reason)
@@ -438,9 +605,10 @@ class WiredRobot(IdentifiedRobot):
         self.motion.latched = message.reason
         self.estop.sense(bool(message.reason))
         if message.reason:
-            self.log.warning("emergency stop by %s: nothing moves until it is released", message.reason)
+            text = "emergency stop by %s: nothing moves until it is released"
+            self.log.warning(text, message.reason, event="estop")
         else:
-            self.log.warning("emergency stop released by %s", message.who)
+            self.log.warning("emergency stop released by %s", message.who, event="released")
             self.released.emit(message.who)
 
     def _handle_worker_state(self, message: m.WorkerState) -> None:
@@ -450,9 +618,8 @@ class WiredRobot(IdentifiedRobot):
             return
         self._end_motion(message.reason)
         self.channel.fail_pending(message.reason)
-        if self._on_opened is not None:
+        if not self.link.sensed:
             self.log.warning("%s", message.reason)
-            return
         self._handle_link_state(m.LinkState(False, message.reason))
 
     def _publish_statistics(self, message: m.Statistics) -> None:
@@ -464,33 +631,41 @@ class WiredRobot(IdentifiedRobot):
         )
 
     def _handle_link_state(self, message: m.LinkState) -> None:
-        if self._on_opened is not None and not message.up:
-            self.answer_open(NotReady(message.reason))
+        if self.opening and not message.up:
+            self.answer_open((BadConfig if message.mistake else NotReady)(message.reason))
+        if bool(self.link.sensed) == message.up or (self.opening and message.up):
             return
-        if bool(self.link.sensed) == message.up:
-            return
-        self.link.sense(message.up)
+        self._show_link(message.up)
         if message.up:
             if self._had_link_loss:
-                self.log.warning("link to %s is back", self.url.sensed)
+                self.log.warning("link to %s is back", self.url.sensed, event="link-back")
                 self.linkBack.emit()
             return
         self._had_link_loss = True
         if not self._resume:
             self._end_motion(f"the link was lost: {message.reason}")
-        self.log.warning("link lost: %s; trying again until it is back", message.reason)
+        self.log.warning("link lost: %s; trying again until it is back", message.reason, event="link-lost")
         self.on_link_down(message.reason)
         self.linkLost.emit(message.reason)
+
+    def _show_link(self, up: bool) -> None:
+        self.link.sense(up)
+        if not up:
+            # The driver reports the devices that are lost again when the link is up.
+            for device in list(self.motion.absent):
+                self.motion.set_absent(device, "")
+        self.motion.set_absent(None, "" if up else LINK_DOWN)
 
     def _handle_end(self, message: m.Ended) -> None:
         if self._worker is None and not message.reason:
             return
         reason = message.reason or "the bus worker ended"
-        if self._on_opened is not None:
-            self.answer_open(NotReady(reason))
-        else:
-            self._worker = None
-            self._handle_link_state(m.LinkState(False, reason))
+        self._worker = None
+        self._handle_link_state(m.LinkState(False, reason))
+
+
+def _ignore(error: DeviceError | None) -> None:
+    """The answer before ``open``."""
 
 
 def _for_worker(settings: RobotSettings) -> m.Configure:

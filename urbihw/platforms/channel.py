@@ -7,10 +7,10 @@ write without an origin is a setting.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final, Protocol
 
-from urbihw.buses.messages import Reply, Request, Targets, ToWorker, Watch
+from urbihw.buses.messages import Reply, Request, Targets, ToWorker, Watch, Writers
 from urbihw.kernel.uobject import Motion, Origin
 
 HELD_UP_S: Final = 0.06
@@ -59,12 +59,15 @@ class DeviceChannel:
         self._motion = motion
         self._targets: dict[tuple[Any, str], tuple[Any, Origin | None]] = {}
         self._written: dict[tuple[Any, str], tuple[Origin | None, float, float]] = {}
+        self._writers: dict[Any, tuple[str, int, int]] = {}
         self._outbox: list[ToWorker] = []
         self._waiting: dict[int, Done] = {}
         self._unsettled: dict[Settles, None] = {}
         self._count = 0
         self.check_target: Callable[[Any, str, Any], None] | None = None
         """Called with device, item and raw value of each target; None while the robot has no limits."""
+        self.blocked: dict[Any, str] = {}
+        """Devices to which nothing is sent, and why."""
 
     def origin(self) -> Origin:
         """Return the origin of a write at this moment, for a warning to its client."""
@@ -72,6 +75,8 @@ class DeviceChannel:
 
     def set_target(self, device: Any, item: str, raw: Any, origin: Origin | None = None) -> None:
         """Write an item with the next tick; the last write of a round wins, and an unchanged value is not sent."""
+        if device in self.blocked:
+            return
         self._targets[device, item] = raw, origin
         if self.check_target is not None:
             self.check_target(device, item, raw)
@@ -116,6 +121,7 @@ class DeviceChannel:
             live = self._motion.is_live
             values = {key: raw for key, (raw, origin) in targets.items() if origin is None or live(origin, key[0])}
             if values:
+                self._tell_writers({key[0]: origin for key in values if (origin := targets[key][1]) is not None})
                 now = self._motion.now()
                 resumed = frozenset(key for key in values if self._was_held_up(key, targets[key][1], now))
                 self._send(Targets(values, self._motion.epoch, now, resumed))
@@ -123,6 +129,14 @@ class DeviceChannel:
             outbox, self._outbox = self._outbox, []
             for message in outbox:
                 self._send(message)
+
+    def _tell_writers(self, origins: Mapping[Any, Origin]) -> None:
+        """Tell the worker who moves devices that somebody else moved before, or nobody since the last stop."""
+        writers = {device: (origin.client, origin.epoch, origin.mark) for device, origin in origins.items()}
+        news = {device: writer[0] for device, writer in writers.items() if self._writers.get(device) != writer}
+        if news:
+            self._writers |= writers
+            self._send(Writers(news))
 
     def _was_held_up(self, key: tuple[Any, str], origin: Origin | None, now: float) -> bool:
         """Return whether a movement continues after its writer was held up: its next target is then far ahead."""
@@ -156,6 +170,9 @@ class DeviceChannel:
         self, verb: str, device: Any, item: str, raw: Any, done: Done, origin: Origin | None = None
     ) -> None:
         self._count += 1
+        if device in self.blocked:
+            done(Reply(self._count, False, error=self.blocked[device]))
+            return
         self._waiting[self._count] = done
         epoch = self._motion.epoch if origin is None else origin.epoch
         self._outbox.append(Request(self._count, verb, device, item, raw, epoch))

@@ -25,23 +25,25 @@ MAX_ALIKE: Final = 30
 
 
 class DeviceEvent(NamedTuple):
-    """The texts of an event of one device, and of many, with {who}, {why} and {count}.
+    """The texts of an event of one device, and of many, with {who}, {why} and {count}; `name` is for the journal.
 
     The cause of an event of many is added only if it is the same for all.
     """
 
     one: str
     many: str
+    name: str
 
 
-LOST: Final = DeviceEvent("{who} is lost: {why}", "{count} devices are lost: {who}")
-BACK: Final = DeviceEvent("{who} is back", "{count} devices are back: {who}")
+LOST: Final = DeviceEvent("{who} is lost: {why}", "{count} devices are lost: {who}", "lost")
+BACK: Final = DeviceEvent("{who} is back", "{count} devices are back: {who}", "back")
 
 
 class DeviceLog:
     """Gathers an event of many devices into one line, and counts repeated lines.
 
-    It runs in the kernel's thread; ``later`` sets the kernel's timers.
+    It runs in the kernel's thread; ``later`` sets the kernel's timers.  Records have the attributes ``robot``,
+    ``devices`` and ``event``, which become fields of the journal (``urbihw.daemon.journal``).
     """
 
     def __init__(self, log: logging.Logger, now: Callable[[], float], later: Later) -> None:
@@ -53,17 +55,17 @@ class DeviceLog:
         self._since = 0.0
         self._cancel_news: Callable[[], None] = lambda: None
 
-    def info(self, text: str, *values: Any) -> None:
-        """Log information."""
-        self._log_text(logging.INFO, text, values)
+    def info(self, text: str, *values: Any, event: str = "") -> None:
+        """Log information; ``event`` is the name of a kind of event."""
+        self._log_text(logging.INFO, text, values, event)
 
-    def warning(self, text: str, *values: Any) -> None:
+    def warning(self, text: str, *values: Any, event: str = "") -> None:
         """Log a condition that may need attention."""
-        self._log_text(logging.WARNING, text, values)
+        self._log_text(logging.WARNING, text, values, event)
 
-    def error(self, text: str, *values: Any) -> None:
+    def error(self, text: str, *values: Any, event: str = "") -> None:
         """Log a failure."""
-        self._log_text(logging.ERROR, text, values)
+        self._log_text(logging.ERROR, text, values, event)
 
     def log_event(self, news: DeviceEvent, who: str, why: str = "") -> None:
         """Log an event of a device, together with the same event of other devices at this time."""
@@ -89,14 +91,16 @@ class DeviceLog:
             count, reasons = len(devices), set(devices.values())
             why = reasons.pop() if len(reasons) == 1 else ""
             words = news.one if count == 1 else news.many + (" ({why})" if why else "")
-            self._log_thinned(logging.WARNING, words, words.format(who=join_names(devices), why=why, count=count))
+            line = words.format(who=join_names(devices), why=why, count=count)
+            self._log_thinned(logging.WARNING, words, line, news.name, tuple(devices))
 
-    def _log_text(self, level: int, text: str, values: tuple[Any, ...]) -> None:
-        self._log_thinned(level, text, text % values)
+    def _log_text(self, level: int, text: str, values: tuple[Any, ...], event: str) -> None:
+        self._log_thinned(level, text, text % values, event)
 
-    def _log_thinned(self, level: int, kind: str, line: str) -> None:
+    def _log_thinned(self, level: int, kind: str, line: str, event: str, devices: tuple[str, ...] = ()) -> None:
         if (line in self._repeats or self._repeats.admit((kind,), MAX_ALIKE)) and self._repeats.admit(line, MAX_SAME):
-            self._log.log(level, "%s", line)
+            about = {"robot": self._log.name.rpartition(".")[2], "devices": devices, "event": event}
+            self._log.log(level, "%s", line, extra=about)
 
     def _log_suppressed(self, key: Hashable, held: int) -> None:
         """Log the number of suppressed repetitions of a line, or, for the 1-tuple of a kind, of its lines."""

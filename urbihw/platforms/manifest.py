@@ -6,6 +6,7 @@ spoils only its own row.
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -33,6 +34,22 @@ class UsbId:
 
 
 @dataclass(frozen=True)
+class SystemNeeds:
+    """What the daemon needs of the operating system to reach the robot; the service admits that and nothing else.
+
+    Attributes:
+        devices: device nodes, as systemd's ``DeviceAllow`` names them: ``char-ttyUSB`` (a name of ``/proc/devices``) or
+            a path such as ``/dev/i2c-1``.
+        address_families: kinds of sockets besides UNIX and the Internet, such as ``AF_CAN``.
+        groups: groups that own these devices.
+    """
+
+    devices: tuple[str, ...] = ()
+    address_families: tuple[str, ...] = ()
+    groups: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Manifest:
     """The description of a platform.
 
@@ -52,8 +69,12 @@ class Manifest:
             or one of ``urbihw.buses`` by its full name; "" for no options.
         scan: "module:function" of the folder, which searches the network for robots and yields a line for each;
             "" for no search.
+        trace: "module:function" of the folder, or of ``urbihw.buses`` by its full name, which makes the decoder of its
+            traffic (``urbihw.buses.trace.MakeDecoder``); "" for none.
         on_robot: a file of the folder: the program that runs on the robot itself, as ``urbihw platforms --on-robot``
             prints it; "" for none.
+        devices: whether the settings may name the expected devices (``[devices]``): a chain of servos.
+        system: what it needs of the operating system.
         limits: the devices that can have ``[limits]`` -> their kinds of limits; ``#`` in a name stands for a number.
     """
 
@@ -70,13 +91,22 @@ class Manifest:
     needs: tuple[str, ...] = ()
     options: str = ""
     scan: str = ""
+    trace: str = ""
     on_robot: str = ""
+    devices: bool = False
+    system: SystemNeeds = SystemNeeds()
     limits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-_TEXTS: Final = {"name", "title", "robot", "slot", "default_url", "options", "scan", "on_robot"}
+_TEXTS: Final = {"name", "title", "robot", "slot", "default_url", "options", "scan", "trace", "on_robot"}
 _LISTS: Final = {"library", "buses", "fake", "needs"}
 _REQUIRED: Final = ("name", "title", "robot", "slot")
+_SYSTEM: Final = {
+    "devices": re.compile(r"(?:char|block)-[\w.*-]+|/dev/[\w./-]+"),
+    "address_families": re.compile(r"AF_[A-Z0-9]+"),
+    "groups": re.compile(r"[a-z_][a-z0-9_-]{0,31}"),
+}
+"""Key of ``[system]`` -> the form of its texts, which become lines of a unit of systemd."""
 
 
 def read(folder: Path) -> Manifest:
@@ -128,6 +158,12 @@ def _value(key: str, value: Any) -> Any:
         if not isinstance(value, list) or not all(isinstance(member, str) for member in value):
             raise BadManifest(f'{key} must be a list of texts, such as ["a", "b"], not {value!r}')
         return tuple(value)
+    if key == "devices":
+        if not isinstance(value, bool):
+            raise BadManifest(f"devices must be true or false, not {value!r}")
+        return value
+    if key == "system":
+        return _system(value)
     if key == "limits":
         return _limits(value)
     return tuple(_usb(row) for row in value) if isinstance(value, list) else _usb(value)
@@ -141,6 +177,16 @@ def _limits(table: Any) -> dict[str, tuple[str, ...]]:
             if kind not in KINDS:
                 raise BadManifest(f"limits.{device}: no such limit: {kind!r}; there are: {', '.join(KINDS)}")
     return {device: tuple(kinds) for device, kinds in table.items()}
+
+
+def _system(table: Any) -> SystemNeeds:
+    if not isinstance(table, dict) or not set(table) <= _SYSTEM.keys():
+        raise BadManifest(f"system must be a table with the keys {', '.join(_SYSTEM)}")
+    for key, texts in table.items():
+        form = _SYSTEM[key]
+        if not isinstance(texts, list) or not all(isinstance(one, str) and form.fullmatch(one) for one in texts):
+            raise BadManifest(f"system.{key} must be a list of texts of the form {form.pattern}, not {texts!r}")
+    return SystemNeeds(**{key: tuple(texts) for key, texts in table.items()})
 
 
 def _usb(row: Any) -> UsbId:

@@ -35,6 +35,7 @@ COMMON: Final[dict[str, tuple[str, str]]] = {
     "frames": ("number of pictures received", "1"),
     "volume": ("loudness", "%"),
     "answered": ("event: an answer to a request has come", ""),
+    "age": ("time since the device was last read", "s"),
 }
 
 ROBOT: Final[dict[str, tuple[str, str]]] = {
@@ -47,6 +48,7 @@ ROBOT: Final[dict[str, tuple[str, str]]] = {
     "rate": ("rate of reading and writing", "Hz"),
     "busLoad": ("share of the time that the bus is in use", "ratio"),
     "statistics": ("counters of the bus by name", ""),
+    "problems": ("what differs from the expected devices of the settings, empty for nothing", ""),
     "estop": ("true holds the robot in an emergency stop, false releases it", ""),
     "epoch": ("number of the motion epoch, one more after each stop", "1"),
     "stops": ("number of stops so far, with those of single devices", "1"),
@@ -61,5 +63,6 @@ ROBOT: Final[dict[str, tuple[str, str]]] = {
     "back": ("event: a device answers again", ""),
     "found": ("event: a new device was found", ""),
     "refused": ("event: a device refused a write; with device, slot and reason", ""),
+    "moveTo": ("moveTo([x, y, heading]): go there on the map, along a planned path", ""),
     "answered": ("event: an answer to a request has come", ""),
 }

@@ -6,10 +6,12 @@ from collections.abc import Callable
 
 from urbihw_fakes.bioloid.kit import Bioloid
 from urbihw_fakes.console import Command
-from urbihw_fakes.dynamixel.ax12 import Ax12
+from urbihw_fakes.dynamixel.ax12 import DEGREES, Ax12
 from urbihw_fakes.dynamixel.axs1 import AxS1
+from urbihw_fakes.dynamixel.servo import Shaft
 from urbihw_fakes.dynamixel.unit import Unit
 from urbihw_fakes.dynamixel.xseries import XSeries
+from urbihw_fakes.dynamixel.xtables import STEPS
 from urbihw_fakes.errors import UnknownRequest
 
 SENSOR = 100
@@ -28,6 +30,8 @@ def commands(kit: Bioloid, clock: Callable[[], float]) -> dict[str, Command]:
         "load": Command("ID TORQUE", "push a servo, -1..1 of stall torque, positive counter-clockwise", actions.load),
         "temperature": Command("ID CELSIUS|free", "fix the temperature, or release it", actions.temperature),
         "voltage": Command("VOLTS [ID]", "set the supply voltage of all units or one", actions.voltage),
+        "connect": Command("NUMBER...|all", "plug in only these units, counted from 1", actions.connect),
+        "turn": Command("ID DEGREES", "turn the horn by hand (without torque), from where it is", actions.turn),
         "state": Command("[ID]", "show the positions of all, or all registers of one", actions.state),
     }
 
@@ -38,6 +42,7 @@ class _Actions:
     def __init__(self, kit: Bioloid, clock: Callable[[], float]) -> None:
         self._kit = kit
         self._clock = clock
+        self._box = list(kit)  # all units, plugged in or not
 
     def clap(self, words: list[str]) -> str:
         self._kit.sensor(_number(words, 1, SENSOR)).clap(self._clock(), int(words[0]) if words else 1)
@@ -86,6 +91,35 @@ class _Actions:
         for unit in self._kit if who is None else [self._kit[who]]:
             if isinstance(unit, Ax12 | AxS1 | XSeries):
                 unit.volts = float(words[0])
+        return "ok"
+
+    def connect(self, words: list[str]) -> str:
+        numbers = range(1, len(self._box) + 1) if words == ["all"] else [int(word) for word in words]
+        if not numbers or not all(1 <= number <= len(self._box) for number in numbers):
+            raise ValueError(words)
+        now, plugged = self._clock(), list(self._kit)
+        for number, unit in enumerate(self._box, 1):
+            if unit in plugged and number not in numbers:
+                unit.power_off(now)
+                self._kit.remove(unit)
+            elif unit not in plugged and number in numbers:
+                self._kit.add(unit)
+                unit.power_on(now)
+        return "ok"
+
+    def turn(self, words: list[str]) -> str:
+        unit, degrees = self._kit[int(words[0])], float(words[1])
+        unit.tick(self._clock())
+        if unit.powered and "torque_enable" in unit.registers.by_name and unit.registers.get("torque_enable"):
+            raise UnknownRequest(f"turn {words[0]}: its torque is on, it holds")
+        if isinstance(unit, Ax12):
+            unit.position = max(0.0, min(1023.0, unit.position + degrees / DEGREES))
+        elif isinstance(unit, XSeries):
+            unit.motor.position += degrees / 360 * STEPS
+        elif isinstance(unit, Shaft):
+            unit.position += degrees / 360 * unit.family.counts
+        else:
+            raise UnknownRequest(f"turn {words[0]}: not a servo")
         return "ok"
 
     def state(self, words: list[str]) -> str:

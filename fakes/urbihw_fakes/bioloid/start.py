@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from urbihw_fakes.bioloid.console import commands
 from urbihw_fakes.bioloid.kit import Bioloid
 from urbihw_fakes.console import Command
+from urbihw_fakes.dynamixel.catalogue import make_servos
 from urbihw_fakes.dynamixel.xseries import XSeries
 from urbihw_fakes.endpoint import PtyEndpoint, TcpEndpoint
 from urbihw_fakes.serving import Endpoint
@@ -28,6 +29,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--follow-baud", action="store_true", help="on a pty: hear only the speed the peer has set")
     parser.add_argument("--x-series", type=int, nargs="?", const=18, metavar="COUNT", help="X-series servos instead")
     parser.add_argument("--add-x", type=int, default=0, metavar="COUNT", help="X-series servos besides, from id 21 on")
+    parser.add_argument("--servos", metavar="MODEL:ID,...", help='other units instead, for instance "MX-28:3,XL-320:4"')
     parser.add_argument("--cm5", action="store_true", help="behind a CM-5 in manage mode; the wire has 57600 bps")
     parser.add_argument("--model", default="XL430-W250", help="of the X-series servos (%(default)s)")
 
@@ -41,6 +43,8 @@ def start(options: argparse.Namespace) -> tuple[Endpoint, Mapping[str, Command]]
 
 def _kit(options: argparse.Namespace) -> Bioloid:
     baud = DEFAULT_BAUD if options.cm5 else options.baud or DEFAULT_BAUD
+    if options.servos is not None:
+        return Bioloid(units=make_servos(options.servos), baud=baud)
     if options.x_series is not None:
         return Bioloid.x_series(options.x_series, model=options.model, baud=baud)
     kit = Bioloid(baud=baud, cm5=options.cm5)

@@ -272,6 +272,9 @@ class Drive(CanNode):
     def _write(self, index: int, subindex: int, od: Any, data: bytes) -> None:
         value, machine = od.decode_raw(data), self.machine
         match index:
+            case 0x1016:
+                # The watch begins with the first heartbeat after it was set (CiA 301, object 0x1016).
+                self._master_at = None
             case 0x6040:
                 machine.control(value)
             case 0x6060:

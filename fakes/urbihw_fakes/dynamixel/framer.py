@@ -61,11 +61,9 @@ def _cut(buffer: bytes, start: int) -> tuple[int, Request | None]:
     if len(buffer) < start + 4:
         return 0, None
     unit = buffer[start + 2]
-    if unit == 0xFD:
-        if buffer[start + 3] != 0:
-            return 1, None
-        return _cut2(buffer, start)
     length = buffer[start + 3]
+    if unit == 0xFD and length == 0:
+        return _cut2(buffer, start)
     if unit == 0xFF or length < 2:
         return 1, None
     end = start + 4 + length

@@ -199,6 +199,9 @@ class XSeries(Unit2):
         name = register.name
         starts = name == "torque_enable" and value == 1 != before
         if starts or (name == "operating_mode" and value != before):
+            if self.mode == POSITION:
+                # The count of turns is lost (e-manual, xl430-w250, "Present Position").
+                self.motor.position %= STEPS
             self._stay()
         elif name in GOALS:
             if self.registers.get("drive_mode") & DRIVE_TORQUE_ON and not self.torque:

@@ -1,7 +1,7 @@
 """X series: the differences of the models, and the control table computed from them.
 
-Source: the e-manual pages of XL330-M288, XL430-W250 and XM430-W350; stall currents and no-load speeds behind them are
-model choices. Only rows of the project's sheet are here.
+Source: the e-manual pages of the models named here; stall currents and no-load speeds behind them are model choices.
+Only rows of the project's sheet are here; MX(2.0) and XW have, unlike real ones, the rows of XM430.
 """
 
 from __future__ import annotations
@@ -50,6 +50,12 @@ class Model:
 _XL330 = Model(1200, 47, 70, 70, 35, 445, 1750, 1470, 53, (1600, 180), (0, 0, 400), 5.0, small=True)
 _XL430 = Model(1060, 45, 72, 140, 60, 265, None, 1000, 52, (1000, 100), (4000, 0, 640), 12.0)
 _XM430 = Model(1020, 45, 80, 160, 95, 350, 1193, 855, 52, (1920, 100), (0, 0, 800), 12.0, acceleration_limit=True)
+_XC330 = replace(
+    _XL330, number=1220, max_voltage=140, min_voltage=55, velocity_limit=320, current_limit=910, stall=800, volts=12.0
+)
+_XH430V = replace(_XM430, number=1040, max_voltage=300, min_voltage=110, current_limit=689, stall=522, volts=24.0)
+_XM540 = replace(_XM430, velocity_limit=128, current_limit=2047, stall=1636, acceleration_limit=False)
+_MX28 = Model(30, 42, 80, 160, 95, 380, None, 1000, 52, (1920, 100), (0, 0, 850), 12.0, acceleration_limit=True)
 
 MODELS = {
     "XL330-M288": _XL330,
@@ -57,6 +63,17 @@ MODELS = {
     "XL430-W250": _XL430,
     "XM430-W350": _XM430,
     "XM430-W210": replace(_XM430, number=1030),
+    "XC330-T288": _XC330,
+    "XC430-W150": replace(_XL430, number=1070),
+    "2XL430-W250": replace(_XL430, number=1090, firmware=44, velocity_limit=250),
+    "XM540-W270": replace(_XM540, number=1120),
+    "XH430-W350": replace(_XM430, number=1000, current_limit=648, stall=500),
+    "XH430-V350": _XH430V,
+    "XH540-W270": replace(_XM540, number=1100, velocity_limit=167),
+    "XW540-T260": replace(_XM540, number=1170, velocity_limit=167),
+    "MX-28(2.0)": replace(_MX28, number=30),
+    "MX-64(2.0)": replace(_MX28, number=311, velocity_limit=435, current_limit=1941, stall=1220),
+    "MX-106(2.0)": replace(_MX28, number=321, velocity_limit=360, current_limit=2047, stall=1548),
 }
 
 

@@ -27,6 +27,8 @@ class ColaLaser(Device):
     Attributes:
         powered: it has power; standby: it measures only after LMCstartmeas; dirty: its window is polluted.
         speaks: the dialects that it understands, of "A" and "B".
+        first, step, count: the first angle and the step in degrees, and the number of readings; they may change at any
+            time, as with SOPAS.
     """
 
     model = "lms1xx"
@@ -39,6 +41,7 @@ class ColaLaser(Device):
         self.powered = True
         self.standby = self.dirty = False
         self.speaks = speaks
+        self.first, self.step, self.count = FIRST, STEP, COUNT
         self._binary = False
         self._subscribed = self._logged_in = False
         self._heard = b""
@@ -126,7 +129,7 @@ class ColaLaser(Device):
         return b"sFA " + (b"\0\x03" if self._binary else b"3")
 
     def _scan(self, now: float, kind: bytes = b"sSN") -> bytes:
-        angles = [math.radians(FIRST + index * STEP - 90) for index in range(COUNT)]
+        angles = [math.radians(self.first + index * self.step - 90) for index in range(self.count)]
         with self.lock:
             self.body.advance(now)
             seen = distances(self.body, angles, FARTHEST)
@@ -136,8 +139,8 @@ class ColaLaser(Device):
                 (self._sent % 65536, 2), (stamp, 4), (stamp, 4), (0, 1), (0, 1), (7, 1), (0, 1), (0, 2), (2500, 4),
                 (360, 4), (0, 2), (1, 2)]  # fmt: skip
         scale = struct.unpack(">I", struct.pack(">f", 1.0))[0]
-        first = round(FIRST * 10000) % 2**32
-        channel = [(scale, 4), (0, 4), (first, 4), (round(STEP * 10000), 2), (COUNT, 2), *((value, 2) for value in raw)]
+        first, step = round(self.first * 10000) % 2**32, round(self.step * 10000)
+        channel = [(scale, 4), (0, 4), (first, 4), (step, 2), (self.count, 2), *((value, 2) for value in raw)]
         tail = [(0, 2)] * 6
         return kind + b" LMDscandata " + self._numbers(head) + self._join(b"DIST1", channel) + self._numbers(tail)
 

@@ -29,6 +29,6 @@ def start(options: argparse.Namespace) -> tuple[Endpoint, Mapping[str, Command]]
     """The robot on its transport, and its words for the console."""
     robot = Spykee(options.uid, options.user, options.password)
     if not robot.pictures:
-        print("fakes: the camera shows nothing without Pillow: pip install 'urbihw[images]'", file=sys.stderr)
+        print("fakes: the camera shows nothing without the Python package Pillow", file=sys.stderr)
     end = SpykeeEndpoint(robot, options.tcp, address=options.address)
     return end, commands(robot, end.clock)

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from canopen import SdoAbortedError, SdoCommunicationError
+from canopen.nmt import NMT_STATES
 
 from urbihw.buses.can import cia402 as c
 from urbihw.buses.can.network import PortNetwork
@@ -30,6 +31,7 @@ HEARTBEAT_TIMEOUT_S: Final = 0.5
 RESEND_AFTER_S: Final = 0.1
 """Seconds after which a control word without effect is sent again."""
 _QUICK_STOP_ON_LOSS = 3
+_OPERATIONAL = 5
 _SdoError = (SdoAbortedError, SdoCommunicationError)
 
 
@@ -68,16 +70,25 @@ class Drive:
         wanted: True for power on, False for off, None to leave it as it is.
         resets: a fault is to be reset.
         booted: it reported a restart; its configuration is lost.
+        displaced: the NMT state, other than OPERATIONAL, into which another master has put it; "" if none has. Our
+            process data do not reach it there (CiA 301, "NMT states and communication objects").
         emergencies: (code, register) of its emergency messages, until `DrivesDriver` posts them.
     """
 
-    def __init__(self, network: PortNetwork, number: int, period: float, now: float) -> None:
+    def __init__(
+        self, network: PortNetwork, number: int, period: float, now: float, *, brakes: bool = False
+    ) -> None:
+        """Set it up; with `brakes`, make it brake and power off before that. Raises Unavailable."""
         self.heard_at = now
         self.wanted: bool | None = None
         self.resets = False
         self.booted = False
+        self.displaced = ""
         self.emergencies: list[tuple[int, int]] = []
+        self._network = network
         self._node = network.add_remote_node(number, c.dictionary())
+        # A heartbeat that was sent before the drive got our NMT command may follow the set-up: one is ignored.
+        self._ignored_heartbeats = 1
         self._control = 0
         self._mode = 0
         self._halted = False
@@ -88,6 +99,8 @@ class Drive:
         self._quick = False
         self._homing = False
         self._sent_pdos: dict[int, tuple[int, ...]] = dict(c.SENT)
+        if brakes:
+            self._brake(number)
         self.info = self._set_up(number, period)
         # Only now: heartbeats and emergencies during the set-up are ignored.
         self._node.nmt.add_heartbeat_callback(self._on_heartbeat)
@@ -96,10 +109,18 @@ class Drive:
 
     # ---------------------------------------------------------------- setting up
 
+    def _brake(self, number: int) -> None:
+        """Quick stop by SDO, for a drive that may not receive process data; there is no SDO in STOPPED (CiA 301)."""
+        try:
+            self._node.nmt.state = "PRE-OPERATIONAL"
+            self.write_object(c.CONTROL, 0, c.QUICK)
+        except _SdoError as error:
+            raise Unavailable(f"drive {number} cannot be stopped: {error}") from error
+
     def _set_up(self, number: int, period: float) -> DriveInfo:
         """Configure the drive over SDO and read its description. Raises Unavailable when it cannot be used."""
         try:
-            kind = self._node.sdo[0x1000].raw
+            kind = self._read_device_type()
             if kind & 0xFFFF != c.SERVO:
                 raise Unavailable(f"node {number} is no drive after CiA 402 (device type 0x{kind:08X})")
             self._node.nmt.state = "PRE-OPERATIONAL"
@@ -113,6 +134,14 @@ class Drive:
         except _SdoError as error:
             raise Unavailable(f"drive {number} cannot be set up: {error}") from error
         return info
+
+    def _read_device_type(self) -> int:
+        try:
+            return int(self.read_object(0x1000, 0))
+        except SdoCommunicationError:
+            # A node in STOPPED answers no SDO (CiA 301); another master may have left it there.
+            self._node.nmt.state = "PRE-OPERATIONAL"
+            return int(self.read_object(0x1000, 0))
 
     def _map_process_data(
         self, received: Mapping[int, tuple[int, ...]], sent: Mapping[int, tuple[int, ...]], period: float
@@ -351,9 +380,19 @@ class Drive:
         # canopen stores every emergency without bound; a drive may send many.
         self._node.emcy.reset()
 
+    def listen(self) -> None:
+        """Receive heartbeats again, after another `Drive` could not be set up in its place."""
+        self._network[self.info.id] = self._node
+
     def _on_heartbeat(self, state: int) -> None:
         if state == 0:
             self.booted = True
+        elif state == _OPERATIONAL:
+            self._ignored_heartbeats = 0
+        elif self._ignored_heartbeats:
+            self._ignored_heartbeats -= 1
+        else:
+            self.displaced = NMT_STATES.get(state, str(state))
 
     def _on_emergency(self, entry: Any) -> None:
         if len(self.emergencies) < 100:

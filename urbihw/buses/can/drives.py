@@ -23,7 +23,7 @@ from typing import Any, Final
 from canopen import SdoAbortedError, SdoCommunicationError
 
 from urbihw.buses.can import cia402 as c
-from urbihw.buses.can.drive import HEARTBEAT_PERIOD_S, HEARTBEAT_TIMEOUT_S, MASTER, Drive
+from urbihw.buses.can.drive import HEARTBEAT_PERIOD_S, HEARTBEAT_TIMEOUT_S, MASTER, Drive, DriveInfo
 from urbihw.buses.can.network import PortNetwork
 from urbihw.buses.can.options import LAST_NODE, Options
 from urbihw.buses.can.port import can_port
@@ -44,6 +44,7 @@ from urbihw.buses.messages import (
     Targets,
     Watch,
 )
+from urbihw.buses.readings import ALARM, Reading
 
 SEARCH_S: Final = 0.2
 """Seconds to wait for the answers of all nodes on the bus."""
@@ -75,6 +76,7 @@ class DrivesDriver(Driver):
 
     slow_verbs: frozenset[str] = frozenset({"read", "write"})
     knows_motion = True
+    device_info = DriveInfo
 
     def __init__(self) -> None:
         self._clock: Clock = RealClock()
@@ -217,6 +219,23 @@ class DrivesDriver(Driver):
         drive = self._drives.get(device)
         return drive.values()["position"] if drive is not None and item == "position" and drive.heard else None
 
+    def reading(self, device: Any, item: str, raw: Any) -> Reading | None:
+        """Return position, speed and torque of the motor's shaft in rad, rad/s and N m; a fault is an alarm."""
+        drive = self._drives.get(device)
+        if item == "status":
+            return Reading(ALARM, "fault" if c.state_of(raw) == c.FAULT else "")
+        if drive is None:
+            return None
+        increment = math.tau / (drive.info.increments or math.nan)
+        match item:
+            case "position":
+                return Reading("position", raw * increment, "rad")
+            case "velocity":
+                return Reading("speed", raw * increment, "rad/s")
+            case "torque":
+                return Reading("torque", raw / 1000 * drive.info.rated_torque, "N m")
+        return None
+
     def errors(self) -> dict[str, int]:
         """Failures since `attach`."""
         return {"damaged": self._network.damaged if self._network is not None else 0, "unsent": self._unsent}
@@ -271,7 +290,8 @@ class DrivesDriver(Driver):
             return [Reply(message.reply_id, False, error=f"drive {message.device} has no homing mode (0x6502)")]
         try:
             drive.start_homing(int(message.value))
-        except (SdoAbortedError, SdoCommunicationError) as error:
+        except (SdoAbortedError, SdoCommunicationError, ValueError, TypeError) as error:
+            # ValueError and TypeError: canopen cannot encode the number.
             why = f"drive {message.device} refuses homing method {message.value}: {error}"
             return [Reply(message.reply_id, False, error=why)]
         news = self._end_transition(message.device, f"gave way to {message.verb}")
@@ -303,8 +323,8 @@ class DrivesDriver(Driver):
         drive.emergencies = []
         if number in self._lost:
             return news + self._set_up_lost_drive(number, drive, now)
-        if now - drive.heard_at > HEARTBEAT_TIMEOUT_S or drive.booted:
-            reason = "it has started anew" if drive.booted else "it says nothing"
+        reason = _loss_of(drive, now)
+        if reason:
             self._lost[number] = now
             wait = self._transitions.pop(number, None)
             if wait is not None:
@@ -313,15 +333,16 @@ class DrivesDriver(Driver):
         return news + self._check_transition(number, drive, now)
 
     def _set_up_lost_drive(self, number: int, drive: Drive, now: float) -> list[FromWorker]:
-        """A lost drive that speaks again is set up again."""
+        """A lost drive that speaks again brakes, and is set up again: it may still execute an old command."""
         if drive.heard_at <= self._lost[number] and not drive.booted:
             return []
         assert self._network is not None
         try:
-            self._drives[number] = Drive(self._network, number, self._period, now)
+            self._drives[number] = Drive(self._network, number, self._period, now, brakes=True)
         except Unavailable:
             self._lost[number] = self._clock.now()
             drive.booted = False
+            drive.listen()
             return []
         del self._lost[number]
         return [DeviceState(number, "lost", "back", ""), DeviceState(number, "back", "ok", "")]
@@ -357,3 +378,12 @@ class DrivesDriver(Driver):
             return self._end_transition(number, "was ended, or failed, before the home position was found")
         del self._transitions[number]
         return [Reply(wait.reply_id, True, drive.values()["position"])]
+
+
+def _loss_of(drive: Drive, now: float) -> str:
+    """Why a drive cannot be commanded any more; "" if it can."""
+    if drive.booted:
+        return "it has started anew"
+    if drive.displaced:
+        return f"another master on the bus has put it into {drive.displaced}"
+    return "it says nothing" if now - drive.heard_at > HEARTBEAT_TIMEOUT_S else ""

@@ -18,7 +18,7 @@ import logging
 import os
 import re
 import select
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 import can
@@ -104,6 +104,7 @@ class CanPort(Port):
                 raise BusTimeout(self._full_text()) from error
             raise self._link_gone(error) from error
         self.bytes_written += frame.wire_bytes
+        self._show(">", (frame,))
 
     def receive(self, limit: int, deadline: float) -> list[Frame]:
         """Wait for a frame until `deadline`, then return all that have arrived, at most `limit`.
@@ -111,7 +112,14 @@ class CanPort(Port):
         A deadline in the past still collects what has arrived. Raises LinkGone.
         """
         pause = max(0.0, deadline - self.clock.now())
-        return self._receive_text(limit, pause) if self._text is not None else self._receive(limit, pause)
+        frames = self._receive_text(limit, pause) if self._text is not None else self._receive(limit, pause)
+        self._show("<", frames)
+        return frames
+
+    def _show(self, direction: str, frames: Sequence[Frame]) -> None:
+        if self.observer is not None:
+            for frame in frames:
+                self.observer(direction, frame.id.to_bytes(2, "big") + frame.data)
 
     def _receive(self, limit: int, pause: float) -> list[Frame]:
         frames: list[Frame] = []

@@ -48,6 +48,7 @@ from urbihw.buses.qi.session import (
     unusable,
 )
 from urbihw.buses.qi.signatures import Type, parse
+from urbihw.extras import install_command
 from urbihw.settings import Rule
 
 CLOSE_S: Final = 2.0
@@ -80,9 +81,9 @@ class LibqiPort(SessionPort):
             import qi
         except ImportError as error:
             raise Unavailable(
-                errno.ENOENT,
+                errno.ENOPKG,
                 f"{self.url.scheme}:// needs the Python package qi (for x86-64 Linux and Python up to 3.12 only): "
-                "pip install 'urbihw[libqi]'; qi:// needs no package",
+                f"{install_command('libqi')}; qi:// needs no package",
             ) from error
         self._session = qi.Session()
 

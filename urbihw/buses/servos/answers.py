@@ -18,11 +18,11 @@ def exact_answer(protocol: int, data: bytes, device: int, expected: int) -> Stat
     """Return the status if `data` is exactly the answer of `device`, `expected` bytes long, not stuffed; else None."""
     if len(data) != expected:
         return None
-    if protocol == 1:
+    if protocol != 2:
         # FF FF ID LEN ERR .. CHK: the sum of all behind the header ends in FF, so the sum of all ends in FD.
         if data[0] & data[1] != 0xFF or data[2] != device or data[3] != expected - 4 or sum(data) & 0xFF != 0xFD:
             return None
-        return None if data[4] & 0x80 else Status(device, data[4], data[5:-1], 1)
+        return None if data[4] & 0x80 else Status(device, data[4], data[5:-1], protocol)
     if data[:4] != packet.HEADER_2 or data[4] != device or data[7] != 0x55 or data[5] | data[6] << 8 != expected - 7:
         return None
     if b"\xff\xff\xfd" in data[8:-2] or crc16(data[:-2]) != data[-2] | data[-1] << 8:

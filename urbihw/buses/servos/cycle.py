@@ -6,9 +6,10 @@ advances it by waiting for answers (on a `SimClock` that is a jump).
 A tick in order:
   1. the SYNC_WRITE packets of all changed targets (`plan.sync_writes`); they are sent in one write together with the
      first question, since no device answers them;
-  2. the reads of healthy devices that are due; where both protocols are spoken, those of 1.0 first. Protocol 1.0: one
-     READ per device and block. Protocol 2.0: one SYNC READ per block (FAST if all support it), then single READs for
-     missing answers, because a silent device can silence those behind it in the list;
+  2. the reads of healthy devices that are due; where both protocols are spoken, those of 1.0 first. Protocol 1.0 and
+     Feetech SCS: one READ per device and block. Protocol 2.0 and Feetech STS: one SYNC READ per block (FAST if all
+     support it), then single READs for missing answers, because a silent device can silence those behind it in the
+     list;
   3. one single READ for each suspect device. They come last, because each may cost a whole time-out;
   4. a ping to one lost device whose probe is due.
 The wire is kept busy: the next question is sent first, then the last answer is decoded while the servo prepares the
@@ -99,8 +100,8 @@ class Cycle:
     def watch(self, device: int, names: Iterable[str], period: float | None, now: float) -> None:
         """Read `names` of a device each `period` seconds, see `Member.watch`. Raises BadValue."""
         members = list(self.members)
-        # In protocol 1.0 each device costs a question of its own, so slow items are spread over their period.
-        alone = device in self.members and self.members[device].device.protocol == 1
+        # Without SYNC READ each device costs a question of its own, so slow items are spread over their period.
+        alone = device in self.members and not self.members[device].answers_sync_read
         spread = members.index(device) / len(members) if alone else 0.0
         self.member(device).watch(names, period, now + spread * (period or 0.0))
 
@@ -117,11 +118,11 @@ class Cycle:
         self._retry_until = now + self.period * _RETRY_SHARE
         self._prefix = self._pop_write_packets()
         healthy, suspects, lost = self._collect_due_reads(now)
-        alone = [read for read in healthy if read[0].device.protocol == 1]
+        alone = [read for read in healthy if not read[0].answers_sync_read]
         if alone:
             self._read_each(alone, tick)
         if len(alone) < len(healthy) and not (alone and urgent()):
-            self._read_groups([read for read in healthy if read[0].device.protocol == 2], tick)
+            self._read_groups([read for read in healthy if read[0].answers_sync_read], tick)
         for member, questions in suspects:
             if not urgent():
                 self._read_alone(member, questions, tick)
@@ -213,26 +214,29 @@ class Cycle:
             self._store_answer(member, question.block, status, tick)
 
     def _read_groups(self, asked: Iterable[_Read], tick: Tick) -> None:
-        groups: dict[tuple[int, int], list[tuple[Member, Question]]] = {}
+        groups: dict[tuple[int, int, int], list[tuple[Member, Question]]] = {}
         for member, questions in asked:
             for question in questions:
-                groups.setdefault((question.block.address, question.block.size), []).append((member, question))
-        for (address, size), pairs in groups.items():
+                place = (member.device.protocol, question.block.address, question.block.size)
+                groups.setdefault(place, []).append((member, question))
+        for (protocol, address, size), pairs in groups.items():
             if tick.values and self._urgent():
                 return
             if len(pairs) == 1:
                 self._read_alone(pairs[0][0], pairs[0][1:], tick)
             else:
-                self._read_group(address, size, pairs, tick)
+                self._read_group(protocol, address, size, pairs, tick)
 
-    def _read_group(self, address: int, size: int, pairs: list[tuple[Member, Question]], tick: Tick) -> None:
+    def _read_group(
+        self, protocol: int, address: int, size: int, pairs: list[tuple[Member, Question]], tick: Tick
+    ) -> None:
         bus = self.bus
         ids = tuple(member.device.id for member, _ in pairs)
         fast = self.fast and all(_supports_fast_read(member.device) for member, _ in pairs)
         key = (address, size, ids, fast)
         request = self._group_requests.get(key)
         if request is None:
-            request = self._group_requests[key] = packet.sync_read_packet(address, size, ids, fast)
+            request = self._group_requests[key] = packet.sync_read_packet(address, size, ids, fast, protocol)
         damaged = bus.counters.damaged
         ask: Callable[..., Iterable[Status]] = bus.ask_joint if fast else bus.ask_group
         waiting = dict(zip(ids, pairs, strict=True))

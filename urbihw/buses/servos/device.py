@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from urbihw.buses.servos.item import Mode, Table
-from urbihw.buses.servos.tables import table_of
+from urbihw.buses.servos.tables import table_for
 
 
 @dataclass(frozen=True)
@@ -17,7 +18,7 @@ class Device:
         id: on the bus.
         model: number, 0 when it answers pings only (status return level 0).
         firmware: version, 0 when unknown.
-        protocol: 1 or 2.
+        protocol: 1, 2 or `status.FEETECH`.
         setup: the values of `Table.setup_items` that could be read.
     """
 
@@ -27,12 +28,12 @@ class Device:
     protocol: int
     setup: Mapping[str, int] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def table(self) -> Table | None:
-        """Its control table, None for an unknown model."""
-        return table_of(self.model)
+        """Its control table, for an unknown model the few rows known; None for a device that has not told its model."""
+        return table_for(self.model, self.protocol) if self.model else None
 
-    @property
+    @cached_property
     def mode(self) -> Mode | None:
         """Its operating mode; None for a sensor, an unknown model, and when it could not be read."""
         table = self.table
@@ -53,14 +54,14 @@ class Device:
 
     @property
     def answers_writes(self) -> bool:
-        """False when its status return level disables answers to writes."""
-        return self.setup.get("status_return_level", 2) >= 2
+        """False when its status return level (Feetech: response level) disables answers to writes."""
+        return self.setup.get("status_return_level", 2) >= 2 and self.setup.get("response_level", 1) >= 1
 
     @property
     def name(self) -> str:
         """Name of the model, or its number."""
-        table = self.table
-        return f"model {self.model}" if table is None else table.models[self.model]
+        models = {} if self.table is None else self.table.models
+        return models.get(self.model, f"unknown model {self.model}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +74,7 @@ class DeviceInfo:
         name: of the model.
         family: its control table ("AX-12", ...), "" for an unknown model.
         firmware: version.
-        protocol: 1 or 2.
+        protocol: 1, 2 or `status.FEETECH`.
         mode: name of the operating mode, "" if there is none.
     """
 

@@ -6,7 +6,7 @@ targets are dropped, so that nothing moves by itself when it returns.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -18,6 +18,7 @@ from urbihw.buses.messages import (
     DeviceState,
     Found,
     FromWorker,
+    Limit,
     Refused,
     Reply,
     Request,
@@ -25,13 +26,17 @@ from urbihw.buses.messages import (
     Targets,
     Watch,
 )
+from urbihw.buses.readings import Reading
+from urbihw.buses.servos.backend_sdk import SdkBus
 from urbihw.buses.servos.bus import ServoBus
 from urbihw.buses.servos.cycle import Cycle, Tick
 from urbihw.buses.servos.device import Device, DeviceInfo, Scan
-from urbihw.buses.servos.item import Motion
+from urbihw.buses.servos.eeprom import write_register
+from urbihw.buses.servos.item import Motion, magnitude_of, number_of
 from urbihw.buses.servos.member import FIRED, GOAL, WATCHDOG, WATCHDOG_COUNTS, Member
 from urbihw.buses.servos.options import Options
 from urbihw.buses.servos.plan import TORQUE
+from urbihw.buses.servos.readings import reading_of
 from urbihw.buses.servos.scan import ScanInterrupted, identify, scan
 from urbihw.buses.servos.stop import (
     PRESENT_POSITION,
@@ -41,10 +46,10 @@ from urbihw.buses.servos.stop import (
     stop_what_moves,
 )
 from urbihw.buses.servos.toss import enter_toss_mode, has_toss_speed, request_toss_mode
+from urbihw.buses.servos.unheld import check_line, explain_target, explain_writes, leaves_place
 
 # Seconds between scans of a bus without devices (robot switched off?); a scan writes nothing.
 _SCAN_PERIOD_S = 3.0
-_AX_SPEED, _AX_SIGN = "moving_speed", 1024
 _GONE = "it does not answer"
 
 
@@ -60,6 +65,7 @@ class ServoDriver(Driver):
     """
 
     slow_verbs = frozenset({"scan"})
+    device_info = DeviceInfo
     knows_motion = True
 
     def __init__(self) -> None:
@@ -72,6 +78,8 @@ class ServoDriver(Driver):
         self._moved: set[int] = set()
         self._watches: dict[tuple[int, str], float] = {}
         self._next_scan_at = 0.0
+        self._told: dict[int, DeviceInfo] = {}
+        """The devices as the last `Found` described them."""
 
     def configure(self, settings: Configure) -> None:
         """Apply settings; the protocol and the ids take effect with the next `attach`. Raises BadSetting."""
@@ -92,14 +100,28 @@ class ServoDriver(Driver):
 
     def attach(self, port: Port) -> list[FromWorker]:
         """Find the devices on an open link: all (or the configured) ones the first time, the known ones later."""
-        bus = ServoBus(byte_link(port), self._options.protocol)
+        bus = (SdkBus if self._options.backend == "sdk" else ServoBus)(byte_link(port), self._options.protocol)
         if self._options.controller:
             enter_toss_mode(bus.link)
         outcome = self._scan_bus(bus, sorted(self._known) if self._known else self._expected or self._ids)
-        wanted = {number: Device(number, 0, 0, bus.protocol) for number in self._options.ids} | self._known
+        if self._known and 2 * len(outcome.devices) < len(self._known):
+            # Another robot may have been plugged in.
+            outcome = self._scan_bus(bus, self._ids)
+        self._identify_robot([_info_of(device) for device in outcome.devices])
+        return self._start_cycle(bus, outcome, self._absent_devices(bus, outcome))
+
+    def _absent_devices(self, bus: ServoBus, outcome: Scan) -> list[Device]:
+        """Return the devices that are known or expected and did not answer to a scan."""
+        expected = {*self._options.ids, *(each.id for each in self._settings.expected)}
+        wanted = {number: Device(number, 0, 0, bus.protocol) for number in sorted(expected)} | self._known
         # A known device is kept even when its answer was damaged: it may be turning, and must be stopped.
         there = {device.id for device in outcome.devices} | ({*outcome.conflicts} - self._known.keys())
-        return self._start_cycle(bus, outcome, [device for number, device in wanted.items() if number not in there])
+        return [device for number, device in wanted.items() if number not in there]
+
+    def _identify_robot(self, found: list[DeviceInfo]) -> None:
+        """Set `identity`: it stays while all that answer are devices of before; servos have no serial numbers."""
+        if not all(_same_kind(self._told.get(info.id), info) for info in found) or (found and not self.identity):
+            self.identity = describe_devices(found)
 
     def detach(self) -> None:
         """Drop the cycle and its targets; remember which servos were moved."""
@@ -112,9 +134,9 @@ class ServoDriver(Driver):
         cycle = self._cycle
         if cycle is None:
             return []
+        self._urgent = urgent
         if not cycle.members:
             return self._scan_if_due(cycle, now)
-        self._urgent = urgent
         tick = cycle.tick(now, meanwhile, urgent)
         self._request_toss_if_silent(cycle, now)
         execute_pending_stops(cycle)
@@ -125,7 +147,7 @@ class ServoDriver(Driver):
             _clear_watchdogs(cycle, tick.fired)
         back = [number for number, change in tick.changes if change.new == "back"]
         _clear_watchdogs(cycle, [number for number in back if _has_fired(cycle.members[number].device)])
-        return self._newly_found(cycle, tick) + _tick_messages(tick)
+        return self._newly_found(cycle, tick) + self._changed_devices(cycle, back) + _tick_messages(tick)
 
     def targets(self, message: Targets) -> list[FromWorker]:
         """Set targets for the next tick; return a `Refused` for each invalid one."""
@@ -185,10 +207,39 @@ class ServoDriver(Driver):
         return member is not None and (member.moves(item) or (item == TORQUE and value != 0))
 
     def request_moves(self, request: Request) -> bool:
-        """As `moves`; a request with several writes moves the robot if one of them does."""
+        """As `moves`, and a mode in which the servo turns; of several writes one is enough.
+
+        Several writes may switch to such a mode without a motion: they set the speed before and after.
+        """
         if request.verb == "write_all":
             return any(self.moves(request.device, item, value) for item, value in request.value)
-        return request.verb == "write" and self.moves(request.device, request.item, request.value)
+        if request.verb != "write" or self._cycle is None or request.device not in self._cycle.members:
+            return False
+        member = self._cycle.members[request.device]
+        turns = member.begins_to_turn(request.item, request.value)
+        return turns or self.moves(request.device, request.item, request.value)
+
+    def unheld_target(self, device: Any, item: str, value: Any, limits: Mapping[tuple[Any, str], Limit]) -> str:
+        """See `unheld.explain_target`."""
+        member = self._table_member(device)
+        return "" if member is None else explain_target(member, item, value, limits)
+
+    def unheld_request(self, request: Request, limits: Mapping[tuple[Any, str], Limit]) -> str:
+        """See `unheld.explain_writes`."""
+        member = self._table_member(request.device)
+        if member is None:
+            return ""
+        return explain_writes(member, _steps_of(request), request.verb == "write", limits)
+
+    def leaves_place(self, request: Request) -> bool:
+        """Torque, mode and restart; until then its goal is where it was sent last."""
+        member = self._table_member(request.device)
+        return request.verb == "reboot" or (member is not None and leaves_place(member, _steps_of(request)))
+
+    def _table_member(self, device: Any) -> Member | None:
+        """Return a member with a control table."""
+        member = None if self._cycle is None else self._cycle.members.get(device)
+        return None if member is None or member.device.table is None else member
 
     def pose(self, device: Any, item: str) -> float | None:
         """The present position as last read, for the goal position."""
@@ -196,21 +247,24 @@ class ServoDriver(Driver):
         return None if member is None or item != GOAL else member.place
 
     def signed(self, device: Any, item: str, raw: Any) -> float:
-        """The speed of an AX wheel has its sign in bit 10."""
-        if item != _AX_SPEED or raw < _AX_SIGN or not self._is_wheel(device):
-            return float(raw)
-        return -float(raw - _AX_SIGN)
+        """The speed of an AX wheel has its direction in a bit."""
+        bit = self._direction_bit(device, item)
+        return float(raw if bit is None else number_of(raw, bit))
 
     def raw_of(self, device: Any, item: str, signed: float) -> Any:
         """Return the raw target of a signed number: the inverse of `signed`."""
-        if item == _AX_SPEED and signed < 0 and self._is_wheel(device):
-            return _AX_SIGN + round(-signed)
-        return round(signed)
+        bit = self._direction_bit(device, item)
+        return round(signed) if bit is None else magnitude_of(round(signed), bit)
 
-    def _is_wheel(self, device: Any) -> bool:
+    def _direction_bit(self, device: Any, item: str) -> int | None:
         member = None if self._cycle is None else self._cycle.members.get(device)
         mode = None if member is None else member.device.mode
-        return mode is not None and mode.motion is Motion.RATE
+        return mode.direction_bit if mode is not None and mode.effector == item else None
+
+    def reading(self, device: Any, item: str, raw: Any) -> Reading | None:
+        """Return a measured value or a target in SI units, with the range of the model."""
+        member = None if self._cycle is None else self._cycle.members.get(device)
+        return None if member is None else reading_of(member.device, item, raw)
 
     def errors(self) -> dict[str, int]:
         """Return failures since `attach`, by kind."""
@@ -222,7 +276,7 @@ class ServoDriver(Driver):
         cycle = Cycle(bus, [*outcome.devices, *absent], 1 / self._settings.rate, self._options.fast_read)
         self._cycle = cycle
         self._known = {device.id: device for device in (*outcome.devices, *absent) if device.is_known}
-        messages: list[FromWorker] = [Found(tuple(map(_info_of, outcome.devices)), outcome.conflicts)]
+        messages: list[FromWorker] = [self._found(outcome.devices, outcome.conflicts)]
         now = bus.clock.now()
         self._next_scan_at = now + _SCAN_PERIOD_S
         for device in absent:
@@ -241,12 +295,36 @@ class ServoDriver(Driver):
         news = [number for number, change in tick.changes if change.new == "back" and number not in self._known]
         for number in news:
             self._known[number] = cycle.members[number].device
-        return [Found(tuple(_info_of(self._known[number]) for number in news))] if news else []
+        return [self._found([self._known[number] for number in news])] if news else []
+
+    def _changed_devices(self, cycle: Cycle, back: Iterable[int]) -> list[FromWorker]:
+        """Return `Found` for devices that are back as another model or firmware; another model stops the robot.
+
+        Its items may have the same names and mean other angles: no movement goes on with it.
+        """
+        devices = [cycle.members[number].device for number in back]
+        told = self._told
+        changed = [each for each in devices if each.id in told and not _same_kind(told[each.id], _info_of(each))]
+        for device in changed:
+            before = told[device.id]
+            if before.family != _info_of(device).family:
+                self.halted = f"{device.name} answers to id {device.id}, not {before.name}"
+        return [self._found(changed)] if changed else []
+
+    def _found(self, devices: Iterable[Device], conflicts: tuple[int, ...] = ()) -> Found:
+        infos = tuple(map(_info_of, devices))
+        self._told |= {info.id: info for info in infos}
+        return Found(infos, conflicts)
 
     def _scan_if_due(self, cycle: Cycle, now: float) -> list[FromWorker]:
         if now < self._next_scan_at:
             return []
-        messages = self._rescan(cycle)
+        self._next_scan_at = now + _SCAN_PERIOD_S
+        try:
+            messages = self._rescan(cycle)
+        except ScanInterrupted:
+            # A stop goes first; the search is made again later.
+            return []
         self._next_scan_at = cycle.bus.clock.now() + _SCAN_PERIOD_S
         return messages if self._known else []
 
@@ -278,7 +356,7 @@ class ServoDriver(Driver):
             raise
         self.detach()
         self._known = {}
-        return self._start_cycle(cycle.bus, outcome, ())
+        return self._start_cycle(cycle.bus, outcome, self._absent_devices(cycle.bus, outcome))
 
     def _execute_request(self, cycle: Cycle, message: Request) -> Any:
         bus = cycle.bus
@@ -287,8 +365,8 @@ class ServoDriver(Driver):
             member.update_device(identify(bus, message.device))
             return member.device.model
         if message.verb == "reboot":
-            if member.device.protocol == 1:
-                raise BadValue("protocol 1.0 devices cannot be rebooted; switch the power off and on")
+            if member.device.protocol != 2:
+                raise BadValue("only devices of protocol 2.0 can be rebooted; switch the power off and on")
             bus.reboot(message.device)
             member.drop_targets()
             return 0
@@ -301,6 +379,13 @@ class ServoDriver(Driver):
         if item.name in member.table.setup_items:
             member.record_write(item.name, value)
         return value
+
+
+def _steps_of(request: Request) -> tuple[tuple[str, Any], ...]:
+    """Return the writes of a request."""
+    if request.verb == "write_all":
+        return tuple(request.value)
+    return ((request.item, request.value),) if request.verb == "write" else ()
 
 
 def _has_fired(device: Device) -> bool:
@@ -338,15 +423,31 @@ def _write(bus: ServoBus, member: Member, name: str, wanted: Any) -> int:
     if wanted == PRESENT_POSITION:
         wanted = read_position_goal(bus, member)
     value = int(wanted)
+    check_line(name, value)
     if value and member.must_arm_watchdog(name):
         _write(bus, member, WATCHDOG, WATCHDOG_COUNTS)
     try:
-        bus.write(member.device.id, item.address, item.pack(value), member.device.answers_writes)
+        write_register(bus, member.device, item, value)
     except BusError as error:
         if isinstance(error, LinkGone) or item.unpack(bus.read(member.device.id, item.address, item.size)) != value:
             raise
     member.record_write(item.name, value)
     return value
+
+
+def describe_devices(devices: Iterable[DeviceInfo]) -> str:
+    """Return models, ids and firmware of the devices of a robot, in a few words."""
+    kinds: dict[tuple[str, int], list[int]] = {}
+    for info in devices:
+        kinds.setdefault((info.name, info.firmware), []).append(info.id)
+    return ", ".join(
+        f"{len(ids)} {name} (id {' '.join(map(str, sorted(ids)))}, firmware {firmware})"
+        for (name, firmware), ids in kinds.items()
+    )
+
+
+def _same_kind(before: DeviceInfo | None, now: DeviceInfo) -> bool:
+    return before is not None and (before.model, before.firmware) == (now.model, now.firmware)
 
 
 def _info_of(device: Device) -> DeviceInfo:
@@ -355,7 +456,7 @@ def _info_of(device: Device) -> DeviceInfo:
         device.id,
         device.model,
         device.name,
-        "" if table is None else table.name,
+        table.name if table is not None and table.models else "",
         device.firmware,
         device.protocol,
         "" if mode is None else mode.name,

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cached_property
+from typing import Final
 
 from urbihw.buses.errors import BadValue
+
+_PLACE: Final = re.compile(r"@(\d+):(\d+)")
+_SIZES: Final = (1, 2, 4)
 
 
 class Motion(Enum):
@@ -18,11 +24,11 @@ class Motion(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """A register, or two or four that belong together, low byte first.
+    """A register, or two or four that belong together.
 
     Attributes:
         name: lower case with underscores, for instance "goal_position".
-        address: of the low byte.
+        address: of the first byte.
         size: 1, 2 or 4 bytes.
         access: "R" or "RW".
         area: "E" EEPROM (kept without power, write rarely), "R" RAM (reset at power-on).
@@ -31,6 +37,8 @@ class Item:
         unit: row of `units.UNITS`.
         wheel_unit: the row used in wheel mode instead, "" if it is the same.
         clears_on_read: reading it changes the device, so it must not be read along with its neighbours.
+        sign_bit: the bit that means "negative" for sign and magnitude; None for two's complement and unsigned values.
+        big_endian: the high byte comes first.
     """
 
     name: str
@@ -44,11 +52,13 @@ class Item:
     unit: str = "count"
     wheel_unit: str = ""
     clears_on_read: bool = False
+    sign_bit: int | None = None
+    big_endian: bool = False
 
     @property
     def signed(self) -> bool:
         """True for two's complement."""
-        return self.low < 0
+        return self.low < 0 and self.sign_bit is None
 
     @property
     def end(self) -> int:
@@ -63,11 +73,25 @@ class Item:
     def pack(self, raw: int) -> bytes:
         """Return the bytes of `raw`. Raises BadValue outside low..high."""
         self.check(raw)
-        return raw.to_bytes(self.size, "little", signed=self.signed)
+        if self.sign_bit is not None:
+            raw = magnitude_of(raw, self.sign_bit)
+        return raw.to_bytes(self.size, "big" if self.big_endian else "little", signed=self.signed)
 
     def unpack(self, data: bytes) -> int:
         """Return the value of `size` received bytes."""
-        return int.from_bytes(data, "little", signed=self.signed)
+        raw = int.from_bytes(data, "big" if self.big_endian else "little", signed=self.signed)
+        return raw if self.sign_bit is None else number_of(raw, self.sign_bit)
+
+
+def magnitude_of(number: int, sign_bit: int) -> int:
+    """Return a number as sign and magnitude, the sign in bit `sign_bit`."""
+    return -number | 1 << sign_bit if number < 0 else number
+
+
+def number_of(magnitude: int, sign_bit: int) -> int:
+    """Return the number of a sign and a magnitude: the inverse of `magnitude_of`."""
+    size = magnitude & ((1 << sign_bit) - 1)
+    return -size if magnitude >> sign_bit & 1 else size
 
 
 @dataclass(frozen=True)
@@ -79,12 +103,16 @@ class Mode:
         effector: item that moves the shaft in this mode.
         motion: whether that item is a position or a rate.
         limits: the items with the lowest and the highest position, () for none.
+        when: (item, raw value) pairs of the device that is in this mode.
+        direction_bit: the bit of the effector that turns the shaft the other way, None if its sign does.
     """
 
     name: str
     effector: str
     motion: Motion
     limits: tuple[str, ...] = ()
+    when: tuple[tuple[str, int], ...] = ()
+    direction_bit: int | None = None
 
 
 @dataclass(frozen=True)
@@ -93,50 +121,86 @@ class Table:
 
     Attributes:
         name: of the family.
-        protocol: 1 or 2, as shipped.
+        protocol: 1, 2 or `status.FEETECH`, as shipped.
         models: model number -> name of the model.
         items: name -> Item, in order of address.
-        modes: value of the mode register (see `mode_of`) -> Mode; empty for a device without a shaft.
+        modes: in the order of `mode_of`; empty for a device without a shaft.
         fast_firmware: firmware from which FAST SYNC READ works, None for never.
-        mode_items: the items that decide the mode.
+        big_endian: items of more than one byte have their high byte first.
+        eeprom_lock: the item that must be 0 for a write of the EEPROM to be kept, "" for none.
+        sync_read: devices of this table answer SYNC READ.
+        hardware_errors: bit of the item "hardware_error" -> what it means.
     """
 
     name: str
     protocol: int
     models: Mapping[int, str]
     items: Mapping[str, Item]
-    modes: Mapping[int, Mode] = field(default_factory=dict)
+    modes: tuple[Mode, ...] = ()
     fast_firmware: int | None = None
-    mode_items: tuple[str, ...] = ()
+    big_endian: bool = False
+    eeprom_lock: str = ""
+    sync_read: bool = False
+    hardware_errors: Mapping[int, str] = field(default_factory=dict)
 
     def item(self, name: str) -> Item:
-        """Return an item by name. Raises BadValue naming the table."""
+        """Return an item by name, or by place: "@30:2" is 2 bytes from address 30. Raises BadValue naming the table.
+
+        Places are for registers that the table does not have; one that it has is read and written by its name, so that
+        its range, and what it does to the robot, is known.
+        """
         try:
             return self.items[name]
         except KeyError:
+            if is_place(name):
+                return self._item_at(name)
             raise BadValue(f"{self.name} has no item {name!r}") from None
 
+    def _item_at(self, name: str) -> Item:
+        place = _PLACE.fullmatch(name)
+        address, size = (int(part) for part in place.groups()) if place else (0, 0)
+        if size not in _SIZES or address + size > (0x10000 if self.protocol == 2 else 0x100):
+            raise BadValue(f'{name!r} is no register: write "@30:2" for 2 bytes (1, 2 or 4) from address 30')
+        for item in self.items.values():
+            if item.address < address + size and address < item.end:
+                raise BadValue(f"{name} of {self.name} is {item.name}: use that name")
+        return Item(name, address, size, "RW", "R", 0, (1 << 8 * size) - 1, None, big_endian=self.big_endian)
+
+    @cached_property
+    def mode_items(self) -> tuple[str, ...]:
+        """The items that decide the mode: an operating mode, or the angle limits of the older models."""
+        return tuple(dict.fromkeys(name for mode in self.modes for name, _ in mode.when))
+
     def mode_of(self, values: Mapping[str, int]) -> Mode | None:
-        """Return the mode for the values of `mode_items`; None for a sensor or an unknown mode.
+        """Return the first mode whose `when` agrees with the values of `mode_items`; None for an unknown one."""
+        for mode in self.modes:
+            if all(values[name] == raw for name, raw in mode.when):
+                return mode
+        return None
 
-        On the AX series both angle limits 0 mean wheel mode; on the X series a register names the mode.
-        """
-        if not self.mode_items:
-            return None
-        key = values[self.mode_items[0]] if len(self.mode_items) == 1 else int(any(values[n] for n in self.mode_items))
-        return self.modes.get(key)
+    def mode_named(self, name: str) -> Mode:
+        """Return a mode by name. Raises BadValue with the modes there are."""
+        for mode in self.modes:
+            if mode.name == name:
+                return mode
+        raise BadValue(f"{self.name} has no mode {name!r}: it has {', '.join(mode.name for mode in self.modes)}")
 
-    @property
+    @cached_property
     def setup_items(self) -> tuple[str, ...]:
         """The items that the worker reads once from each device: mode, position limits, status level, bus watchdog."""
-        limits = {name for mode in self.modes.values() for name in mode.limits}
-        wanted = {*self.mode_items, *limits, "status_return_level", "bus_watchdog"}
+        limits = {name for mode in self.modes for name in mode.limits}
+        wanted = {*self.mode_items, *limits, "status_return_level", "response_level", "bus_watchdog"}
         return tuple(name for name in self.items if name in wanted)
 
     @property
     def has_motor(self) -> bool:
         """False for a sensor."""
         return bool(self.modes)
+
+
+def is_place(name: str) -> bool:
+    """Return whether the name of an item is a place, "@30:2": see `Table.item`."""
+    return name.startswith("@")
 
 
 def by_name(items: Iterable[Item]) -> dict[str, Item]:

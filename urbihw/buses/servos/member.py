@@ -17,8 +17,8 @@ from urbihw.buses.errors import BadValue
 from urbihw.buses.servos import packet
 from urbihw.buses.servos.device import Device
 from urbihw.buses.servos.health import Health
-from urbihw.buses.servos.item import Motion, Table
-from urbihw.buses.servos.plan import Block, read_blocks
+from urbihw.buses.servos.item import Motion, Table, is_place
+from urbihw.buses.servos.plan import TORQUE, Block, read_blocks
 
 PLACE: Final = "present_position"
 GOAL: Final = "goal_position"
@@ -82,15 +82,20 @@ class Member:
 
     @property
     def table(self) -> Table:
-        """Its control table. Raises BadValue for an unknown model."""
+        """Its control table. Raises BadValue for a device that has not told its model."""
         if self._table is None:
-            raise BadValue(f"device {self.device.id} is {self.device.name}, which urbihw has no control table of")
+            raise BadValue(f"device {self.device.id} has not told its model, so its registers are unknown")
         return self._table
 
     @property
     def has_motor(self) -> bool:
         """False for a sensor, and for a device of an unknown model."""
         return self._table is not None and self._table.has_motor
+
+    @property
+    def answers_sync_read(self) -> bool:
+        """Whether it can be read together with others."""
+        return self._table is not None and self._table.sync_read
 
     @property
     def must_be_complete(self) -> bool:
@@ -112,7 +117,7 @@ class Member:
     def set_target(self, name: str, raw: int) -> None:
         """Set a target for the next tick. Raises BadValue for an item or a value that cannot be a target."""
         item = self.table.item(name)
-        if item.access != "RW" or item.area != "R":
+        if item.access != "RW" or item.area != "R" or name in self.table.mode_items:
             raise BadValue(f"{name} of {self.table.name} cannot be a target (write it with a Request)")
         item.check(raw)
         if self.moves(name):
@@ -148,6 +153,9 @@ class Member:
         """Record the write of one item by a request, so that `written` and `setup` agree with the device."""
         if self.moves(name):
             self.moved, self.stop_pending = True, False
+        elif name == TORQUE and not raw:
+            # It is limp: a stop has nothing to hold, and on AX servos to write a goal would switch the torque on.
+            self.moved = self.stop_pending = False
         self.written[name] = raw
         self.pending.pop(name, None)
         if name == WATCHDOG:
@@ -156,9 +164,28 @@ class Member:
             self.device = replace(self.device, setup={**self.device.setup, name: raw})
 
     def moves(self, name: str) -> bool:
-        """Return whether writing this item moves the shaft: not the speed of a joint; in an unknown mode it may."""
+        """Return whether writing this item moves the shaft, or may: not the speed of a joint, but that of a wheel.
+
+        Goals are kept by the servo and count in the mode that it is switched to, and a register that is known by its
+        place only may be anything.
+        """
+        if name.startswith("goal_") or is_place(name):
+            return True
         mode = self.device.mode
-        return name.startswith("goal_") or (name == "moving_speed" and (mode is None or mode.motion is Motion.RATE))
+        modes = self.table.modes if mode is None and self._table is not None else (mode,)
+        return any(mode is not None and name == mode.effector for mode in modes)
+
+    def begins_to_turn(self, name: str, raw: object) -> bool:
+        """Return whether writing this item makes a servo with torque turn, by switching to a mode that does.
+
+        Models of protocol 1.0 change their mode while the torque is on, and then obey a speed that was written before.
+        """
+        table, device = self._table, self.device
+        if table is None or table.protocol != 1 or name not in table.mode_items or not isinstance(raw, int):
+            return False
+        values = {**device.setup, name: raw}
+        new = table.mode_of(values) if all(each in values for each in table.mode_items) else None
+        return new is not None and new is not device.mode and new.motion is Motion.RATE
 
     def drop_targets(self) -> None:
         """Drop pending targets and the record of written ones: the device may have lost power, or was stopped."""

@@ -1,4 +1,4 @@
-"""Dynamixel packets, protocols 1.0 and 2.0: values to bytes and bytes to values, no I/O and no time.
+"""Packets of Dynamixel, protocols 1.0 and 2.0, and of Feetech: values to bytes and bytes to values, no I/O, no time.
 
 Protocol 1.0::
 
@@ -14,6 +14,8 @@ From INST to the last parameter each FF FF FD is followed by one more FD ("stuff
 inside; the CRC is over the stuffed bytes. Only the joint answers of the fast reads are not stuffed. Since FF FF FD
 cannot overlap itself and the inserted FD cannot begin a new one, plain replacing is exact in both directions.
 
+Feetech has the packets of 1.0, and the SYNC READ of 2.0 in them, with one-byte addresses and sizes.
+
 Sources: https://emanual.robotis.com/docs/en/dxl/protocol1/ and /protocol2/.
 """
 
@@ -25,16 +27,16 @@ from typing import Final, Protocol
 
 from urbihw.buses.errors import BadValue
 from urbihw.buses.servos.crc import crc16
-from urbihw.buses.servos.status import Status
+from urbihw.buses.servos.status import FEETECH, Status
 
 BROADCAST: Final = 0xFE
-MAX_ID: Final = {1: 253, 2: 252}
+MAX_ID: Final = {1: 253, 2: 252, FEETECH: 253}
 HEADER_1: Final = b"\xff\xff"
 HEADER_2: Final = b"\xff\xff\xfd\x00"
 # Bytes of a status packet around its parameters.
-OVERHEAD: Final = {1: 6, 2: 11}
+OVERHEAD: Final = {1: 6, 2: 11, FEETECH: 6}
 # Maximum parameters of an answer: the range of LEN in protocol 1.0; no control table is longer in 2.0.
-MAX_ANSWER: Final = {1: 253, 2: 2048}
+MAX_ANSWER: Final = {1: 253, 2: 2048, FEETECH: 253}
 # The AX-12 holds an instruction packet in a buffer of 143 bytes (AX-12 user's manual, "Sync Write").
 MAX_PACKET_1: Final = 143
 _MAX_PACKET_2 = 65535 + 7
@@ -75,8 +77,8 @@ def encode_2(device: int, instruction: int, params: bytes = b"") -> bytes:
 
 
 def encode(protocol: int, device: int, instruction: int, params: bytes = b"") -> bytes:
-    """Return an instruction packet of protocol 1 or 2."""
-    return encode_1(device, instruction, params) if protocol == 1 else encode_2(device, instruction, params)
+    """Return an instruction packet of protocol 1, 2 or FEETECH."""
+    return encode_2(device, instruction, params) if protocol == 2 else encode_1(device, instruction, params)
 
 
 def stuff(data: bytes) -> bytes:
@@ -91,7 +93,7 @@ def unstuff(data: bytes) -> bytes:
 
 def _place(protocol: int, address: int, size: int | None = None) -> bytes:
     """Address, and size if given, in the width of the protocol."""
-    width = protocol
+    width = 2 if protocol == 2 else 1
     fields = (address,) if size is None else (address, size)
     try:
         return b"".join(number.to_bytes(width, "little") for number in fields)
@@ -128,10 +130,12 @@ def sync_write_packet(protocol: int, address: int, values: Mapping[int, bytes]) 
     return encode(protocol, BROADCAST, Instruction.SYNC_WRITE, _place(protocol, address, sizes.pop()) + params)
 
 
-def sync_read_packet(address: int, size: int, devices: Sequence[int], fast: bool = False) -> bytes:
-    """SYNC READ, protocol 2.0 only: one answer per device in list order; `fast`: one joint answer."""
+def sync_read_packet(
+    address: int, size: int, devices: Sequence[int], fast: bool = False, protocol: int = 2
+) -> bytes:
+    """SYNC READ, protocol 2.0 and FEETECH: one answer per device in list order; `fast` (2.0): one joint answer."""
     code = Instruction.FAST_SYNC_READ if fast else Instruction.SYNC_READ
-    return encode_2(BROADCAST, code, _place(2, address, size) + bytes(devices))
+    return encode(protocol, BROADCAST, code, _place(protocol, address, size) + bytes(devices))
 
 
 class Decoder(Protocol):
@@ -188,15 +192,14 @@ class _Scanner:
 
 
 class Decoder1(_Scanner):
-    """Incremental decoder of protocol 1.0 status packets.
+    """Incremental decoder of protocol 1.0 status packets, and of those of Feetech.
 
     A request and an answer look alike in protocol 1.0 (a ping is, byte for byte, the answer "input voltage error"), so
     an echo cannot be recognised afterwards: on a line with echo, announce each packet with `expect_echo`.
     """
 
-    protocol = 1
-
-    def __init__(self) -> None:
+    def __init__(self, protocol: int = 1) -> None:
+        self.protocol = protocol
         super().__init__()
         self._echo = b""
 
@@ -243,7 +246,7 @@ class Decoder1(_Scanner):
             if sum(buffer[2:size]) & 0xFF != 0xFF:
                 self._skip(1)
                 continue
-            status = Status(buffer[2], buffer[4], bytes(buffer[5 : size - 1]), 1)
+            status = Status(buffer[2], buffer[4], bytes(buffer[5 : size - 1]), self.protocol)
             del buffer[:size]
             return status
 
@@ -290,8 +293,8 @@ class Decoder2(_Scanner):
 
 
 def decoder(protocol: int) -> Decoder1 | Decoder2:
-    """Return a fresh decoder for protocol 1 or 2."""
-    return Decoder1() if protocol == 1 else Decoder2()
+    """Return a fresh decoder for protocol 1, 2 or FEETECH."""
+    return Decoder2() if protocol == 2 else Decoder1(protocol)
 
 
 def split_fast(data: bytes, sizes: Sequence[int]) -> list[Status]:

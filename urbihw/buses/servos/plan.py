@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from typing import Final
 
 from urbihw.buses.servos import packet
-from urbihw.buses.servos.item import Item, Table
+from urbihw.buses.servos.item import Item, Table, magnitude_of, number_of
+from urbihw.buses.servos.status import FEETECH
 
 # Up to this many unwanted bytes it is cheaper to read through them than to ask twice: an extra READ is 14 bytes in
 # protocol 1.0, an extra answer of a sync read 11 in protocol 2.0.
-_BRIDGE: Final = {1: 14, 2: 11}
+_BRIDGE: Final = {1: 14, 2: 11, FEETECH: 14}
 TORQUE: Final = "torque_enable"
 _FORMATS: Final = {(1, False): "B", (2, False): "H", (4, False): "I", (1, True): "b", (2, True): "h", (4, True): "i"}
 
@@ -25,16 +26,21 @@ class Block:
         address, size: where.
         names: the wanted items in it, in order of address.
         layout: unpacks the bytes, unwanted ones skipped.
+        signs: (item, bit of the sign) of those that are sign and magnitude.
     """
 
     address: int
     size: int
     names: tuple[str, ...]
     layout: struct.Struct
+    signs: tuple[tuple[str, int], ...] = ()
 
     def unpack(self, data: bytes) -> dict[str, int]:
         """Return the raw value of each wanted item."""
-        return dict(zip(self.names, self.layout.unpack(data), strict=True))
+        values = dict(zip(self.names, self.layout.unpack(data), strict=True))
+        for name, bit in self.signs:
+            values[name] = number_of(values[name], bit)
+        return values
 
 
 def read_blocks(table: Table, names: Iterable[str], protocol: int) -> tuple[Block, ...]:
@@ -58,13 +64,15 @@ def read_blocks(table: Table, names: Iterable[str], protocol: int) -> tuple[Bloc
 
 
 def _block(run: list[Item]) -> Block:
-    layout = "<"
+    layout = ">" if run[0].big_endian else "<"
     position = run[0].address
     for item in run:
         layout += f"{item.address - position}x" if item.address > position else ""
         layout += _FORMATS[item.size, item.signed]
         position = item.end
-    return Block(run[0].address, position - run[0].address, tuple(item.name for item in run), struct.Struct(layout))
+    names = tuple(item.name for item in run)
+    signs = tuple((item.name, item.sign_bit) for item in run if item.sign_bit is not None)
+    return Block(run[0].address, position - run[0].address, names, struct.Struct(layout), signs)
 
 
 @dataclass(frozen=True)
@@ -75,12 +83,20 @@ class Run:
         address, size: where.
         names: the items in order of address.
         layout: packs their values.
+        signs: (item, bit of the sign) of those that are sign and magnitude.
     """
 
     address: int
     size: int
     names: tuple[str, ...]
     layout: struct.Struct
+    signs: tuple[tuple[str, int], ...] = ()
+
+    def pack(self, values: Mapping[str, int]) -> bytes:
+        """Return the bytes of the items, whose values must be in range."""
+        if self.signs:
+            values = {**values, **{name: magnitude_of(values[name], bit) for name, bit in self.signs}}
+        return self.layout.pack(*[values[name] for name in self.names])
 
 
 # Runs, and the devices that change exactly their items: (device, item -> raw).
@@ -96,7 +112,7 @@ def write_runs(table: Table, names: Iterable[str]) -> tuple[Run, ...]:
             runs.append([item])
         else:
             runs[-1].append(item)
-    return tuple(Run(block.address, block.size, block.names, block.layout) for block in map(_block, runs))
+    return tuple(Run(block.address, block.size, block.names, block.layout, block.signs) for block in map(_block, runs))
 
 
 def sync_writes(protocol: int, groups: Iterable[WriteGroup]) -> list[bytes]:
@@ -108,17 +124,17 @@ def sync_writes(protocol: int, groups: Iterable[WriteGroup]) -> list[bytes]:
     rows: dict[tuple[bool, int, int], dict[int, bytes]] = {}
     for runs, devices in groups:
         for run in runs:
-            pack, names, place = run.layout.pack, run.names, (run.address, run.size)
-            if names[0] == TORQUE:
+            pack, place = run.pack, (run.address, run.size)
+            if run.names[0] == TORQUE:
                 for device, values in devices:
-                    rows.setdefault((not values[TORQUE], *place), {})[device] = pack(values[TORQUE])
+                    rows.setdefault((not values[TORQUE], *place), {})[device] = pack(values)
             else:
                 row = rows.setdefault((False, *place), {})
                 for device, values in devices:
-                    row[device] = pack(*[values[name] for name in names])
+                    row[device] = pack(values)
     packets = []
     for (_, address, size), row in sorted(rows.items()):
-        room = (packet.MAX_PACKET_1 - 8) // (size + 1) if protocol == 1 else len(row)
+        room = (packet.MAX_PACKET_1 - 8) // (size + 1) if protocol != 2 else len(row)
         if len(row) <= room:
             packets.append(packet.sync_write_packet(protocol, address, row))
             continue

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import Final
 
 from urbihw.buses.errors import BadFrame, BusError, BusTimeout, DeviceRefused
@@ -19,13 +20,15 @@ from urbihw.buses.servos import packet
 from urbihw.buses.servos.bus import ServoBus
 from urbihw.buses.servos.device import Device, Scan
 from urbihw.buses.servos.plan import read_blocks
-from urbihw.buses.servos.status import Status
+from urbihw.buses.servos.status import FEETECH, Status
 from urbihw.buses.servos.tables import table_of
 
 _SLOT: Final = 0.0010  # return delay of at most 508 us, processing time, and some jitter of the adapter
 _LONGEST_LAST_WAIT: Final = 0.3  # behind answers that came later than that
 _LAST_WAIT: Final = 0.025  # longer than the 16 ms of an FTDI adapter that was not set to low latency
 _CONFLICT_PINGS: Final = 3
+_HEAD_1: Final = 6
+"""Bytes from address 0 that tell the maker and the model, where a ping tells neither."""
 
 
 class ScanInterrupted(BusError):
@@ -65,7 +68,7 @@ def scan(bus: ServoBus, ids: Iterable[int] | None = None, urgent: Callable[[], b
         for device in outcome.devices:
             if device.id not in found:
                 found[device.id] = device
-                bus.protocols[device.id] = protocol
+                bus.protocols[device.id] = device.protocol
     if bus.auto:
         bus.protocol = spoken[0] if spoken else 1
     return Scan(tuple(found[number] for number in sorted(found.keys() - conflicts)), tuple(sorted(conflicts)))
@@ -197,15 +200,36 @@ def identify(bus: ServoBus, number: int, pong: Status | None = None) -> Device:
     if pong is None or (protocol == 2 and len(pong.params) != 3):
         pong = bus.ping(number)
     try:
-        about = pong.params if protocol == 2 else bus.read(number, 0, 3)
+        about = pong.params if protocol == 2 else bus.read(number, 0, _HEAD_1)
     except (BusTimeout, DeviceRefused):
         return Device(number, 0, 0, protocol, {"status_return_level": 0})
-    model = about[0] | about[1] << 8
-    return Device(number, model, about[2], protocol, _setup(bus, number, model))
+    if protocol != 2:
+        protocol = bus.protocols[number] = _maker_of(number, about)
+    if protocol == FEETECH:
+        model = int.from_bytes(about[3:5], "big" if about[2] else "little")
+        firmware = about[0] * 100 + about[1]
+    else:
+        model, firmware = about[0] | about[1] << 8, about[2]
+    found = Device(number, model, firmware, protocol)
+    return replace(found, setup=_setup(bus, found))
 
 
-def _setup(bus: ServoBus, number: int, model: int) -> dict[str, int]:
-    table = table_of(model)
+def _maker_of(number: int, about: bytes) -> int:
+    """Return the protocol of a device that answers the packets of 1.0, from its registers 0 to 5.
+
+    Dynamixel: model, model, firmware, ID, baud rate, delay. Feetech: firmware, firmware, byte order (0 or 1), model,
+    model, ID. Where the ID is at both places by chance, the model number that has a table decides.
+    """
+    if about[5] != number or about[2] > 1:
+        return 1
+    if about[3] != number:
+        return FEETECH
+    table = table_of(int.from_bytes(about[3:5], "big" if about[2] else "little"))
+    return FEETECH if table is not None and table.protocol == FEETECH else 1
+
+
+def _setup(bus: ServoBus, device: Device) -> dict[str, int]:
+    number, table = device.id, device.table
     values: dict[str, int] = {}
     if table is not None:
         for block in read_blocks(table, table.setup_items, bus.protocol_of(number)):

@@ -15,7 +15,7 @@ from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
 from urbihw.buses.servos import plan
 from urbihw.buses.servos.bus import ServoBus
 from urbihw.buses.servos.cycle import Cycle
-from urbihw.buses.servos.item import Motion
+from urbihw.buses.servos.item import Motion, number_of
 from urbihw.buses.servos.member import GOAL, PLACE, Member
 from urbihw.buses.servos.plan import TORQUE
 from urbihw.buses.servos.units import unit_of
@@ -80,7 +80,9 @@ def stop_what_moves(cycle: Cycle) -> tuple[int, ...]:
         effector = None if mode is None or mode.motion is Motion.POSITION else member.table.item(mode.effector)
         try:
             if effector is not None:
-                goes = effector.unpack(bus.read(member.device.id, effector.address, effector.size)) != 0
+                raw = effector.unpack(bus.read(member.device.id, effector.address, effector.size))
+                bit = None if mode is None else mode.direction_bit
+                goes = (raw if bit is None else number_of(raw, bit)) != 0
             else:
                 goes = _is_on_its_way(bus, member)
         except (BusTimeout, BadFrame, DeviceRefused):
@@ -97,10 +99,11 @@ def stop_what_moves(cycle: Cycle) -> tuple[int, ...]:
 def _is_on_its_way(bus: ServoBus, member: Member) -> bool:
     """Return whether a joint with torque is away from its goal: a slow one reports that it does not move."""
     number, item = member.device.id, member.table.item
-    torque, moving, goal, place = (item(name) for name in (TORQUE, "moving", GOAL, PLACE))
+    torque, goal, place = (item(name) for name in (TORQUE, GOAL, PLACE))
     if not torque.unpack(bus.read(number, torque.address, torque.size)):
         return False
-    if moving.unpack(bus.read(number, moving.address, moving.size)):
+    moving = member.table.items.get("moving")
+    if moving is not None and moving.unpack(bus.read(number, moving.address, moving.size)):
         return True
     wanted = goal.unpack(bus.read(number, goal.address, goal.size))
     left = abs(wanted - place.unpack(bus.read(number, place.address, place.size)))

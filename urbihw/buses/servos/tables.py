@@ -1,289 +1,171 @@
-"""Control tables as data: AX-12, AX-S1, XL330, XL430, XM430, and the model numbers that use them.
+"""The control tables: one data file a family in `models/`, read when a device of the family is found.
 
-Rows: name, address, size, access, area (E kept without power, R reset), low, high, default, unit, wheel unit.
-Sources: ROBOTIS e-manual, pages ax-12a, ax-s1, xl330-m288, xl430-w250 and xm430-w350; the AX-12 manual for its write
-ranges; Gostai's Bioloid manual for AX-S1 11..13, 20, 21, 42 and 43.
+`models/index.toml` names the tables of each file and the models (number = "name") that have them, so that a model
+number leads to its file without reading the others. A file holds::
+
+    source = "manual and pages"          # where the rows come from
+    [[table]]
+    name = "XM430"
+    base = "X"                           # begin with a copy of that table (of any file), "" for none
+    protocol = 2                         # as shipped; 3 is Feetech
+    byte_order = "little"                # or "big", of items of more than one byte
+    sync_read = true                     # answers SYNC READ; without it: those of protocol 2 do
+    eeprom_lock = "lock"                 # the item that must be 0 for a write of the EEPROM to be kept
+    fast_firmware = 45                   # FAST SYNC READ from this firmware on; 0: never
+    without = ["acceleration_limit"]     # rows of the base that this table does not have
+    modes = ["velocity", "position"]     # the modes of the base that this table has; without it: all
+    rows = [                             # name, address, size, access, area, low, high, default ("-": none named), unit
+        ["goal_current", 102, 2, "RW", "R", -1193, 1193, "-", "xm_current"],
+        ["moving_speed", 32, 2, "RW", "R", 0, 2047, "-", "ax_goal_speed", { wheel_unit = "ax_wheel" }],
+    ]
+    [table.change]                       # single properties of rows of the base
+    goal_pwm = { low = -100, high = 100 }
+    [table.hardware_errors]              # bit of the item "hardware_error" = words
+    5 = "overload"
+    [[table.mode]]                       # in this order: the first whose `when` holds is the mode
+    name = "position"
+    when = { operating_mode = 3 }        # item = raw value; {} holds always
+    effector = "goal_position"           # the item that moves the shaft
+    motion = "position"                  # or "rate"
+    limits = ["min_position_limit", "max_position_limit"]
+
+The columns of a row, and what the inline table behind them may hold, are the attributes of `Item`. Rows that the
+driver uses have the same name in all tables: torque_enable, goal_position, present_position, and where a model has them
+moving, bus_watchdog (0 off, -1 fired), status_return_level, hardware_error. A row that moves the shaft is called
+goal_something, or is the effector of a mode.
 """
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Final
+from functools import cache
+from importlib import resources
+from typing import Any, Final
 
 from urbihw.buses.servos.item import Item, Mode, Motion, Table, by_name
+from urbihw.buses.servos.status import FEETECH
 
-_JOINT: Final = Mode("joint", "goal_position", Motion.POSITION, ("cw_angle_limit", "ccw_angle_limit"))
-_WHEEL: Final = Mode("wheel", "moving_speed", Motion.RATE)
-
-_BYTE = 255
-_WORD = 65535
-_STEP = 1023  # full scale of the AX series, for positions, speeds and torques
-
-_COMMON_1: Final = (
-    Item("model_number", 0, 2, "R", "E", 0, _WORD, None),
-    Item("firmware_version", 2, 1, "R", "E", 0, _BYTE, None),
-    Item("baud_rate", 4, 1, "RW", "E", 0, 254, 1, "ax_baud"),
-    Item("return_delay_time", 5, 1, "RW", "E", 0, 254, 250, "delay"),
-    Item("min_voltage_limit", 12, 1, "RW", "E", 50, 250, 60, "voltage"),
-    Item("max_voltage_limit", 13, 1, "RW", "E", 50, 250, 140, "voltage"),
-    Item("status_return_level", 16, 1, "RW", "E", 0, 2, 2),
-    Item("present_voltage", 42, 1, "R", "R", 0, _BYTE, None, "voltage"),
-    Item("present_temperature", 43, 1, "R", "R", 0, _BYTE, None, "temperature"),
-)
-
-AX12: Final = Table(
-    name="AX-12",
-    protocol=1,
-    models={12: "AX-12A", 18: "AX-18A", 300: "AX-12W"},
-    mode_items=("cw_angle_limit", "ccw_angle_limit"),
-    modes={0: _WHEEL, 1: _JOINT},
-    items=by_name(
-        (
-            *_COMMON_1,
-            Item("id", 3, 1, "RW", "E", 0, 253, 1),
-            Item("cw_angle_limit", 6, 2, "RW", "E", 0, _STEP, 0, "ax_position"),
-            Item("ccw_angle_limit", 8, 2, "RW", "E", 0, _STEP, _STEP, "ax_position"),
-            Item("temperature_limit", 11, 1, "RW", "E", 0, 150, 70, "temperature"),
-            Item("max_torque", 14, 2, "RW", "E", 0, _STEP, _STEP, "ax_torque"),
-            Item("alarm_led", 17, 1, "RW", "E", 0, 127, 36),
-            Item("shutdown", 18, 1, "RW", "E", 0, 127, 36),
-            Item("down_calibration", 20, 2, "R", "E", 0, _WORD, None),
-            Item("up_calibration", 22, 2, "R", "E", 0, _WORD, None),
-            Item("torque_enable", 24, 1, "RW", "R", 0, 1, 0),
-            Item("led", 25, 1, "RW", "R", 0, 1, 0),
-            Item("cw_compliance_margin", 26, 1, "RW", "R", 0, 254, 1, "ax_angle"),
-            Item("ccw_compliance_margin", 27, 1, "RW", "R", 0, 254, 1, "ax_angle"),
-            Item("cw_compliance_slope", 28, 1, "RW", "R", 1, 254, 32),
-            Item("ccw_compliance_slope", 29, 1, "RW", "R", 1, 254, 32),
-            Item("goal_position", 30, 2, "RW", "R", 0, _STEP, None, "ax_position"),
-            # Joint mode takes 0..1023; in wheel mode bit 10 is the direction. The servo refuses what does not fit.
-            Item("moving_speed", 32, 2, "RW", "R", 0, 2047, None, "ax_goal_speed", "ax_wheel"),
-            Item("torque_limit", 34, 2, "RW", "R", 0, _STEP, None, "ax_torque"),
-            Item("present_position", 36, 2, "R", "R", 0, _STEP, None, "ax_position"),
-            Item("present_speed", 38, 2, "R", "R", 0, 2047, None, "ax_speed", "ax_wheel"),
-            Item("present_load", 40, 2, "R", "R", 0, 2047, None, "ax_load"),
-            Item("registered", 44, 1, "R", "R", 0, 1, 0),
-            Item("moving", 46, 1, "R", "R", 0, 1, 0),
-            Item("lock", 47, 1, "RW", "R", 0, 1, 0),
-            Item("punch", 48, 2, "RW", "R", 0, _STEP, 32, "ax_torque"),
-        )
-    ),
-)
-
-AXS1: Final = Table(
-    name="AX-S1",
-    protocol=1,
-    models={13: "AX-S1"},
-    items=by_name(
-        (
-            *_COMMON_1,
-            Item("id", 3, 1, "RW", "E", 0, 253, 100),
-            Item("temperature_limit", 11, 1, "RW", "E", 0, 150, None, "temperature"),
-            Item("obstacle_threshold", 20, 1, "RW", "E", 0, _BYTE, None),
-            Item("light_threshold", 21, 1, "RW", "E", 0, _BYTE, None),
-            Item("ir_left", 26, 1, "R", "R", 0, _BYTE, None),
-            Item("ir_center", 27, 1, "R", "R", 0, _BYTE, None),
-            Item("ir_right", 28, 1, "R", "R", 0, _BYTE, None),
-            Item("light_left", 29, 1, "R", "R", 0, _BYTE, None),
-            Item("light_center", 30, 1, "R", "R", 0, _BYTE, None),
-            Item("light_right", 31, 1, "R", "R", 0, _BYTE, None),
-            Item("obstacle_detected", 32, 1, "R", "R", 0, 7, None),
-            Item("light_detected", 33, 1, "R", "R", 0, 7, None),
-            Item("sound", 35, 1, "R", "R", 0, _BYTE, None),
-            Item("sound_max_hold", 36, 1, "RW", "R", 0, _BYTE, None),
-            Item("sound_count", 37, 1, "RW", "R", 0, _BYTE, None),
-            Item("sound_time", 38, 2, "RW", "R", 0, _WORD, None, "sound_time"),
-            Item("buzzer_index", 40, 1, "RW", "R", 0, 51, None),
-            Item("buzzer_time", 41, 1, "RW", "R", 0, _BYTE, None, "buzzer_time"),
-            Item("registered", 44, 1, "RW", "R", 0, 1, 0),
-            Item("remocon_arrived", 46, 1, "R", "R", 0, 2, 0),
-            Item("lock", 47, 1, "RW", "R", 0, 1, 0),
-            Item("remocon_rx", 48, 2, "R", "R", 0, _WORD, None, clears_on_read=True),
-            Item("remocon_tx", 50, 2, "RW", "R", 0, _WORD, None),
-            Item("obstacle_compare", 52, 1, "RW", "R", 0, _BYTE, None),
-            Item("light_compare", 53, 1, "RW", "R", 0, _BYTE, None),
-        )
-    ),
-)
-
-
-_DOUBLE = (1 << 32) - 1
-_TURNS = 1_048_575  # 256 turns of 4096 steps, both ways: extended position mode
-_VELOCITY = 1023
-_PWM = 885
-_LIMITS_X: Final = ("min_position_limit", "max_position_limit")
-_MODES_X: Final = {
-    0: Mode("current", "goal_current", Motion.RATE),
-    1: Mode("velocity", "goal_velocity", Motion.RATE),
-    3: Mode("position", "goal_position", Motion.POSITION, _LIMITS_X),
-    4: Mode("extended position", "goal_position", Motion.POSITION),
-    5: Mode("current-based position", "goal_position", Motion.POSITION),
-    16: Mode("pwm", "goal_pwm", Motion.RATE),
-}
-
-
-_GAIN = 16383
-_X_SERIES: Final = (
-    Item("model_number", 0, 2, "R", "E", 0, _WORD, None),
-    Item("model_information", 2, 4, "R", "E", 0, _DOUBLE, None),
-    Item("firmware_version", 6, 1, "R", "E", 0, _BYTE, None),
-    Item("id", 7, 1, "RW", "E", 0, 252, 1),
-    Item("baud_rate", 8, 1, "RW", "E", 0, 7, 1, "x_baud"),
-    Item("return_delay_time", 9, 1, "RW", "E", 0, 254, 250, "delay"),
-    Item("drive_mode", 10, 1, "RW", "E", 0, 13, 0),
-    Item("operating_mode", 11, 1, "RW", "E", 0, 16, 3),
-    Item("secondary_id", 12, 1, "RW", "E", 0, _BYTE, _BYTE),
-    Item("protocol_type", 13, 1, "RW", "E", 1, 2, 2),
-    Item("homing_offset", 20, 4, "RW", "E", -1_044_479, 1_044_479, 0, "x_angle"),
-    Item("moving_threshold", 24, 4, "RW", "E", 0, _VELOCITY, 10, "x_velocity"),
-    Item("temperature_limit", 31, 1, "RW", "E", 0, 100, None, "temperature"),
-    Item("max_voltage_limit", 32, 2, "RW", "E", 31, 160, None, "voltage"),
-    Item("min_voltage_limit", 34, 2, "RW", "E", 31, 160, None, "voltage"),
-    Item("pwm_limit", 36, 2, "RW", "E", 0, _PWM, _PWM, "x_pwm"),
-    Item("velocity_limit", 44, 4, "RW", "E", 0, 2047, None, "x_velocity"),
-    Item("max_position_limit", 48, 4, "RW", "E", 0, 4095, 4095, "x_position"),
-    Item("min_position_limit", 52, 4, "RW", "E", 0, 4095, 0, "x_position"),
-    Item("shutdown", 63, 1, "RW", "E", 0, 63, None),
-    Item("torque_enable", 64, 1, "RW", "R", 0, 1, 0),
-    Item("led", 65, 1, "RW", "R", 0, 1, 0),
-    Item("status_return_level", 68, 1, "RW", "R", 0, 2, 2),
-    Item("registered", 69, 1, "R", "R", 0, 1, 0),
-    Item("hardware_error", 70, 1, "R", "R", 0, _BYTE, 0),
-    Item("velocity_i_gain", 76, 2, "RW", "R", 0, _GAIN, None),
-    Item("velocity_p_gain", 78, 2, "RW", "R", 0, _GAIN, None),
-    Item("position_d_gain", 80, 2, "RW", "R", 0, _GAIN, None),
-    Item("position_i_gain", 82, 2, "RW", "R", 0, _GAIN, None),
-    Item("position_p_gain", 84, 2, "RW", "R", 0, _GAIN, None),
-    Item("feedforward_2nd_gain", 88, 2, "RW", "R", 0, _GAIN, 0),
-    Item("feedforward_1st_gain", 90, 2, "RW", "R", 0, _GAIN, 0),
-    Item("bus_watchdog", 98, 1, "RW", "R", -1, 127, 0, "watchdog"),
-    Item("goal_pwm", 100, 2, "RW", "R", -_PWM, _PWM, None, "x_pwm"),
-    Item("goal_velocity", 104, 4, "RW", "R", -2047, 2047, None, "x_velocity"),
-    Item("profile_acceleration", 108, 4, "RW", "R", 0, 32767, 0, "x_profile_acceleration"),
-    Item("profile_velocity", 112, 4, "RW", "R", 0, 32767, 0, "x_profile_velocity"),
-    Item("goal_position", 116, 4, "RW", "R", -_TURNS, _TURNS, None, "x_position"),
-    Item("realtime_tick", 120, 2, "R", "R", 0, 32767, None, "millisecond"),
-    Item("moving", 122, 1, "R", "R", 0, 1, 0),
-    Item("moving_status", 123, 1, "R", "R", 0, _BYTE, 0),
-    Item("present_pwm", 124, 2, "R", "R", -32768, 32767, None, "x_pwm"),
-    Item("present_velocity", 128, 4, "R", "R", -(1 << 31), (1 << 31) - 1, None, "x_velocity"),
-    Item("present_position", 132, 4, "R", "R", -(1 << 31), (1 << 31) - 1, None, "x_position"),
-    Item("velocity_trajectory", 136, 4, "R", "R", -(1 << 31), (1 << 31) - 1, None, "x_velocity"),
-    Item("position_trajectory", 140, 4, "R", "R", -(1 << 31), (1 << 31) - 1, None, "x_position"),
-    Item("present_voltage", 144, 2, "R", "R", 0, _WORD, None, "voltage"),
-    Item("present_temperature", 146, 1, "R", "R", 0, _BYTE, None, "temperature"),
-    Item("backup_ready", 147, 1, "R", "R", 0, 1, None),
-)
-"""The rows that all X series share; a default of None is one that each family names in its own table."""
-
-
-def _x_items(
-    defaults: Mapping[str, int], own: tuple[Item, ...], highs: Mapping[str, int] | None = None
-) -> dict[str, Item]:
-    """Return the rows of the X series with the defaults and upper bounds of one family, and the family's own rows."""
-    rows = {row.name: row for row in _X_SERIES}
-    for name, default in defaults.items():
-        rows[name] = replace(rows[name], default=default)
-    for name, high in (highs or {}).items():
-        rows[name] = replace(rows[name], high=high)
-    return by_name((*rows.values(), *own))
-
-
-def _current_items(limit: int, unit: str) -> tuple[Item, ...]:
-    return (
-        Item("current_limit", 38, 2, "RW", "E", 0, limit, limit, unit),
-        Item("goal_current", 102, 2, "RW", "R", -limit, limit, None, unit),
-        Item("present_current", 126, 2, "R", "R", -32768, 32767, None, unit),
-    )
-
-
-_STARTUP = Item("startup_configuration", 60, 1, "RW", "E", 0, _BYTE, 0)
-
-XL330: Final = Table(
-    name="XL330",
-    protocol=2,
-    models={1190: "XL330-M077", 1200: "XL330-M288", 1210: "XC330-T181", 1220: "XC330-T288"},
-    mode_items=("operating_mode",),
-    modes=_MODES_X,
-    fast_firmware=46,
-    items=_x_items(
-        {
-            "temperature_limit": 70,
-            "max_voltage_limit": 70,
-            "min_voltage_limit": 35,
-            "velocity_limit": 445,
-            "shutdown": 53,
-            "velocity_i_gain": 1600,
-            "velocity_p_gain": 180,
-            "position_d_gain": 0,
-            "position_i_gain": 0,
-            "position_p_gain": 400,
-        },
-        highs={"protocol_type": 22, "baud_rate": 6},
-        own=(
-            *_current_items(1750, "milliampere"),
-            _STARTUP,
-            Item("pwm_slope", 62, 1, "RW", "E", 1, _BYTE, 140, "pwm_slope"),
-        ),
-    ),
-)
-
-XL430: Final = Table(
-    name="XL430",
-    protocol=2,
-    models={1060: "XL430-W250", 1070: "XC430-W150"},
-    mode_items=("operating_mode",),
-    modes={key: mode for key, mode in _MODES_X.items() if key not in {0, 5}},
-    fast_firmware=45,
-    items=_x_items(
-        {
-            "temperature_limit": 72,
-            "max_voltage_limit": 140,
-            "min_voltage_limit": 60,
-            "velocity_limit": 265,
-            "shutdown": 52,
-            "velocity_i_gain": 1000,
-            "velocity_p_gain": 100,
-            "position_d_gain": 4000,
-            "position_i_gain": 0,
-            "position_p_gain": 640,
-        },
-        own=(_STARTUP, Item("present_load", 126, 2, "R", "R", -1000, 1000, None, "x_load")),
-    ),
-)
-
-XM430: Final = Table(
-    name="XM430",
-    protocol=2,
-    models={1020: "XM430-W350", 1030: "XM430-W210"},
-    mode_items=("operating_mode",),
-    modes=_MODES_X,
-    fast_firmware=45,
-    items=_x_items(
-        {
-            "temperature_limit": 80,
-            "max_voltage_limit": 160,
-            "min_voltage_limit": 95,
-            "velocity_limit": 350,
-            "shutdown": 52,
-            "velocity_i_gain": 1920,
-            "velocity_p_gain": 100,
-            "position_d_gain": 0,
-            "position_i_gain": 0,
-            "position_p_gain": 800,
-        },
-        own=(
-            *_current_items(1193, "xm_current"),
-            Item("acceleration_limit", 40, 4, "RW", "E", 0, 32767, 32767, "x_acceleration"),
-        ),
-    ),
-)
-
-TABLES: Final = (AX12, AXS1, XL330, XL430, XM430)
-MODELS: Final = {model: table for table in TABLES for model in table.models}
+_FILES: Final = "models"
+_NO_DEFAULT: Final = "-"
+_COLUMNS: Final = ("name", "address", "size", "access", "area", "low", "high", "default", "unit")
 
 
 def table_of(model: int) -> Table | None:
     """Return the control table of a model number, None for a model we have no table of."""
-    return MODELS.get(model)
+    name = _tables_by_model().get(model)
+    return None if name is None else table_named(name)
+
+
+def table_for(model: int, protocol: int) -> Table:
+    """Return the control table of a device; of an unknown model, what all models of its protocol share.
+
+    Feetech and Dynamixel give their numbers on their own, so a number alone does not tell a model.
+    """
+    table = table_of(model)
+    known = table is not None and (table.protocol == FEETECH) == (protocol == FEETECH)
+    return table if table is not None and known else generic_table(protocol)
+
+
+@cache
+def table_named(name: str) -> Table:
+    """Return a control table by its name. Raises KeyError."""
+    file, models = _index()[name]
+    rows = _read(file)["table"]
+    return _table(next(row for row in rows if row["name"] == name), models)
+
+
+@cache
+def generic_table(protocol: int) -> Table:
+    """Return the rows that all models of a protocol share, read only: what is known of an unknown model."""
+    return table_named(f"unknown model, protocol {protocol}")
+
+
+def all_tables() -> tuple[Table, ...]:
+    """Return the tables of all models, in order of the index. This reads every file."""
+    return tuple(table_named(name) for name, (_, models) in _index().items() if models)
+
+
+def model_names() -> frozenset[str]:
+    """Return the names of all models that have a table. This reads the index only."""
+    return frozenset(model for _, models in _index().values() for model in models.values())
+
+
+@cache
+def _index() -> Mapping[str, tuple[str, Mapping[int, str]]]:
+    """Return name of a table -> file, and model number -> name of the model."""
+    return {
+        table: (file, {int(number): model for number, model in models.items()})
+        for file, tables in _read("index").items()
+        for table, models in tables.items()
+    }
+
+
+@cache
+def _tables_by_model() -> Mapping[int, str]:
+    return {model: name for name, (_, models) in _index().items() for model in models}
+
+
+@cache
+def _read(file: str) -> dict[str, Any]:
+    return tomllib.loads((resources.files(__package__) / _FILES / f"{file}.toml").read_text(encoding="utf-8"))
+
+
+def _table(data: Mapping[str, Any], models: Mapping[int, str]) -> Table:
+    base = table_named(data["base"]) if data.get("base") else None
+
+    def get(name: str, default: Any) -> Any:
+        return data.get(name, default if base is None else getattr(base, name))
+
+    big_endian = data["byte_order"] == "big" if "byte_order" in data else get("big_endian", False)
+    errors = {int(bit): words for bit, words in data.get("hardware_errors", {}).items()}
+    return Table(
+        name=data["name"],
+        protocol=get("protocol", 0),
+        models=models,
+        items=_items(data, base, big_endian),
+        modes=_modes(data, base),
+        fast_firmware=get("fast_firmware", 0) or None,
+        big_endian=big_endian,
+        eeprom_lock=get("eeprom_lock", ""),
+        sync_read=get("sync_read", data.get("protocol") == 2),
+        hardware_errors=errors or ({} if base is None else base.hardware_errors),
+    )
+
+
+def _items(data: Mapping[str, Any], base: Table | None, big_endian: bool) -> dict[str, Item]:
+    rows = {} if base is None else {name: replace(row, big_endian=big_endian) for name, row in base.items.items()}
+    for name in data.get("without", ()):
+        del rows[name]
+    for name, changed in data.get("change", {}).items():
+        rows[name] = replace(rows[name], **_values(changed))
+    own = by_name(_item(row, big_endian) for row in data.get("rows", ()))
+    return by_name((rows | own).values())
+
+
+def _item(row: list[Any], big_endian: bool) -> Item:
+    more = row[-1] if isinstance(row[-1], dict) else {}
+    return Item(**_values(dict(zip(_COLUMNS, row[:-1] if more else row, strict=False)) | more), big_endian=big_endian)
+
+
+def _values(row: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: None if name == "default" and value == _NO_DEFAULT else value for name, value in row.items()}
+
+
+def _modes(data: Mapping[str, Any], base: Table | None) -> tuple[Mode, ...]:
+    inherited = () if base is None else base.modes
+    if "modes" in data:
+        inherited = tuple(mode for mode in inherited if mode.name in data["modes"])
+    own = tuple(
+        Mode(
+            name=mode["name"],
+            effector=mode["effector"],
+            motion=Motion(mode["motion"]),
+            limits=tuple(mode.get("limits", ())),
+            when=tuple(mode["when"].items()),
+            direction_bit=mode.get("direction_bit"),
+        )
+        for mode in data.get("mode", ())
+    )
+    return own or inherited

@@ -44,6 +44,9 @@ class Counters:
 class TransactionChannel:
     """Requests and answers over an open link.
 
+    `send`, `ask`, `ask_each`, `ask_group` and `ask_joint` are all that is asked of it: another back end replaces these
+    five (`backend_sdk`).
+
     Attributes:
         link: the wire; the channel does not close it.
         protocol: the present protocol; with "auto" it is 1 until a scan has found devices.
@@ -282,10 +285,7 @@ class TransactionChannel:
         self._overdue = (device, answer_time)
         # The echo of our own bytes does not count as a damaged answer.
         noise = decoder.noise - (len(sent) if self.echo and protocol == 2 else 0)
-        self._count_failures(1, noise)
-        if noise > 0:
-            raise BadFrame(f"the answer of device {device} on {self.link.url.text} came damaged")
-        raise BusTimeout(f"device {device} on {self.link.url.text} does not answer; is it powered and plugged in?")
+        raise self._missing_answer(device, noise)
 
     def _decoder(self, protocol: int, max_params: int, sent: bytes) -> packet.Decoder:
         """Return a decoder for the answers to `sent`, whose echo it drops if there is one."""
@@ -294,6 +294,13 @@ class TransactionChannel:
         if self.echo and isinstance(decoder, packet.Decoder1):
             decoder.expect_echo(sent)
         return decoder
+
+    def _missing_answer(self, device: int, noise: int) -> BadFrame | BusTimeout:
+        """Count a missing answer and return the error to raise: damaged if there was noise."""
+        self._count_failures(1, noise)
+        if noise > 0:
+            return BadFrame(f"the answer of device {device} on {self.link.url.text} came damaged")
+        return BusTimeout(f"device {device} on {self.link.url.text} does not answer; is it powered and plugged in?")
 
     def _count_failures(self, missing: int, noise: int) -> None:
         if noise > 0:

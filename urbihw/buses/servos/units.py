@@ -3,14 +3,19 @@
 Slots of devices are in SI units: rad, rad/s, rad/s2, V, A, s, degrees Celsius; torque, load and PWM are fractions of
 full scale. Registers are raw counts. This is the only file that converts between them::
 
-    item = tables.AX12.item("goal_position")
+    item = tables.table_named("AX-12").item("goal_position")
     to_si(item, 512)        # 0.0026 rad
     from_si(item, 0.5)      # 609
     limits_si(item)         # (-2.618, 2.618)
 
-Positions are centred: 0 is the middle of the first turn (AX: 511.5, X: 2048), and positive is counter-clockwise, seen
-from the front. In wheel mode pass `wheel=True`: speeds of the AX series are then fractions of full drive.
-Sources: ROBOTIS e-manual; pypot `dynamixel/conversion.py` for the centred form.
+Positions are centred: 0 is the middle of the first turn (AX: 511.5, X: 2048, PRO: 0), and positive is
+counter-clockwise, seen from the front. In wheel mode pass `wheel=True`: speeds of the AX series are then fractions of
+full drive.
+
+A unit is a row of `UNITS`, or, where the scale differs from model to model, is written into the table: "turn/N" is a
+position of N counts a turn with 0 in the middle, "rpm*F" and the like (`_BASES`) is F of that unit a count.
+Sources: ROBOTIS e-manual, the pages of the models (EX-106+: 251 degrees in 12 bits; MX: 0.114 rpm, MX-12W 0.916 rpm,
+4.5 mA, 8.583 degrees/s2; P: PWM limit 2009); pypot `dynamixel/conversion.py` for the centred form.
 """
 
 from __future__ import annotations
@@ -18,6 +23,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Final
 
 from urbihw.buses.errors import BadValue
@@ -31,7 +37,21 @@ _X_STEP = math.radians(360) / 4096
 _RPM = math.tau / 60
 _X_VELOCITY = 0.229 * _RPM
 _X_ACCELERATION = 214.577 * _RPM / 60
+_EX_STEP = math.radians(251) / 4095
+_MX_SPEED = 0.114 * _RPM
+_MX12_SPEED = 0.916 * _RPM
+_MX_AMPERE = 4.5e-3
+_SCS_STEP = math.radians(300) / 1024
+_FEETECH_BAUDS: Final = (1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400)
 _X_BAUDS: Final = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
+_BASES: Final = {
+    "rpm": ("rad/s", _RPM),
+    "rpm2": ("rad/s2", _RPM / 60),
+    "A": ("A", 1.0),
+    "s": ("s", 1.0),
+    "V/s": ("V/s", 1.0),
+}
+"""Name in a table -> SI unit, and how many of that it is; "rpm2" is rev/min2."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,12 +63,14 @@ class Unit:
         to_si: raw count to SI value.
         to_raw: SI value to the nearest raw count, unchecked.
         high: largest raw count with a value in this unit, if the register accepts more.
+        both_ways: a bit of the raw count is the sign, so that values reach from -`high` to `high`.
     """
 
     symbol: str
     to_si: Callable[[int], float]
     to_raw: Callable[[float], int]
     high: int | None = None
+    both_ways: bool = False
 
 
 def _linear(symbol: str, step: float, zero: float = 0.0) -> Unit:
@@ -64,7 +86,7 @@ def _sign_magnitude(symbol: str, step: float) -> Unit:
         size = min(round(abs(value) / step), _AX_FULL)
         return size | _DIRECTION if value < 0 and size else size
 
-    return Unit(symbol, to_si, to_raw)
+    return Unit(symbol, to_si, to_raw, both_ways=True)
 
 
 def _unlimited_at_zero(symbol: str, step: float, high: int | None = None) -> Unit:
@@ -81,11 +103,32 @@ def _ax_baud() -> Unit:
     return Unit("bit/s", lambda raw: 2e6 / (raw + 1), lambda value: round(2e6 / value) - 1)
 
 
-def _x_baud() -> Unit:
+def _baud(*speeds: int) -> Unit:
     return Unit(
         "bit/s",
-        lambda raw: float(_X_BAUDS[raw]),
-        lambda value: min(range(len(_X_BAUDS)), key=lambda index: abs(_X_BAUDS[index] - value)),
+        lambda raw: float(speeds[raw]) if raw < len(speeds) else math.nan,
+        lambda value: min(range(len(speeds)), key=lambda index: abs(speeds[index] - value)),
+        len(speeds) - 1,
+    )
+
+
+def _mx_baud() -> Unit:
+    """As `ax_baud` up to 249, then three speeds of their own."""
+    fast = {250: 2_250_000, 251: 2_500_000, 252: 3_000_000}
+    return Unit(
+        "bit/s",
+        lambda raw: float(fast.get(raw, 2_000_000 / (raw + 1))),
+        lambda value: next((raw for raw, speed in fast.items() if speed == value), round(2e6 / value) - 1),
+    )
+
+
+def _sts_goal_speed() -> Unit:
+    """Raw 0 means "no limit" for a joint; the register is that of the speed of a wheel, so it has negative counts."""
+    plain = _linear("rad/s", _X_STEP)
+    return Unit(
+        "rad/s",
+        lambda raw: plain.to_si(raw) if raw else math.inf,
+        lambda value: 0 if value == math.inf else plain.to_raw(value) or 1,
     )
 
 
@@ -115,7 +158,24 @@ UNITS: Final = {
     "ax_wheel": _sign_magnitude("", 1 / _AX_FULL),
     "ax_load": _sign_magnitude("", 1 / _AX_FULL),
     "ax_torque": _linear("", 1 / _AX_FULL),
-    "x_baud": _x_baud(),
+    "ex_position": _linear("rad", _EX_STEP, 4095 / 2),
+    "ex_angle": _linear("rad", _EX_STEP),
+    # Less than 512 is torque to the counter-clockwise side.
+    "ex_current": _linear("A", -0.01, 512),
+    "mx_goal_speed": _unlimited_at_zero("rad/s", _MX_SPEED, _AX_FULL),
+    "mx_speed": _sign_magnitude("rad/s", _MX_SPEED),
+    "mx12_goal_speed": _unlimited_at_zero("rad/s", _MX12_SPEED, _AX_FULL),
+    "mx12_speed": _sign_magnitude("rad/s", _MX12_SPEED),
+    "mx_acceleration": _unlimited_at_zero("rad/s2", math.radians(8.583)),
+    "mx_current": _linear("A", _MX_AMPERE, 2048),
+    "mx_torque": _sign_magnitude("A", _MX_AMPERE),
+    "mx_baud": _mx_baud(),
+    "x_baud": _baud(*_X_BAUDS),
+    "p_baud": _baud(*_X_BAUDS, 6_000_000, 10_500_000),
+    "pro_baud": _baud(*_X_BAUDS, 10_500_000),
+    "p_pwm": _linear("", 1 / 2009),
+    "p_profile_velocity": _unlimited_at_zero("rad/s", 0.01 * _RPM),
+    "p_profile_acceleration": _unlimited_at_zero("rad/s2", _RPM / 60),
     "x_position": _linear("rad", _X_STEP, 2048),
     "x_angle": _linear("rad", _X_STEP),
     "x_velocity": _linear("rad/s", _X_VELOCITY),
@@ -126,13 +186,33 @@ UNITS: Final = {
     "x_load": _linear("", 1e-3),
     "milliampere": _linear("A", 1e-3),
     "xm_current": _linear("A", 2.69e-3),
+    "percent": _linear("", 0.01),
+    "feetech_baud": _baud(*_FEETECH_BAUDS),
+    "sts_speed": _linear("rad/s", _X_STEP),
+    "sts_goal_speed": _sts_goal_speed(),
+    "sts_acceleration": _unlimited_at_zero("rad/s2", 100 * _X_STEP),
+    "scs_position": _linear("rad", _SCS_STEP, 512),
+    "scs_speed": _linear("rad/s", _SCS_STEP),
+    "scs_goal_speed": _unlimited_at_zero("rad/s", _SCS_STEP),
     "pwm_slope": _linear("V/s", 1.977),
 }
 
 
 def unit_of(item: Item, wheel: bool = False) -> Unit:
     """Return the unit of `item`; `wheel`: the servo is in wheel mode."""
-    return UNITS[item.wheel_unit if wheel and item.wheel_unit else item.unit]
+    return unit_named(item.wheel_unit if wheel and item.wheel_unit else item.unit)
+
+
+@cache
+def unit_named(name: str) -> Unit:
+    """Return a unit by its name in a table. Raises KeyError and ValueError for a mistake in the table."""
+    if name in UNITS:
+        return UNITS[name]
+    if name.startswith("turn/"):
+        return _linear("rad", math.tau / int(name.removeprefix("turn/")))
+    base, _, factor = name.partition("*")
+    symbol, scale = _BASES[base]
+    return _linear(symbol, scale * float(factor))
 
 
 def to_si(item: Item, raw: int, wheel: bool = False) -> float:
@@ -156,7 +236,7 @@ def from_si(item: Item, value: float, wheel: bool = False) -> int:
 def limits_si(item: Item, wheel: bool = False) -> tuple[float, float]:
     """Return the smallest and the largest value that `from_si` accepts, for a UVar's rangemin and rangemax."""
     unit = unit_of(item, wheel)
-    if unit is UNITS["ax_wheel"] or unit is UNITS["ax_speed"] or unit is UNITS["ax_load"]:
+    if unit.both_ways:
         full = unit.to_si(_AX_FULL)
         return -full, full
     ends = [unit.to_si(item.low), unit.to_si(_high(item, unit))]

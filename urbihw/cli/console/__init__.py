@@ -20,6 +20,7 @@ from urbihw.cli.lobby_client import LobbyClient
 from urbihw.cli.options import DEFAULT_PORT, Refused, complain, port
 from urbihw.cli.reach import add_access, credentials, resolve_server
 from urbihw.exitcodes import EX_CONFIG, INTERRUPTED
+from urbihw.extras import install_command
 
 NEEDED = ("prompt_toolkit", "pygments")
 
@@ -62,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
             return plain.run_session(where, who, sys.stdin.buffer)
         missing = [name for name in NEEDED if find_spec(name) is None]
         if missing:
-            raise Refused(f"this needs {' and '.join(missing)}: pip install 'urbihw[console]'; or use --plain",
+            raise Refused(f"this needs {' and '.join(missing)}: {install_command('console')}; or use --plain",
                           EX_CONFIG)
         from urbihw.cli.console import screen
 

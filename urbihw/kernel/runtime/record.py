@@ -9,7 +9,8 @@ mechanisms limit the damage that one program can do to the others:
 - The prototypes and slots of all shared objects are *recorded*, and so are later changes by the robot's own code.  When
   a connection is opened, slots that were removed or replaced by an implausible value are restored; other redefinitions
   are reported, and ``reset`` restores them too.  Added slots are reported only where they hide a function of the
-  library.  A slot with a plain value is a variable, and its value is not compared.
+  library.  A slot with a plain value is a variable, and its value is not compared; nil, true and false are plain
+  values in all single objects.  (In a class they are the defaults of its objects.)
 """
 
 from __future__ import annotations
@@ -305,12 +306,21 @@ class Record:
     ) -> None:
         """Restore or report a slot whose value differs from the record."""
         if now is not ABSENT:
-            if not isinstance(value, Executable) and not self.is_shared(value) and name != "type":
-                return  # a variable
+            if name != "type" and self._is_variable(kept, name, value):
+                return
             if not thorough and self._may_stand_for(now, value):
                 changes.different[f"{kept.name}.{name}"] = None
                 return
         self._put_back(kept, name, changes)
+
+    def _is_variable(self, kept: RecordedObject, name: str, value: Value) -> bool:
+        """Whether a slot has a plain value: the library and the robot change it themselves while they run."""
+        if isinstance(value, Executable):
+            return False
+        if not self.is_shared(value):
+            return True
+        world = self._world
+        return not kept.is_class and any(value is constant for constant in (world.nil, world.true, world.false))
 
     def _may_stand_for(self, now: Value, value: Value) -> bool:
         """Whether the new value is a plausible redefinition of a function or an object of the library."""

@@ -1,4 +1,7 @@
-"""The slots of a device with their present values, for ``help``: no function of the device is called."""
+"""The slots of a device with their present values, for ``help``.
+
+No function of the device is called, but those that its class declares to have a unit: they only tell a number.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +10,11 @@ from typing import Final, NamedTuple
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.binary import BinaryObject
-from urbihw.kernel.runtime.code import Executable
+from urbihw.kernel.runtime.code import Executable, Primitive
 from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.slot import peek_meta
+from urbihw.kernel.runtime.values import String
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib import prototype
 from urbihw.kernel.stdlib.interface import KindObject, Promise, promised_unit, provider
@@ -46,10 +50,16 @@ def _names(world: World, this: Obj) -> Iterator[str]:
             continue
         seen.add(id(one))
         for name in one.slots:
-            marker = isinstance(one, KindObject) and name == "as" + one.name
+            marker = name == "as" + (one.name if isinstance(one, KindObject) else _type_of(one))
             if name.isidentifier() and not name.startswith("_") and name not in _HIDDEN and not marker:
                 yield name
         waiting += [proto for proto in one.protos if isinstance(proto, Obj)]
+
+
+def _type_of(one: Obj) -> str:
+    """The name of a class; its instances have it in a slot ``asName``."""
+    own = one.slots.get("type")
+    return own.s if isinstance(own, String) else ""
 
 
 def _present(world: World, this: Obj, name: str) -> Value:
@@ -83,6 +93,8 @@ def _held(this: Obj, holder: Obj, name: str) -> Value:
     slot, meta = holder.slots[name], peek_meta(holder, name)
     if meta is not None and meta.accessor is not None:
         return meta.accessor.read(this)
+    if isinstance(slot, Primitive) and meta is not None and meta.properties and "unit" in meta.properties:
+        return slot.call(this, ())
     return None if isinstance(slot, Executable | Event) else slot
 
 

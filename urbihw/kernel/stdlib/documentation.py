@@ -162,11 +162,11 @@ class Docstrings:
         # A variable of a device may be shared with other objects, under other names.
         value = holder.slots[name]
         text = ""
-        for place, own in ((holder, name), (getattr(value, "holder", None), getattr(value, "name", ""))):
+        for place, own in ((holder, name), (getattr(value, "holder", None), getattr(value, "name", "")), (this, name)):
             describe = getattr(getattr(place, "kind", None), "describe_slot", None)
             text = text or ("" if describe is None else describe(own)[0])
         if not text:
-            text = self._noted(holder, name)
+            text = self._noted(holder, name) or self._noted(this, name)
         for kind in kinds_of(self._world, this):
             text = text or self._slots.get((id(kind), name), "")
         return text

@@ -127,9 +127,11 @@ UNITS: Final[dict[str, Unit]] = {
     "ratio": Unit(0.0, 1.0),
     "%": Unit(-100.0, 100.0),
     "m": Unit(-1e4, 1e4),
+    "cm": Unit(0.0, 1e4),
     "m/s": Unit(-20.0, 20.0),
     "m/s^2": Unit(-200.0, 200.0),
     "rad": Unit(-4 * math.tau, 4 * math.tau),
+    "deg": Unit(-1e7, 1e7),
     "rad/s": Unit(-150.0, 150.0),
     "rad/s^2": Unit(-1e4, 1e4),
     "turn": Unit(-1e5, 1e5),
@@ -148,7 +150,7 @@ UNITS: Final[dict[str, Unit]] = {
     "dB": Unit(-200.0, 200.0),
     "pixel": Unit(0.0, 1e5),
 }
-"""The units of all slots of Interface; "" is for slots that are no numbers."""
+"""The units of all slots; "" is for slots that are no numbers.  The manual's NXT chapter has "deg" and "cm"."""
 
 
 def problems_of_path(path: Sequence[str]) -> list[str]:

@@ -9,24 +9,22 @@ The age of a statement is the epoch in which it began (``Job.epoch``).  If a sta
 move the robot after it, it gets an error with the reason; a program that catches the error continues like a new
 statement.
 
+A *movement*, such as ``go`` of a mobile robot, is controlled by the jobs of a tag.  It has the devices that these jobs
+have written; the first write to one of them by anybody else ends the movement, and everything it moves stands before
+that write takes effect.
+
 A client (a lobby) holds a *lease* on the effectors that it wrote last.  They are stopped when its connection ends.
 They are also stopped when the client closes its sending side, because it then cannot stop them any more.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final
 
 from urbihw.kernel import errors
-from urbihw.kernel.runtime.backtrace import calling_frame, current_stack
-from urbihw.kernel.uobject.declarations import event, reading
-from urbihw.kernel.uobject.uobject import UObject
-from urbihw.kernel.uobject.uvalue import from_urbi
-from urbihw.kernel.uobject.uvar import UVar
-from urbihw.kernel.uobject.values import finite_number
+from urbihw.kernel.runtime.backtrace import current_stack
 
 if TYPE_CHECKING:
     from urbihw.kernel.sched.job import Job
@@ -34,6 +32,10 @@ if TYPE_CHECKING:
 
 ROBOT = "robot"
 """The client name of writes without a connection: files loaded at start, and devices in the server."""
+
+
+WARNING_PERIOD_S: Final = 10.0
+"""Seconds after which the same warning is given to the same client again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +72,15 @@ class Origin:
             output.line(f"!!! {place}warning: {text}", "warning")
 
 
+@dataclass(slots=True)
+class Movement:
+    """A movement in progress: the tag of the jobs that control it, what ends it, and the devices that it has moved."""
+
+    tag: Any
+    end: Callable[[], Any]
+    devices: set[Hashable] = field(default_factory=set)
+
+
 class Motion:
     """The authority over the motion of one robot in the kernel; the bus worker checks each command again.
 
@@ -80,6 +91,9 @@ class Motion:
         latched: reason of the active emergency stop, "" if there is none.
         keep: whether a movement continues when its client has disconnected.
         held: device -> reason why it may not move at present.
+        absent: device, None for all -> why writes to it do not act at present, and the lowest ``Job.epoch`` of a
+            statement that began after the loss (``set_absent``).
+        absences: how often ``absent`` has changed.
         at_rest: whether no write was accepted since the last stop.
     """
 
@@ -94,10 +108,16 @@ class Motion:
         self.latched = ""
         self.keep = False
         self.held: dict[Hashable, str] = {}
+        self.absent: dict[Hashable, tuple[str, int]] = {}
+        self.absences = 0
         self.at_rest = False
         self._mark = 0
         self._ended: dict[Hashable, tuple[int, str]] = {}
         self._moved_by: dict[Hashable, Origin] = {}
+        self._movements: list[Movement] = []
+        self._warnings: list[tuple[Any, str, float]] = []
+        self._told: list[tuple[Any, str]] = []
+        self._limits_told: list[tuple[Any, str]] = []
         self._world.client_gone.append(self._client_gone)
 
     def close(self) -> None:
@@ -163,9 +183,94 @@ class Motion:
         if not self._lease_lasts(origin):
             gone = f"the connection of {origin.client} is closed on its side"
             raise errors.Refused(f"{gone}, so it cannot move {self._name}")
+        if self._movements:
+            self._give_way(device)
         self._moved_by[device] = origin
         self.at_rest = False
         return origin
+
+    # ---------------------------------------------------------------- what cannot act
+
+    def set_absent(self, device: Hashable, reason: str) -> None:
+        """Say why writes to a device (None for all) do not act from now on; "" when they act again."""
+        if reason:
+            self._world.scheduler.epoch += 1
+            self.absent.setdefault(device, (reason, self._world.scheduler.epoch))
+        else:
+            back, _ = self.absent.pop(device, ("", 0))
+            self._told = [(lease, told) for lease, told in self._told if told != back]
+        self.absences += 1
+
+    def is_absent(self, device: Hashable) -> bool:
+        """Whether writes to a device do not act at present."""
+        return None in self.absent or device in self.absent
+
+    def warn_of_absence(self, device: Hashable, origin: Origin) -> None:
+        """Warn the client that wrote to an absent device, once of each loss, also if many devices are lost with it.
+
+        There is no warning for a statement that began before the loss, because it continues when the device is back;
+        nor for a movement (``begin_movement``), which reports the loss itself.
+        """
+        reason, mark = self.absent.get(None) or self.absent.get(device, ("", 0))
+        job = self._world.scheduler.current
+        if not reason or job is None or job.epoch < mark or self.in_movement:
+            return
+        if not any(lease is origin.lease and told == reason for lease, told in self._told):
+            present = [each for each in self._told if getattr(each[0], "connected", True)]
+            self._told = [*present, (origin.lease, reason)]
+            origin.warn(reason)
+
+    def warn(self, origin: Origin, text: str) -> None:
+        """Warn the client that wrote, with the same text at most every WARNING_PERIOD_S seconds."""
+        now = self.now()
+        self._warnings = [each for each in self._warnings if now - each[2] < WARNING_PERIOD_S]
+        if not any(lease is origin.lease and text == told for lease, told, _ in self._warnings):
+            self._warnings.append((origin.lease, text, now))
+            origin.warn(text)
+
+    def warn_of_limit(self, limit: str, origin: Origin) -> None:
+        """Warn the client that wrote of a limit of the settings, once of each: a trajectory meets it at each step."""
+        if origin.lease is not None and not any(
+            lease is origin.lease and limit == told for lease, told in self._limits_told
+        ):
+            present = [each for each in self._limits_told if getattr(each[0], "connected", True)]
+            self._limits_told = [*present, (origin.lease, limit)]
+            origin.warn(f"limited by {limit}")
+
+    # ---------------------------------------------------------------- movements
+
+    def begin_movement(self, tag: Any, end: Any) -> None:
+        """Begin a movement controlled by the jobs of an urbiscript tag; the urbiscript function ``end`` ends it.
+
+        Raises ValueError if ``tag`` is no tag.
+        """
+        kernel_tag = getattr(tag, "tag", None)
+        if kernel_tag is None:
+            raise ValueError("a movement needs the tag of its jobs")
+        self.end_movement(tag)
+        self._movements.append(Movement(kernel_tag, lambda: self._world.invoke(end, end, (), "end")))
+
+    def end_movement(self, tag: Any) -> None:
+        """The movement of a tag is over; nothing happens if there is none."""
+        kernel_tag = getattr(tag, "tag", None)
+        self._movements = [each for each in self._movements if each.tag is not kernel_tag]
+
+    def _give_way(self, device: Hashable) -> None:
+        """Add a device to the movement of the running job, and end the other movements that have moved it."""
+        job = self._world.scheduler.current
+        for movement in list(self._movements):
+            if job is not None and any(entry.tag is movement.tag for entry in job.entries):
+                movement.devices.add(device)
+            elif device in movement.devices:
+                self._movements.remove(movement)
+                movement.end()
+
+    @property
+    def in_movement(self) -> bool:
+        """Whether the running job controls a movement."""
+        job = self._world.scheduler.current
+        tags = [movement.tag for movement in self._movements]
+        return job is not None and any(entry.tag in tags for entry in job.entries)
 
     def since(self, device: Hashable) -> int:
         """The lowest ``Job.epoch`` of a statement that may move a device."""
@@ -226,163 +331,6 @@ class Motion:
             self._release(devices, f"the connection of {_client(lease)} is closed, which moved it")
 
 
-OFF: Final = "off"
-"""Value of ``limitedBy`` for writes to a device that is switched off."""
-
-
-class Effector:
-    """The guard of one variable that moves the robot (see ``EffectorDevice``).
-
-    Attributes:
-        origin: origin of the last accepted write.
-        device: the device that it moves, by its name in the bus worker.
-        limited: the last write as limited by the worker, and the name of the limit.  It is valid until the next report
-            of the worker or the next stop.  None while no limit acts.
-    """
-
-    def __init__(self, motion: Motion, device: Hashable, var: UVar, face: EffectorDevice) -> None:
-        self.origin = motion.own()
-        self._motion = motion
-        self.device = device
-        self._var = var
-        self._face = face
-        self._statement: object = None
-        self._limited: tuple[int, Any, str] | None = None
-        var.effector = self
-
-    def admit(self, wanted: Any, value: Any) -> None:
-        """Check a write.  ``wanted`` is the assigned value, ``value`` what the range of the slot leaves of it.
-
-        Raises an urbiscript error if the writer may not move the robot (see ``Motion.admit``) or the value is no finite
-        number.
-        """
-        if wanted.__class__ is not float:
-            self._check_number(wanted)
-        elif not math.isfinite(wanted):
-            raise errors.primitive(f"takes a finite number, not {wanted:g}", self._var.name)
-        frame, job = calling_frame(), self._motion.running
-        statement = None if frame is None else (id(job), frame.f_code, frame.f_lasti)
-        known = self.origin if statement == self._statement else None
-        self.origin = self._motion.admit(self.device, known, statement)
-        self._statement = statement
-        self._face.wrote(self, wanted, value)
-
-    def _check_number(self, wanted: Any) -> None:
-        """Raise the error for a value that is neither a number nor a truth value; nothing was requested by it."""
-        try:
-            finite_number(from_urbi(wanted))
-        except ValueError as error:
-            raise errors.primitive(str(error), self._var.name) from error
-
-    @property
-    def limited(self) -> tuple[Any, str] | None:
-        """The limited value and the name of the limit; None while no limit acts."""
-        return None if self._limited is None or self._limited[0] != self._motion.stops else self._limited[1:]
-
-    def set_limited(self, value: Any, limit: str) -> None:
-        """Store the worker's report: the limited value and the name of the limit, "" for none."""
-        self._limited = (self._motion.stops, value, limit) if limit else None
-
-    @property
-    def since(self) -> int:
-        """The lowest ``Job.epoch`` of a statement that may move this effector."""
-        return self._motion.since(self.device)
-
-    def limits(self) -> str:
-        """The range of the slot, in words."""
-        least, most = (self._var.get_property(name) for name in ("rangemin", "rangemax"))
-        return f"range of {self._var.name}: {least:g} to {most:g}"
-
-
-class EffectorDevice(UObject):
-    """A device with effectors: it shows the requested value, the applied value and the writer.
-
-    ``requested`` and ``applied`` are the last written value and the value after the limits, in the unit of the written
-    slot; ``limitedBy`` is the name of the limit, "" if there was none; ``why`` describes the writer.  ``limited`` is
-    emitted with the name of the limit when a write is limited and the write before was not.
-
-    A write while the device is switched off is limited by ``OFF``: ``applied`` is nan and ``why`` explains how to
-    switch the device on.  Each client that writes gets the same explanation once as a warning or, if ``off_is_error``
-    is set, as the error of each such write.
-    """
-
-    off_is_error: ClassVar[bool] = False
-    slot_words = {
-        "requested": ("value last written", "1"),
-        "applied": ("value last written after the limits, nan while the device is off", "1"),
-        "limitedBy": ("limit that changed the value last written, empty for none", ""),
-        "why": ("who wrote last: connection, tag, place in the program, time", ""),
-        "limited": ("event: a limit begins to act; with its name", ""),
-    }
-
-    requested = reading(math.nan)
-    applied = reading(math.nan)
-    limitedBy = reading("")
-    why = reading("")
-    limited = event()
-
-    def guard(self, motion: Motion, device: Hashable, var: UVar) -> Effector:
-        """Guard a variable: only a writer that may move ``device`` at that time can write it."""
-        self.notify_access(self.why, self._tell_why)
-        return Effector(motion, device, var, self)
-
-    def wrote(self, effector: Effector, wanted: Any, value: Any) -> None:
-        """A write was accepted."""
-        self._last_effector = effector
-        self.requested.sense(wanted)
-        off = self.explain_off()
-        if off:
-            self.show_applied(math.nan, OFF)
-            if not self.off_is_error:
-                self.warn(effector.origin, off)
-            return
-        if self._warned:
-            self._warned = []
-        limited = effector.limited
-        if limited is not None:
-            self.show_applied(*limited)
-        else:
-            self.show_applied(value, effector.limits() if value is not wanted and value != wanted else "")
-
-    def limit_applied(self, value: Any, limit: str) -> None:
-        """Store the worker's report about the last write: the limited value and the name of the limit, "" when no limit
-        acts any more.
-        """
-        if self._last_effector is not None:
-            self._last_effector.set_limited(value, limit)
-        if self.limitedBy.sensed != OFF:
-            self.show_applied(value, limit)
-
-    def show_applied(self, value: Any, limit: str) -> None:
-        """Set ``applied`` and ``limitedBy`` after a write."""
-        self.applied.sense(value)
-        if limit != self.limitedBy.sensed:
-            self.limitedBy.sense(limit)
-            if limit:
-                self.limited.emit(limit)
-
-    def explain_off(self) -> str:
-        """The reason why the device ignores writes and how to switch it on, in words; "" while it is on.  Override."""
-        return ""
-
-    _last_effector: Effector | None = None
-    _warned: Sequence[Any] = ()
-    """The clients that were warned since the device was switched off."""
-
-    def warn(self, origin: Origin, text: str) -> None:
-        """Warn the writing client once; a trajectory writes at each of its steps."""
-        if origin.lease is not None and all(lease is not origin.lease for lease in self._warned):
-            present = [lease for lease in self._warned if getattr(lease, "connected", True)]
-            self._warned = [*present, origin.lease]
-            origin.warn(text)
-
-    def _tell_why(self) -> None:
-        if self._last_effector is not None:
-            origin = self._last_effector.origin
-            off = self.explain_off() if self.limitedBy.sensed == OFF else ""
-            self.why.sense(f"{origin}, {origin.time:.3f} s" + (f"; {off}" if off else ""))
-
-
 def _client(lease: Any) -> str:
     """The name of a client."""
     tag = getattr(lease, "tag", None)
@@ -402,5 +350,5 @@ def _tag(job: Job) -> str:
     return ""
 
 
-_UNNAMED = frozenset({"scope", "tag", "loop"})
+_UNNAMED = frozenset({"scope", "tag", "loop", "movement"})
 """The names of tags that the kernel makes itself."""

@@ -2,8 +2,8 @@
 its robot from this class.
 
 The daemon makes it with ``host.create``, calls ``open``, waits for the answer, and only then accepts clients.  From
-then on the robot itself handles a lost connection: it reports the loss in its slots and events and reconnects by
-itself.
+then on the robot itself handles a connection that is lost or was never there: it reports the loss in its slots and
+events and connects by itself.
 """
 
 from __future__ import annotations
@@ -29,7 +29,10 @@ class RobotSettings:
         keep_motion: whether the movements of a client continue when its connection ends.
         resume: whether a movement continues when a lost device or link comes back; otherwise it ends.
         limits: limits of the commands to each device: the table ``[limits]`` of the settings.
+        devices: the expected devices by name: the table ``[devices]`` of the settings.
         control: path of the control socket of the bus worker; "" for none.
+        memory: path of the file of the devices that the last run has found; "" for none.
+        motions: path of the folder of recorded motions and poses; "" for none.
     """
 
     url: str
@@ -40,7 +43,10 @@ class RobotSettings:
     keep_motion: bool = False
     resume: bool = True
     limits: Mapping[str, Any] = field(default_factory=dict)
+    devices: Mapping[str, Any] = field(default_factory=dict)
     control: str = ""
+    memory: str = ""
+    motions: str = ""
 
 
 Opened = Callable[[DeviceError | None], None]
@@ -55,8 +61,9 @@ class Robot(UObject):
     def open(self, settings: RobotSettings, opened: Opened) -> None:
         """Start the search for the robot, and return at once.
 
-        ``opened(None)`` is called once, in the kernel's thread, when the devices are slots with values;
-        ``opened(error)`` is called if that is impossible.  Nothing moves.  Raises BadConfig for invalid settings.
+        ``opened`` is called in the kernel's thread: once with NotReady when the robot is absent (it is searched until
+        it is there), and once with None when the devices are slots with values; with another error when the settings
+        do not fit.  Nothing moves.  Raises BadConfig for invalid settings.
         """
         raise NotImplementedError
 
@@ -74,6 +81,10 @@ class Robot(UObject):
     def stop(self) -> None:
         """Stop the effectors now; commands given afterwards move them again."""
         raise NotImplementedError
+
+    def waits_for(self) -> str:
+        """Why the robot has not been found yet since ``open``, in one line; "" when it has been."""
+        return ""
 
     def status(self) -> str:
         """The status in a few words for the service manager, such as ``18 servos, 1 sensor, 98 Hz``."""

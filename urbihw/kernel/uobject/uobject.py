@@ -16,13 +16,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.slot import meta_of
 from urbihw.kernel.uobject.callback import Callback
 from urbihw.kernel.uobject.declarations import bound_attributes, event, variable
 from urbihw.kernel.uobject.functions import bound_functions, class_function, instance_function
 from urbihw.kernel.uobject.threads import Lock
 from urbihw.kernel.uobject.timers import Timers
 from urbihw.kernel.uobject.uevent import Handler, Listener, UEvent
-from urbihw.kernel.uobject.uvalue import Device
+from urbihw.kernel.uobject.uvalue import Device, to_urbi
 from urbihw.kernel.uobject.uvar import UVar
 
 if TYPE_CHECKING:
@@ -282,3 +283,7 @@ def install_functions(world: World, kind: type[UObject], face: UObjectFace) -> N
     """Store the bound methods of a class as slots of its urbiscript prototype."""
     for urbi, python in bound_functions(kind).items():
         face.slots[urbi] = class_function(world, urbi, python, getattr(kind, python))
+        unit = kind.describe_slot(urbi)[1]
+        if unit:
+            # A function without arguments that tells a number: ``help`` calls it.
+            meta_of(face, urbi).properties = {"unit": to_urbi(world, unit)}

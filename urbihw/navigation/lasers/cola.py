@@ -11,6 +11,7 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 from functools import reduce
+from itertools import accumulate
 from operator import xor
 from typing import Final, Protocol
 
@@ -63,52 +64,60 @@ class Framer:
     def __init__(self) -> None:
         self.damaged = 0
         self._buffer = b""
+        self._sums: list[int] = []
 
     def feed(self, data: bytes) -> list[Telegram]:
         """Process received bytes; returns the telegrams that are complete now."""
         self._buffer += data
+        self._sums = []
         found: list[Telegram] = []
-        while (start := self._buffer.find(STX)) >= 0:
-            self._buffer = self._buffer[start:]
-            size = self._take_binary(found) if self._is_binary() else self._take_text(found)
+        at = 0
+        while (start := self._buffer.find(STX, at)) >= 0:
+            size = self._take_binary(start, found) if self._is_binary(start) else self._take_text(start, found)
             if not size:
                 break
-            self._buffer = self._buffer[size:]
-        else:
-            self._buffer = b""
+            at = start + size
+        self._buffer = self._buffer[start:] if start >= 0 else b""
         return found
 
-    def _is_binary(self) -> bool:
-        """Whether the buffer begins like CoLa B; text never begins with a second STX."""
-        return self._buffer[1:2] in (b"", STX)
+    def _is_binary(self, at: int) -> bool:
+        """Whether the telegram at this place begins like CoLa B; text never begins with a second STX."""
+        return self._buffer[at + 1 : at + 2] in (b"", STX)
 
-    def _take_text(self, found: list[Telegram]) -> int:
+    def _take_text(self, at: int, found: list[Telegram]) -> int:
         """Take a telegram of CoLa A; returns how many bytes are done with, 0 to wait for more."""
-        end = self._buffer.find(ETX, 0, LONGEST)
-        again = self._buffer.find(STX, 1, end if end >= 0 else LONGEST)
-        if again >= 0 or (end < 0 and len(self._buffer) >= LONGEST):
-            self.damaged += 1
-            return again if again >= 0 else LONGEST
+        again = self._buffer.find(STX, at + 1, at + LONGEST)
+        end = self._buffer.find(ETX, at, again if again >= 0 else at + LONGEST)
         if end >= 0:
-            self._add(self._buffer[1:end], found, binary=False)
-        return end + 1
+            self._add(self._buffer[at + 1 : end], found, binary=False)
+            return end + 1 - at
+        if again >= 0 or len(self._buffer) - at >= LONGEST:
+            self.damaged += 1
+            return again - at if again >= 0 else LONGEST
+        return 0
 
-    def _take_binary(self, found: list[Telegram]) -> int:
+    def _take_binary(self, at: int, found: list[Telegram]) -> int:
         """The same for CoLa B."""
-        if len(self._buffer) < 8:
-            return 0 if _BINARY.startswith(self._buffer[:4]) else 1
-        size = int.from_bytes(self._buffer[4:8], "big")
-        if not self._buffer.startswith(_BINARY) or not 4 <= size <= LONGEST:
+        head = self._buffer[at : at + 8]
+        if len(head) < 8:
+            return 0 if _BINARY.startswith(head[:4]) else 1
+        size = int.from_bytes(head[4:], "big")
+        if not head.startswith(_BINARY) or not 4 <= size <= LONGEST:
             self.damaged += 1
             return 1
-        if len(self._buffer) < 9 + size:
+        if len(self._buffer) < at + 9 + size:
             return 0
-        content = self._buffer[8 : 8 + size]
-        if reduce(xor, content) != self._buffer[8 + size]:
+        if self._check_sum(at + 8, at + 8 + size) != self._buffer[at + 8 + size]:
             self.damaged += 1
             return 1
-        self._add(content, found, binary=True)
+        self._add(self._buffer[at + 8 : at + 8 + size], found, binary=True)
         return 9 + size
+
+    def _check_sum(self, first: int, end: int) -> int:
+        """The exclusive or of some bytes, from the sums of all beginnings of the buffer: damaged headers may promise
+        long telegrams that overlap, and to add up each of them would take seconds."""
+        self._sums = self._sums or list(accumulate(self._buffer, xor, initial=0))
+        return self._sums[end] ^ self._sums[first]
 
     def _add(self, content: bytes, found: list[Telegram], *, binary: bool) -> None:
         kind, _, rest = content.partition(b" ")

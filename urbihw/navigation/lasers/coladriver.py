@@ -29,6 +29,7 @@ class ColaDriver(LaserDriver):
         super().__init__()
         self._framer = cola.Framer()
         self._binary = False
+        self._info = LaserInfo(0.0, 0.0)
 
     def start(self, link: Link) -> LaserInfo:
         """See ``LaserDriver``."""
@@ -37,9 +38,8 @@ class ColaDriver(LaserDriver):
         name = self._find_dialect(link)
         scan = self._ask_scan(link) or self._wake(link)
         self._ask(link, "sEN", "LMDscandata 1", "sEA")
-        field = scan.step * (len(scan.raw) - 1)
-        middle = math.radians(scan.first + field / 2 - FRONT)
-        return LaserInfo(math.radians(field), math.radians(scan.step), middle, 0.05, name)
+        self._info = _info_of(scan, name)
+        return self._info
 
     def stop(self, link: Link) -> None:
         """See ``LaserDriver``."""
@@ -52,17 +52,20 @@ class ColaDriver(LaserDriver):
             return None
         least = cola.FIRST_VALID
         ranges = tuple(raw * scan.unit if raw >= least else math.inf for raw in scan.raw)
-        return Scan(ranges, LARGEST * scan.unit, scan.dirty)
+        # Somebody may change the sector or the resolution while the laser scans.
+        before, self._info = self._info, _info_of(scan, self._info.model)
+        return Scan(ranges, LARGEST * scan.unit, scan.dirty, self._info if self._info != before else None)
 
     def _last_scan(self, data: bytes) -> cola.Distances | None:
         found = None
         for message in self._framer.feed(data):
             if message.name == "LMDscandata" and message.kind in ("sSN", "sRA"):
-                self.note_telegram()
                 try:
                     found = cola.parse_scan(message)
                 except BadFrame:
                     self.unreadable += 1
+                else:
+                    self.note_telegram()
         self.damaged = self._framer.damaged
         return found
 
@@ -114,3 +117,10 @@ class ColaDriver(LaserDriver):
         link.write(cola.telegram(kind, text, binary=self._binary))
         found: cola.Telegram | None = self.read_until(link, ANSWER_TIMEOUT_S, take)
         return found
+
+
+def _info_of(scan: cola.Distances, name: str) -> LaserInfo:
+    """The laser with the angles of a scan."""
+    field = scan.step * (len(scan.raw) - 1)
+    middle = math.radians(scan.first + field / 2 - FRONT)
+    return LaserInfo(math.radians(field), math.radians(scan.step), middle, 0.05, name)

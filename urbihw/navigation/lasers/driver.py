@@ -49,18 +49,20 @@ class Scan:
     Attributes:
         farthest: greatest distance in m that the laser can tell.
         dirty: its window is polluted.
+        info: the laser with other angles, if they have changed since the scan before; else None.
     """
 
     ranges: tuple[float, ...]
     farthest: float
     dirty: bool = False
+    info: LaserInfo | None = None
 
 
 class LaserDriver(Driver):
     """Base of the drivers: a subclass implements ``start``, ``stop`` and ``take_bytes``.
 
     Attributes:
-        silence: seconds without a valid telegram after which the laser counts as lost.
+        silence: seconds without a readable scan after which the laser counts as lost.
         damaged, unreadable: telegrams with a wrong check sum, and valid ones with a content that makes no sense.
     """
 
@@ -83,7 +85,7 @@ class LaserDriver(Driver):
         raise NotImplementedError
 
     def take_bytes(self, data: bytes) -> Scan | None:
-        """Process received bytes; return the last scan that is complete now.  Call ``note_telegram`` for each telegram.
+        """Process received bytes; return the last scan that is complete now.  Call ``note_telegram`` for each scan.
 
         Damage is counted, never raised.
         """
@@ -92,7 +94,7 @@ class LaserDriver(Driver):
     # ---------------------------------------------------------------- what a subclass calls
 
     def note_telegram(self) -> None:
-        """A valid telegram has come: the laser is alive."""
+        """A scan, or a part of one, has come and could be read: the laser is alive."""
         self._heard = True
 
     @staticmethod
@@ -150,11 +152,12 @@ class LaserDriver(Driver):
         if self._heard:
             self._heard_at = now
         elif now - self._heard_at > self.silence:
-            raise LinkGone(f"{link.url.text}: the laser has been silent for {self.silence:g} s; has it power?")
+            raise LinkGone(f"{link.url.text}: the laser has sent no scan for {self.silence:g} s; has it power?")
         if scan is None:
             return []
         values = {"ranges": scan.ranges, "farthest": scan.farthest, "dirty": scan.dirty}
-        return [Samples(now, {LASER: values}, {LASER: now})]
+        changed = [Found((scan.info,))] if scan.info is not None else []
+        return [*changed, Samples(now, {LASER: values}, {LASER: now})]
 
     def targets(self, message: Targets) -> list[FromWorker]:
         """Ignore targets: a laser has none."""

@@ -49,12 +49,13 @@ class SickDriver(LaserDriver):
         """See ``LaserDriver``."""
         scan = None
         for reply in self._framer.feed(data):
-            self.note_telegram()
             if reply.kind == lms200.SCAN:
                 try:
                     scan = lms200.parse_scan(reply)
                 except BadFrame:
                     self.unreadable += 1
+                else:
+                    self.note_telegram()
         self.damaged = self._framer.damaged
         return scan
 

@@ -20,6 +20,10 @@ LONGEST: Final = 40000
 """Bytes of a message: 8192 steps, and room."""
 MOST_STEPS: Final = 8192
 _WORD: Final = 3
+_FARTHEST_MM: Final = (1 << 6 * _WORD) - 1
+"""The largest distance that three characters can tell."""
+_DIGITS: Final = 9
+"""Digits of a parameter; more make no sense."""
 
 
 def command(text: str) -> bytes:
@@ -66,7 +70,7 @@ class Framer:
 def _message(block: bytes) -> Message | None:
     """Take a message apart; None when it is damaged."""
     echo, *lines = block.removeprefix(b"\n").split(b"\n")
-    if not lines or not all(map(_is_whole, lines)) or len(lines[0]) != 3:
+    if not lines or not all(map(_is_whole, lines)) or len(lines[0]) != 3 or not lines[0][:2].isalnum():
         return None
     return Message(echo.decode("latin-1"), lines[0][:2].decode("latin-1"), tuple(line[:-1] for line in lines[1:]))
 
@@ -104,13 +108,21 @@ def parse_parameters(message: Message) -> Parameters:
     """The parameters of PP.  Raises BadFrame for ones that make no sense."""
     rows = parse_rows(message)
     try:
-        values = Parameters(*(int(rows[name]) for name in ("DMIN", "DMAX", "ARES", "AMIN", "AMAX", "AFRT")))
+        values = Parameters(*(_number(rows[name]) for name in ("DMIN", "DMAX", "ARES", "AMIN", "AMAX", "AFRT")))
     except (KeyError, ValueError) as error:
         raise BadFrame(f"the laser's parameters lack a number: {error}") from error
-    steps_fit = 0 <= values.first < values.front < values.last <= MOST_STEPS and 0 < values.turn <= MOST_STEPS
-    if not steps_fit or not 0 <= values.nearest < values.farthest or 2 * values.side > values.turn:
+    steps_fit = 0 <= values.first < values.front < values.last < MOST_STEPS and 0 < values.turn <= MOST_STEPS
+    ranges_fit = 0 <= values.nearest < values.farthest <= _FARTHEST_MM
+    if not steps_fit or not ranges_fit or 2 * values.side > values.turn:
         raise BadFrame("the laser's parameters make no sense")
     return values
+
+
+def _number(text: str) -> int:
+    """The number of a row.  Raises ValueError, also for more than ``_DIGITS`` digits."""
+    if len(text) > _DIGITS:
+        raise ValueError(f"{text[:_DIGITS]!r}... is too long")
+    return int(text)
 
 
 def scan_command(first: int, last: int) -> str:

@@ -42,7 +42,8 @@ class ScipDriver(LaserDriver):
             found = scip.parse_parameters(self._ask(link, "PP"))
         except BadFrame as error:
             raise self.refuse(link, f"cannot be used: {error}") from error
-        rows = scip.parse_rows(self._ask(link, "VV"))
+        version = self._exchange(link, "VV")
+        rows = scip.parse_rows(version) if version is not None else {}
         self._ask(link, "BM", scip.OK, scip.LASER_IS_ON)
         self._count = 2 * found.side + 1
         self._range = found.nearest / 1000, found.farthest / 1000
@@ -68,12 +69,12 @@ class ScipDriver(LaserDriver):
                 # The laser reports that it cannot measure now; silence ends it.
                 self.unreadable += message.status != scip.OK
                 continue
-            self.note_telegram()
             try:
                 values = scip.parse_distances(message, self._count)
             except BadFrame:
                 self.unreadable += 1
                 continue
+            self.note_telegram()
             least, most = self._range
             scan = Scan(tuple(within(value / 1000, least, most) for value in values), most)
         self.damaged = self._framer.damaged

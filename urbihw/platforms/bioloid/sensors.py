@@ -17,22 +17,23 @@ from urbihw.buses.messages import Reply
 from urbihw.buses.servos import units
 from urbihw.buses.servos.status import state_words
 from urbihw.kernel.uobject import UVar, event, function, number, owned, set_range, variable
-from urbihw.platforms.bioloid import slots, words
-from urbihw.platforms.bioloid.devices import ChangeHandler, Device
-from urbihw.platforms.bioloid.slots import Slot
+from urbihw.platforms.bioloid import sensorslots
+from urbihw.platforms.servos.devices import ChangeHandler
+from urbihw.platforms.servos.registers import RegisterDevice
+from urbihw.platforms.servos.slots import MEDIUM, Slot
 
 _MELODY = 255
 """As ringing time: play the melody whose number is in the note register."""
 
 
-class AXS1(Device):
+class AXS1(RegisterDevice):
     """An AX-S1."""
 
-    slot_words = words.SENSOR
+    slot_words = sensorslots.WORDS
 
     kind_of_device = "sensor"
-    rows = slots.AXS1
-    hidden = (("remocon_arrived", slots.MEDIUM),)
+    rows = sensorslots.AXS1
+    hidden = (("remocon_arrived", MEDIUM),)
 
     buzzerIndex = owned(math.nan)
     buzzerTime = variable(0.5)
@@ -50,7 +51,6 @@ class AXS1(Device):
         self.notify_change(self.remocon, self._send_word)
         self.on_change("remocon_arrived", self._read_word)
         self.claps = self.variables["clapCount"]
-        set_range(self.claps, 0.0, 0.0)
         self.notify_change(self.claps, self._restart_claps)
         self.on_change("sound_time", self._begin_burst)
 
@@ -76,6 +76,8 @@ class AXS1(Device):
             self.claps.sense(0.0, stamp)
 
     def _restart_claps(self) -> None:
+        if number(self.claps) != 0:
+            raise ValueError("only 0 can be written, which begins a new count")
         self.claps.sense(0.0)
         self.write("sound_count", 0, "clapCount")
 

@@ -7,20 +7,24 @@ from pathlib import Path
 from typing import Final
 
 from urbihw.buses import messages as m
-from urbihw.kernel.uobject import BadConfig, event, function
-from urbihw.platforms.base import LimitedDevice, WiredRobot
+from urbihw.kernel.uobject import BadConfig, Origin, event, function
+from urbihw.platforms.base import LimitedDevice
+from urbihw.platforms.cia402 import words
 from urbihw.platforms.cia402.servo import ServoDrive
 from urbihw.platforms.devicelog import LOST, DeviceEvent
+from urbihw.platforms.teach.robot import MotionRobot
 
-BACK_OFF: Final = DeviceEvent("{who} is back, and off", "{count} drives are back, and off: {who}")
+BACK_OFF: Final = DeviceEvent("{who} is back, and off", "{count} drives are back, and off: {who}", "back")
 TREE: Final = "cia402.u"
 """Builds the standard robot API, when the drives are there."""
 
 
-class Cia402(WiredRobot):
+class Cia402(MotionRobot):
     """Drives on one bus."""
 
     classes = (ServoDrive,)
+
+    slot_words = words.BUS
 
     robot_name = "cia402"
     model_name = "CiA 402 drives"
@@ -74,7 +78,7 @@ class Cia402(WiredRobot):
             if not info.watches:
                 self.log.warning("drive %d cannot watch us: it goes on if this machine dies", info.id)
         self.send_limits()
-        if self.opening:
+        if not self.tree_begun:
             path = Path(__file__).with_name(TREE)
             self.host.run(path.read_text("latin-1"), path.name, self._on_tree_built)
 
@@ -127,6 +131,6 @@ class Cia402(WiredRobot):
         for drive in self.members.values():
             drive.changed_state("lost", reason)
 
-    def _report_refused(self, drive: ServoDrive, slot: str, reason: str) -> None:
-        self.log.warning("drive %d: %s not done: %s", drive.number, slot, reason)
+    def _report_refused(self, drive: ServoDrive, slot: str, reason: str, origin: Origin) -> None:
+        self.warn_writer(origin, "drive %d: %s not done: %s", drive.number, slot, reason)
         self.refused.emit(drive, slot, reason)

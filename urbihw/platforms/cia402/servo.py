@@ -20,6 +20,7 @@ from urbihw.kernel.uobject import (
     Effector,
     EffectorDevice,
     Motion,
+    Origin,
     UVar,
     event,
     function,
@@ -37,8 +38,9 @@ from urbihw.platforms.limits import DeviceLimits, whole_counts
 
 _THOUSAND = 1000.0
 _LARGEST_TORQUE = (1 << 15) - 1
-Refused = Callable[["ServoDrive", str, str], None]
-"""Called for a write that a drive did not execute: drive, slot, reason."""
+_HOMING_METHODS = -(1 << 7), (1 << 7) - 1
+Refused = Callable[["ServoDrive", str, str, Origin], None]
+"""Called for a write that a drive did not execute: drive, slot, reason, writer."""
 
 
 class ServoDrive(EffectorDevice):
@@ -122,17 +124,21 @@ class ServoDrive(EffectorDevice):
     @function
     def home(self, method: int) -> None:
         """Look for the home position by a method of the profile (0x6098), which moves the drive; event ``homed``."""
+        least, most = _HOMING_METHODS
+        if not least <= method <= most:
+            raise ValueError(f"a homing method (0x6098) is a number from {least} to {most}, not {method}")
         if off := self.explain_off():
             raise ValueError(off)
-        self._motion.check_device(self.number)
+        # Admitted as a write is, so that the homing ends with the connection of its client.
+        origin = self._motion.admit(self.number)
 
         def done(reply: Reply) -> None:
             if reply.ok:
                 self.homed.emit()
             else:
-                self._report_refused(self, "home", reply.error)
+                self._report_refused(self, "home", reply.error, origin)
 
-        self._channel.send_request("home", self.number, done, self._motion.origin(), method)
+        self._channel.send_request("home", self.number, done, origin, method)
 
     # ---------------------------------------------------------------- written
 
@@ -168,11 +174,13 @@ class ServoDrive(EffectorDevice):
         self._send_request("enable" if on else "disable", "load")
 
     def _send_request(self, verb: str, slot: str) -> None:
+        origin = self._motion.origin()
+
         def done(reply: Reply) -> None:
             if not reply.ok:
-                self._report_refused(self, slot, reply.error)
+                self._report_refused(self, slot, reply.error, origin)
 
-        self._channel.send_request(verb, self.number, done, self._motion.origin())
+        self._channel.send_request(verb, self.number, done, origin)
 
     def _check_coefficient(self, coefficient: UVar) -> None:
         if number(coefficient) == 0:

@@ -12,7 +12,7 @@ from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.devicelog import DeviceLog
 from urbihw.platforms.nao import words
 from urbihw.platforms.nao.camera_part import CAMERA, FILM, RETRY_S, VIDEO
-from urbihw.platforms.nao.pictures import FORMATS, JPEG, NO_PILLOW, RESOLUTIONS, YUV, CameraMode, Picture, has_pillow
+from urbihw.platforms.nao.pictures import FORMATS, JPEG, RESOLUTIONS, YUV, CameraMode, Picture, has_pillow, no_pillow
 from urbihw.platforms.streamed import Streamed
 
 LEAST_RATE, MOST_RATE = 0.1, 30.0
@@ -164,4 +164,4 @@ def choice(var: UVar, choices: Collection[int]) -> int:
 
 def _check_format(detail: int) -> None:
     if detail == JPEG and not has_pillow():
-        raise ValueError(NO_PILLOW)
+        raise ValueError(no_pillow())

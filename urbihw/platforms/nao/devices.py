@@ -126,6 +126,8 @@ class NaoBattery(Measured):
 class NaoFsr(Measured):
     """What the feet feel: ``left``, ``right`` and ``val`` (both) are 1 on the ground; weights in kg."""
 
+    slot_words = words.FSR
+
     val = reading(math.nan)
     left = reading(math.nan)
     right = reading(math.nan)

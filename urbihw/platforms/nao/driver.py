@@ -38,11 +38,12 @@ from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, 
 from urbihw.buses.qi.checked import LONGEST_LINE, describe_error, show_text
 from urbihw.buses.qi.hosting import Hosting
 from urbihw.buses.qi.opening import open_session
+from urbihw.buses.readings import Quantity
 from urbihw.platforms.nao.call_limits import CallLimits
 from urbihw.platforms.nao.call_part import CallPart, may_move
 from urbihw.platforms.nao.camera_part import FILM, CameraPart
 from urbihw.platforms.nao.exchange import LINK_LOST, Exchange
-from urbihw.platforms.nao.finding import MEMORY, MOTION, find
+from urbihw.platforms.nao.finding import MEMORY, MOTION, NaoInfo, find
 from urbihw.platforms.nao.joint_part import JointPart
 from urbihw.platforms.nao.light_part import LightPart
 from urbihw.platforms.nao.micro_part import MicroPart
@@ -71,6 +72,13 @@ class NaoDriver(Driver):
 
     slow_verbs = frozenset({"describe", "listen", "serve", "follow", FILM})
     knows_motion = True
+    device_info = NaoInfo
+    quantities = {
+        "angle": Quantity("position", "rad"),
+        "temperature": Quantity("temperature", "degC"),
+        "charge": Quantity("charge", ""),
+        "current": Quantity("current", "A"),
+    }
 
     def __init__(self) -> None:
         self._rest_on_stop = False

@@ -103,6 +103,8 @@ class NaoHand(NaoJoint):
     written is where the whole body tries to bring it.
     """
 
+    slot_words = words.HAND
+
     pos = owned()
 
     def init(  # type: ignore[override]

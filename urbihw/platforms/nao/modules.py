@@ -15,6 +15,7 @@ from urbihw.buses.qi.serving import shorten_error
 from urbihw.kernel.uobject import UBinary, UObject, event, function
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.devicelog import DeviceLog
+from urbihw.platforms.nao import words
 from urbihw.platforms.nao.module_part import CALL, BoundMethod
 
 SLOT: Final = "naoModules"
@@ -26,6 +27,8 @@ _NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,99}")
 
 class NaoModules(UObject):
     """All modules.  ``ALModule`` in ``almodule.u`` is what programs see."""
+
+    slot_words = words.MODULES
 
     offered = event()
 

@@ -10,6 +10,7 @@ from typing import Any, Final
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import RobotSettings, UObject, event, finite_number, function, reading
 from urbihw.platforms.channel import DeviceChannel
+from urbihw.platforms.nao import words
 from urbihw.platforms.nao.joint_part import MOTORS
 from urbihw.platforms.nao.options import Options
 
@@ -23,6 +24,8 @@ class NaoMotorControl(UObject):
 
     ``answered`` has the number of a change, and why it was refused, or "".
     """
+
+    slot_words = words.DCM
 
     dcmWrite = reading(False)
     dcmShift = reading(0.0)

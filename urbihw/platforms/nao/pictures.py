@@ -15,16 +15,19 @@ from typing import Any, Final
 
 from urbihw.buses.errors import BadValue
 from urbihw.buses.qi.checked import to_row, to_whole
+from urbihw.extras import install_command
 
 RGB, YUV, JPEG, PPM, YUV422, GREY8, GREY4 = range(1, 8)
 """The values of ``camera.formatDetail`` (manual, section "Camera")."""
 MOST_PIXELS: Final = 100_000
 """Of a side of a picture that is believed."""
-NO_PILLOW: Final = (
-    "JPEG needs Pillow: pip install 'urbihw[images]'; camera.formatDetail = 1 (RGB) and others do without"
-)
 _HIGH: Final = bytes(value & 0xF0 for value in range(256))
 _LOW: Final = bytes(value >> 4 for value in range(256))
+
+
+def no_pillow() -> str:
+    """The message when JPEG is asked for without Pillow."""
+    return f"JPEG needs Pillow: {install_command('images')}; camera.formatDetail = 1 (RGB) and others do without"
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +142,7 @@ def _make_jpeg(yuyv: bytes, width: int, height: int, quality: int) -> bytes:
     try:
         from PIL import Image
     except ImportError as error:
-        raise BadValue(NO_PILLOW) from error
+        raise BadValue(no_pillow()) from error
     half = width // 2, height
     planes = [Image.frombytes("L", (width, height), yuyv[0::2])]
     planes += [Image.frombytes("L", half, yuyv[at::4]).resize((width, height)) for at in (1, 3)]

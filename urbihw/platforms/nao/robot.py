@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import BadConfig, Opened, RobotSettings, event, function, owned, reading, set_range
-from urbihw.platforms.base import LINK_DOWN, LimitedDevice, WiredRobot
+from urbihw.platforms.base import LINK_DOWN, LimitedDevice
 from urbihw.platforms.nao import words
 from urbihw.platforms.nao.call_part import SERVICES, may_move
 from urbihw.platforms.nao.camera import NaoCamera
@@ -45,6 +45,7 @@ from urbihw.platforms.nao.sound import OUTPUT_VOLUME, WORD_EVENT, NaoMicro, NaoS
 from urbihw.platforms.nao.walk_part import WALK
 from urbihw.platforms.nao.watchdog_part import NAME as WATCHDOG
 from urbihw.platforms.nao.wholebody_part import EFFECTORS
+from urbihw.platforms.teach.robot import MotionRobot
 
 LEG_PARTS: Final = ("Hip", "Knee", "Ankle")
 """Parts of the names of the joints that carry the robot."""
@@ -58,7 +59,7 @@ TREE: Final = "tree.u"
 """Builds the standard robot API, when the robot was found."""
 
 
-class Nao(WiredRobot):
+class Nao(MotionRobot):
     """A Nao."""
 
     slot_words = words.BASE

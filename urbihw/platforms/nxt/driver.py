@@ -31,6 +31,7 @@ from urbihw.buses.messages import (
     Targets,
     Watch,
 )
+from urbihw.buses.readings import Quantity
 from urbihw.platforms.nxt import protocol as p
 from urbihw.platforms.nxt.exchange import Exchange
 from urbihw.platforms.nxt.i2c import transfer
@@ -60,6 +61,8 @@ class FoundBrick:
 
 class NxtDriver(Driver):
     """Drives a brick over one link; ``urbihw.buses.driver.Driver`` tells when each method is called."""
+
+    quantities = {"millivolts": Quantity("voltage", "V", 1e-3)}
 
     def __init__(self) -> None:
         self._settings = Configure()

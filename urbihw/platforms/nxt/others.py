@@ -88,6 +88,8 @@ class Command(UObject):
     is refused.
     """
 
+    slot_words = words.COMMAND
+
     uname = "NxtCommand"
 
     answered = event()

@@ -104,7 +104,7 @@ class PortDevice(UObject):
     @function
     def age(self) -> float:
         """Seconds since the device was last read."""
-        return self.host.now() - self.seen
+        return max(0.0, self.host.now() - self.seen)
 
     # ---------------------------------------------------------------- what a class adds
 

@@ -141,8 +141,8 @@ class Nxt(Brick):
         """Use this sensor, ``place`` m in front of the axle: on a path the robot waits in front of obstacles."""
         self._driven().look_ahead(sensor, finite_number(place))
 
-    @function("startPath")
-    def start_path(self, goal: Any) -> None:
+    @function("moveTo")
+    def move_to(self, goal: Any) -> None:
         """Drive to [x, y, heading] on the map along a planned path; the planner's events report the end."""
         self._driven().pilot.planner.move_to(goal)
 
@@ -177,8 +177,13 @@ class Nxt(Brick):
         self.firmware.sense(brick.firmware)
         for device in self.ports:
             device.link_changed(True)
-        if self.opening:
+        if not self.tree_begun:
             self._run_layout()
+
+    def build_absent(self) -> bool:
+        """Run the layout: it names all devices."""
+        self._run_layout()
+        return True
 
     def on_samples(self, message: m.Samples) -> None:
         """Show the values of each device; the readings of the driving motors go to the odometry too."""

@@ -92,6 +92,8 @@ class ModalSensor(AnalogSensor):
 class SoundSensor(ModalSensor):
     """Loudness, 0..1; "DBA" is adapted to the ear, "DB" is the whole band."""
 
+    slot_words = words.SOUND
+
     modes = {"DBA": (p.SOUND_DBA, p.PERCENT), "DB": (p.SOUND_DB, p.PERCENT)}
 
     def init(self, port: int, mode: str = "DBA") -> None:
@@ -106,6 +108,8 @@ class SoundSensor(ModalSensor):
 class LightSensor(ModalSensor):
     """Brightness, 0..1: with the LED on in "Reflector", off in "Ambient"; 0..1023 in "Normal", with the LED off."""
 
+    slot_words = words.LIGHT
+
     modes = {
         "Reflector": (p.LIGHT_ACTIVE, p.PERCENT),
         "Ambient": (p.LIGHT_INACTIVE, p.PERCENT),
@@ -118,11 +122,23 @@ class LightSensor(ModalSensor):
 
     def measured(self, values: Mapping[str, Any], stamp: float) -> None:
         """Show the brightness as a share, or as 0..1023 in mode "Normal"."""
-        self.val.sense(float(values["scaled"]) if self.mode.value == "Normal" else values["normalised"] / FULL, stamp)
+        self.val.sense(float(values["scaled"]) if self.is_raw else values["normalised"] / FULL, stamp)
+
+    def set_up_port(self) -> None:
+        """Also show the unit of the mode."""
+        super().set_up_port()
+        self.val.set_property("unit", "1" if self.is_raw else "ratio")
+
+    @property
+    def is_raw(self) -> bool:
+        """Whether ``val`` is the raw value."""
+        return bool(self.mode.value == "Normal")
 
 
 class Switch(AnalogSensor):
     """A touch sensor: 1 while pressed, else 0."""
+
+    slot_words = words.SWITCH
 
     pressure = reading(math.nan)
 
@@ -143,6 +159,8 @@ class Switch(AnalogSensor):
 class ColourSensor(AnalogSensor):
     """A colour sensor (of the NXT 2.0): ``val`` is 1..6, ``colour`` its name."""
 
+    slot_words = words.COLOUR
+
     COLOURS: ClassVar = {1: "black", 2: "blue", 3: "green", 4: "yellow", 5: "red", 6: "white"}
     colour = reading("")
 
@@ -162,6 +180,8 @@ class ColourSensor(AnalogSensor):
 
 class UltraSonicSensor(Sensor):
     """Distance in cm, 0..255; 255 without an echo, or if the sensor cannot be read.  ``distance`` is in m."""
+
+    slot_words = words.ECHO
 
     items = ("distance",)
     pace = 0.05
@@ -189,6 +209,8 @@ class I2CSensor(PortDevice):
 
     ``read(register, count)`` and ``write(register, bytes)`` are in nxt.u; each waits for its answer.
     """
+
+    slot_words = words.I2C
 
     known_ports = p.INPUTS
 

@@ -8,8 +8,8 @@ from typing import Any
 from urbihw.buses import messages as m
 from urbihw.buses.errors import BadValue
 from urbihw.kernel.uobject import function
-from urbihw.platforms.base import WiredRobot
-from urbihw.platforms.p3dx.commands import DRIVING, encode
+from urbihw.platforms.base import LINK_DOWN, WiredRobot
+from urbihw.platforms.p3dx.commands import DRIVING, GAINS, RAMPS, encode
 from urbihw.platforms.p3dx.packets import REQUESTS
 
 
@@ -28,11 +28,12 @@ class ArcosRobot(WiredRobot):
     def check_link(self) -> None:
         """Raises ValueError while the link is down."""
         if not self.link.sensed:
-            raise ValueError("the link to the robot is down")
+            raise ValueError(LINK_DOWN)
 
     def warn_on_failure(self, what: str) -> Callable[[m.Reply], None]:
-        """Return a handler of a reply that logs its error."""
-        return lambda reply: None if reply.ok else self.log.warning("%s: %s", what, reply.error)
+        """Return a handler of a reply that logs its error, and warns the client that writes now."""
+        origin = self.motion.origin()
+        return lambda reply: None if reply.ok else self.warn_writer(origin, "%s: %s", what, reply.error)
 
     def store_packet(self, device: str, values: Mapping[str, Any]) -> None:
         """Store the values of a packet that was requested."""
@@ -46,14 +47,17 @@ class ArcosRobot(WiredRobot):
                 value = bytes(int(byte) for byte in value)
             except ValueError:
                 raise ValueError("the bytes of a command are numbers from 0 to 255") from None
-        self.command(name, int(value) if isinstance(value, float) else value)
+        value = int(value) if isinstance(value, float) else value
+        _check_command(name, value)
+        if name in RAMPS:
+            raise ValueError(f"{name} cannot be sent like this; use the slots acceleration and deceleration")
+        if name in GAINS:
+            raise ValueError(f"{name} cannot be sent like this: the brakes need it; set it with the maker's program")
+        self.command(name, value)
 
     def command(self, name: str, value: int | bytes | None) -> None:
         """Send a command of ARCOS.  Raises ValueError for an invalid one, or one that drives."""
-        try:
-            encode(name, value)
-        except BadValue as error:
-            raise ValueError(str(error)) from error
+        _check_command(name, value)
         if name in DRIVING:
             raise ValueError(f"{name} cannot be sent like this; use the slots that drive the robot")
         self.check_link()
@@ -80,3 +84,11 @@ class ArcosRobot(WiredRobot):
         """What the last packet of a watched device said, by name; nothing if none came yet."""
         return {name: list(value) if isinstance(value, bytes) else value
                 for name, value in self._packets.get(device, {}).items()}  # fmt: skip
+
+
+def _check_command(name: str, value: int | bytes | None) -> None:
+    """Raise ValueError for a command or an argument that ARCOS has not."""
+    try:
+        encode(name, value)
+    except BadValue as error:
+        raise ValueError(str(error)) from error

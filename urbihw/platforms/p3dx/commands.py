@@ -110,6 +110,10 @@ DRIVING: Final = frozenset(
     | {"HOSTBAUD", "RESET", "LATVEL", "GRIPPER"}
 )
 """The commands that only the driver sends: it must know the commanded speeds and the state of the connection."""
+RAMPS: Final = frozenset({"SETA", "SETRA"})
+"""Those of the slots ``acceleration`` and ``deceleration``, which keep the brakes as strong as the robot's own."""
+GAINS: Final = frozenset({"ROTKP", "ROTKV", "ROTKI", "TRANSKP", "TRANSKV", "TRANSKI"})
+"""The gains of the speed control: without them the robot neither drives nor brakes."""
 
 GRIPPER: Final = "gripper"
 """The device of the gripper in the worker."""
@@ -133,12 +137,21 @@ def encode(name: str, value: int | bytes | None = None) -> bytes:
         WORD: isinstance(value, int),
     }[row.takes]
     if not fits:
-        raise BadValue(f"{name} ({row.meaning}) takes {row.takes}, not {value!r}")
+        raise BadValue(f"{name} ({row.meaning}) takes {row.takes}, not {_in_words(value)}")
     if isinstance(value, int):
         least, most = _LEAST_AND_MOST[row.takes]
         if not least <= value <= most:
             raise BadValue(f"{name} ({row.meaning}) takes {row.takes} from {least} to {most}, not {value}")
     return command(row.number, value)
+
+
+def _in_words(value: object) -> str:
+    """Return the argument of a command as a program writes it."""
+    if value is None:
+        return "nil"
+    if isinstance(value, str):
+        return f'"{value}"'
+    return f"the bytes {list(value)}" if isinstance(value, bytes) else str(value)
 
 
 def wheels(left: int, right: int) -> int:

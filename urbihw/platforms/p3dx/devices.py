@@ -15,6 +15,7 @@ from urbihw.kernel.uobject import (
     EffectorDevice,
     Motion,
     UObject,
+    UVar,
     event,
     function,
     number,
@@ -23,12 +24,19 @@ from urbihw.kernel.uobject import (
     set_range,
 )
 from urbihw.navigation.drive import Safety
+from urbihw.platforms.camera import Log, PictureCamera
+from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.p3dx import words
 from urbihw.platforms.p3dx.camera import Mechanics
 
 ROBOT: Final = "robot"
 MOST_RAMP: Final = 5.0
 """m/s2 or rad/s2; the greatest ramp of a controller that does not tell its own."""
+LEAST_BRAKING: Final = {"SETA": 0.3, "SETRA": math.radians(100)}
+"""m/s2 and rad/s2; the least deceleration for a controller that does not tell its own: those of a new one (the
+CONFIGpac of a Pioneer 3-DX)."""
+
+_RAMPS = "acceleration", "deceleration"
 
 
 class RobotCommands(Protocol):
@@ -36,6 +44,8 @@ class RobotCommands(Protocol):
 
     motion: Motion
     """Decides who may move it."""
+    link: UVar
+    """Whether it is connected."""
 
     def explain_off(self) -> str:
         """Return why the robot does not drive while the motors are off, else ""."""
@@ -145,6 +155,8 @@ class Sonar(UObject):
 class Sonars(Switch):
     """All sonars: ``load`` switches them."""
 
+    slot_words = words.SONARS
+
     uname = "P3dxSonars"
 
     def init(self, robot: RobotCommands) -> None:  # type: ignore[override]
@@ -161,8 +173,9 @@ class Sonars(Switch):
 class AxisSpeed(EffectorDevice):
     """A speed of the robot, and the ramps with which its controller changes it.
 
-    ``acceleration`` and ``deceleration`` are settings of the controller (SETA, SETRA): they are sent when written, and
-    again after a new connection, since a controller that was reset has those of its flash memory.
+    ``acceleration`` and ``deceleration`` are settings of the controller (SETA, SETRA), sent when written; a new
+    connection sets those that the robot has told at the first one. No deceleration is weaker than that: the controller
+    brakes with it at each stop, also at those of its own, when this machine has died.
     """
 
     off_is_error = True
@@ -180,37 +193,50 @@ class AxisSpeed(EffectorDevice):
     def init(self, robot: RobotCommands, fastest: float) -> None:
         """``fastest`` in m/s or rad/s."""
         self._robot = robot
-        self._written: set[str] = set()
+        self._serial: object = None
+        self._own: dict[str, int] = {}
         self.guard(robot.motion, ROBOT, self.speed)
         self.notify_change(self.speed, self._order_speed)
         set_range(self.speed, -fastest, fastest)
-        for name in ("acceleration", "deceleration"):
-            self.notify_change(self.variables[name], partial(self._send_ramp, name))
+        for name in _RAMPS:
+            self.notify_change(self.variables[name], partial(self._write_ramp, name))
 
     def explain_off(self) -> str:
         """Return why a speed does not drive the robot, "" if it does."""
         return self._robot.explain_off()
 
     def update_ramps(self, config: Mapping[str, int | str]) -> None:
-        """Show the ramps of CONFIGpac at a new connection; those that were written are sent again instead."""
+        """Set the ramps of CONFIGpac at a new connection; at a later one with the same robot, those of the first.
+
+        A controller may tell those that are in force, which a program may have written.
+        """
+        if config["serial"] != self._serial:
+            self._serial = config["serial"]
+            self._own = {name: int(config[field]) for name, field in zip(_RAMPS, self.names, strict=False)}
         most = int(config[self.names[2]]) * self.unit or MOST_RAMP
-        for name, field in zip(("acceleration", "deceleration"), self.names, strict=False):
+        for name, counts in self._own.items():
             var = self.variables[name]
-            set_range(var, self.unit, most)
-            if name in self._written:
-                self._send_ramp(name)
-            else:
-                var.sense(int(config[field]) * self.unit)
+            var.set_property("rangemax", max(most, counts * self.unit))
+            var.sense(counts * self.unit)
+            if counts and self._robot.link.sensed:  # an absent robot gets them when it comes
+                self._send_counts(name, counts)
 
     def _order_speed(self) -> None:
         raise NotImplementedError
 
-    def _send_ramp(self, name: str) -> None:
+    def _write_ramp(self, name: str) -> None:
         var = self.variables[name]
-        counts = max(1, round(number(var) / self.unit))
-        self._robot.command(self.command, counts if name == "acceleration" else -counts)
-        self._written.add(name)
+        counts, least, why = round(number(var) / self.unit), 1, ""
+        if name == "deceleration":
+            least = self._own[name] or round(LEAST_BRAKING[self.command] / self.unit)
+            why = ", the robot's own, so that every stop brakes as it should"
+        if counts < least:
+            raise ValueError(f"at least {least * self.unit:.3g}{why}")
+        self._send_counts(name, counts)
         var.sense(counts * self.unit)
+
+    def _send_counts(self, name: str, counts: int) -> None:
+        self._robot.command(self.command, counts if name == "acceleration" else -counts)
 
 
 class XSpeed(AxisSpeed):
@@ -281,29 +307,27 @@ class Battery(UObject):
         self._was_low = is_low
 
 
-class Camera(Switch):
+class Camera(PictureCamera):
     """The camera's mechanics, on AUX1.  It reports nothing, so slots read the last command.
 
-    ``load`` 1 makes it ready; orders before that are refused.
+    ``load`` 1 makes it ready; orders before that are refused.  The pictures come by the option ``camera_url``.
     """
 
     slot_words = words.CAMERA
 
     uname = "P3dxCamera"
 
+    load = owned(0.0)
     yaw = owned(0.0)
     pitch = owned(0.0)
     zoom = owned(0.0)
-    # Required by Interface.VideoIn; the picture is not transmitted over this wire.
-    val = reading()
-    width = reading(0.0)
-    height = reading(0.0)
-    xfov = reading(math.nan)
-    yfov = reading(math.nan)
 
-    def init(self, robot: RobotCommands, mechanics: Mechanics) -> None:  # type: ignore[override]
-        """Nothing moves before ``load`` is 1."""
-        super().init()
+    def init(  # type: ignore[override]
+        self, robot: RobotCommands, mechanics: Mechanics, channel: DeviceChannel, url: str, log: Log
+    ) -> None:
+        """Nothing moves before ``load`` is 1; ``url`` is that of the pictures."""
+        super().init(channel, url, log)
+        set_range(self.load, 0.0, 1.0)
         self._robot = robot
         self._mechanics = mechanics
         self._waiting: dict[str, list[bytes]] = {}

@@ -24,9 +24,10 @@ from urbihw.buses.driver import Driver, no_stop
 from urbihw.buses.errors import BadFrame, BadValue, LinkGone
 from urbihw.buses.link import Link, Port, byte_link
 from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, Request, Samples, Targets, Watch
+from urbihw.buses.readings import Quantity
 from urbihw.platforms.p3dx import packets, sip
 from urbihw.platforms.p3dx.commands import DRIVING, GRIPPER, GRIPPER_HALTS, HALT, encode
-from urbihw.platforms.p3dx.handshake import Handshake
+from urbihw.platforms.p3dx.handshake import Handshake, RobotInfo
 from urbihw.platforms.p3dx.options import Options
 from urbihw.platforms.p3dx.protocol import LARGEST, Framer
 from urbihw.platforms.p3dx.setpoint import FlagSwitch, SetPoint
@@ -53,6 +54,8 @@ class ArcosDriver(Driver):
     """Drives a Pioneer over one link; ``urbihw.buses.driver.Driver`` tells when each method is called."""
 
     url_parameters = Options.in_url()
+    device_info = RobotInfo
+    quantities = {"battery": Quantity("voltage", "V", 0.1)}
 
     def __init__(self) -> None:
         self._link: Link | None = None
@@ -315,7 +318,9 @@ class ArcosDriver(Driver):
             speed.halt()
         link.write(encode("STOP"))
         if self._torque_off:
-            self._queue.append(encode("ENABLE", 0))
+            # At once: at the end of the worker no tick follows that could send it.
+            link.clock.sleep_until(link.clock.now() + SEND_PERIOD_S)
+            link.write(encode("ENABLE", 0))
         self._sent_at = link.clock.now()
 
 

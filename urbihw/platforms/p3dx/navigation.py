@@ -30,6 +30,8 @@ class Carriage(Wheels, Protocol):
 class P3dxOdometry(Odometry):
     """``P3dx.body.odometry``"""
 
+    slot_name = "P3dx.body.odometry"
+
 
 class P3dxPilot(Pilot):
     """The pilot of the robot, whose size its subclass tells."""

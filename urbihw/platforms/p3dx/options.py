@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 from urbihw.navigation.options import DrivenBaseOptions
+from urbihw.platforms.camera import CameraOptions
 from urbihw.platforms.p3dx.camera import CAMERAS
 from urbihw.platforms.p3dx.factors import FACTORS
-from urbihw.settings import TEXT, Mistake, choice, number, setting
+from urbihw.settings import TEXT, choice, number, setting
 
 HOST_BAUDS: Final = {9600: 0, 19200: 1, 38400: 2, 57600: 3, 115200: 4}
 """Speed of the line -> argument of HOSTBAUD."""
@@ -20,8 +20,8 @@ SIMULATED: Final = "sim"
 
 
 @dataclass(frozen=True)
-class Options(DrivenBaseOptions):
-    """The options, beside those of navigation.
+class Options(DrivenBaseOptions, CameraOptions):
+    """The options, beside those of navigation and of the camera's pictures.
 
     Attributes:
         radius: as for every base; 0 for that of the subclass.
@@ -32,6 +32,8 @@ class Options(DrivenBaseOptions):
         gyro: "fused": a gyro that only reports gives the heading of the odometry; "shown": it does not.
     """
 
+    own_lasers: ClassVar[tuple[str, ...]] = (SIMULATED,)
+
     radius: float = setting(0.0, number(0.0, 3.0, " m"))
     subclass: str = setting("", choice("", *FACTORS))
     laser: str = setting("", TEXT, in_url=True)
@@ -39,8 +41,3 @@ class Options(DrivenBaseOptions):
 
     camera_model: str = setting("evi-d30", choice(*CAMERAS))
     gyro: str = setting(FUSED, choice(FUSED, SHOWN))
-
-    def clashes(self) -> Iterator[Mistake]:
-        """Yield a laser url that no bus accepts."""
-        if self.laser != SIMULATED:
-            yield from super().clashes()

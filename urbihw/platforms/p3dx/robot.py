@@ -15,7 +15,6 @@ from urbihw.buses.errors import BadUrl
 from urbihw.buses.link import split_parameters
 from urbihw.kernel.uobject import (
     BadConfig,
-    NotReady,
     Opened,
     Origin,
     RobotSettings,
@@ -26,7 +25,7 @@ from urbihw.kernel.uobject import (
 )
 from urbihw.navigation.drive import Drive, Limits, State
 from urbihw.navigation.frames import Point
-from urbihw.platforms.base import LimitedDevice, LimitNamer, LimitTable
+from urbihw.platforms.base import LINK_DOWN, LimitedDevice, LimitNamer, LimitTable
 from urbihw.platforms.limits import DeviceLimits, whole_counts
 from urbihw.platforms.p3dx import sip, words
 from urbihw.platforms.p3dx.arcos import ArcosRobot
@@ -70,7 +69,6 @@ class P3dx(ArcosRobot):
         self._last: tuple[float, float, float] | None = None
         self._motors = self._motors_wanted = False
         self._sent_speeds = (0, 0)
-        self._by_hand = False
         self.gripper: Gripper | None = None
         self.gyro: Gyro | None = None
         self._fuses_gyro = False
@@ -130,9 +128,10 @@ class P3dx(ArcosRobot):
             raise BadConfig(f"p3dx: {error}") from error
 
     def close(self) -> None:
-        """Close the laser, then the robot."""
+        """Close the laser and the camera, then the robot."""
         if self._parts:
             self.laser.close()
+            self.camera.close()
         super().close()
 
     def status(self) -> str:
@@ -190,7 +189,8 @@ class P3dx(ArcosRobot):
             P3dxLaser, None, mount, self.start_worker, self._watch_laser, self.offset
         )
         self.laser.log = self.log
-        self.camera = create(Camera, None, self, CAMERAS[self.options.camera_model]())
+        mechanics = CAMERAS[self.options.camera_model]()
+        self.camera = create(Camera, None, self, mechanics, self.channel, self.options.camera_url, self.log)
         self.x = create(XSpeed, None, self, self._fastest[0])
         self.yaw = create(YawSpeed, None, self, self._fastest[1])
         self.x.update_ramps(config)
@@ -235,7 +235,7 @@ class P3dx(ArcosRobot):
 
     def _on_tree_built(self, problem: str) -> None:
         if problem:
-            self.answer_open(NotReady(f"the tree of components could not be made: {problem}"))
+            self.answer_open(BadConfig(f"the tree of components could not be made: {problem}"))
         else:
             self._complete = True
             self.send_limits()
@@ -400,14 +400,16 @@ class P3dx(ArcosRobot):
         self._motors_wanted = on
         if not on:
             self.halt("the motors were switched off")
-        self.channel.write(ROBOT, "enable", int(on), self._motors_answered)
+        origin = self.motion.origin()
 
-    def _motors_answered(self, reply: m.Reply) -> None:
-        if not reply.ok:
-            self._motors_wanted = self._motors
-            self.log.warning("motors: %s", reply.error)
-            if not self._motors:
-                self.halt(reply.error)
+        def done(reply: m.Reply) -> None:
+            if not reply.ok:
+                self._motors_wanted = self._motors
+                self.warn_writer(origin, "motors: %s", reply.error)
+                if not self._motors:
+                    self.halt(reply.error)
+
+        self.channel.write(ROBOT, "enable", int(on), done)
 
     def switch_sonars(self, on: bool) -> None:
         """Switch the sonars."""
@@ -415,11 +417,8 @@ class P3dx(ArcosRobot):
         self.channel.write(ROBOT, "sonar", int(on), self.warn_on_failure("sonars"))
 
     def set_speed(self, v: float | None = None, w: float | None = None) -> None:
-        """Drive at these speeds, m/s and rad/s; a write by hand, which ends a movement of urbiscript."""
-        self._by_hand = True
-        self._set_speeds(v, w)
-
-    def _set_speeds(self, v: float | None, w: float | None) -> None:
+        """Drive at these speeds, m/s and rad/s; None keeps the present one.  Raises ValueError while the motors are
+        off."""
         if v or w:
             self.check_motors()
         self.pilot.set_speeds(v, w)
@@ -435,7 +434,9 @@ class P3dx(ArcosRobot):
             raise ValueError(off)
 
     def explain_off(self) -> str:
-        """Return why the robot does not drive while the motors are off, else ""."""
+        """Return why the robot does not drive while the link is down or the motors are off, else ""."""
+        if not self.link.sensed:
+            return LINK_DOWN
         on = self._motors or self._motors_wanted
         return "" if on else "the motors are off; switch them on first: P3dx.body.load = 1"
 
@@ -453,21 +454,8 @@ class P3dx(ArcosRobot):
 
     @function("driveAt")
     def drive_at(self, v: float, w: float) -> None:
-        """Drive at these speeds for a movement steered by urbiscript; an error once a speed was written by hand."""
-        if self._by_hand:
-            raise ValueError("a speed was written meanwhile")
-        self._set_speeds(finite_number(v), finite_number(w))
-
-    @function("takeOver")
-    def take_over(self) -> None:
-        """A movement that is steered by urbiscript begins."""
-        self._by_hand = False
-        self.planner.cancel()
-
-    def halt_all(self, reason: str) -> None:
-        """Also allow movements steered by urbiscript again after a speed was written by hand."""
-        self._by_hand = False
-        super().halt_all(reason)
+        """Drive at these speeds, m/s forward and rad/s to the left, for the movements of the standard robot API."""
+        self.set_speed(finite_number(v), finite_number(w))
 
     def stop(self) -> None:
         """Not bound here: the urbiscript function of this name also ends the movements that urbiscript steers."""
@@ -478,8 +466,8 @@ class P3dx(ArcosRobot):
         """Stop now; what is written afterwards moves the robot again."""
         super().stop()
 
-    @function("startPath")
-    def start_path(self, goal: Any) -> None:
+    @function("moveTo")
+    def move_to(self, goal: Any) -> None:
         """Go to [x, y, heading] of the map, along a planned path; see the planner's events."""
         self.planner.move_to(goal)
 

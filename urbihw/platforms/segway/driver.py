@@ -46,6 +46,7 @@ from urbihw.buses.messages import (
     Targets,
     Watch,
 )
+from urbihw.buses.readings import Quantity
 from urbihw.platforms.segway import protocol as p
 from urbihw.platforms.segway.bases import Bases
 from urbihw.platforms.segway.channels import DoubleLine
@@ -79,6 +80,9 @@ class BaseInfo:
 
 class RmpDriver(Driver):
     """Drives a base over one port; `urbihw.buses.driver.Driver` tells when each method is called."""
+
+    device_info = BaseInfo
+    quantities = {"battery": Quantity("voltage", "V", 0.25)}
 
     def __init__(self) -> None:
         self._clock: Clock = RealClock()

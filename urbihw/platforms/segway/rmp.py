@@ -323,6 +323,9 @@ class RMP(EffectorDevice):
         if state != "ok":
             self.stale.sense(True)
             self._last = None
+            # What was measured last is no speed of a base that stands by itself now, or is out of reach.
+            for speed in (self.forwardSpeed, self.yawSpeed, self.leftSpeed, self.rightSpeed):
+                speed.sense(math.nan)
 
     def _show(self, stamp: float | None = None) -> None:
         raw = self._raw

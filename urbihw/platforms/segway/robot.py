@@ -130,8 +130,8 @@ class Segway(WiredRobot):
         self._wheels.rmp = rmp
         rmp.pilot = self._pilot
 
-    @function("startPath")
-    def start_path(self, goal: Any) -> None:
+    @function("moveTo")
+    def move_to(self, goal: Any) -> None:
         """Drive to [x, y, heading] on the map along a planned path; the planner's events report the end."""
         if self._pilot is None:
             raise ValueError("there is no planner yet: segway.steer(rmp) makes one")
@@ -140,8 +140,9 @@ class Segway(WiredRobot):
     @function
     def shutdown(self) -> None:
         """Switch the base off; a balancing base falls."""
+        origin = self.motion.origin()
         self.channel.send_request(
-            "shutdown", BASE, lambda reply: None if reply.ok else self._refuse("shutdown", reply.error)
+            "shutdown", BASE, lambda reply: None if reply.ok else self._refuse("shutdown", reply.error, origin)
         )
 
     # ---------------------------------------------------------------- what an RMP and the planner call
@@ -160,20 +161,21 @@ class Segway(WiredRobot):
         self.channel.set_target(BASE, item, counts, origin)
 
     def send_configuration(self, slot: str, name: str, parameter: int) -> None:
-        """Configure the base; a refusal is logged and emitted."""
+        """Configure the base; a refusal is logged and emitted, and the writer is warned."""
+        origin = self.motion.origin()
 
         def done(reply: m.Reply) -> None:
             if not reply.ok:
-                self._refuse(slot, reply.error)
+                self._refuse(slot, reply.error, origin)
             elif name not in ("reset", "mode"):
                 self.settings[name] = parameter
             for rmp in self._members:
                 rmp.configured()
 
-        self.channel.write(BASE, name, parameter, done, self.motion.origin())
+        self.channel.write(BASE, name, parameter, done, origin)
 
-    def _refuse(self, slot: str, reason: str) -> None:
-        self.log.warning("%s: not done: %s", slot, reason)
+    def _refuse(self, slot: str, reason: str, origin: Origin) -> None:
+        self.warn_writer(origin, "%s: not done: %s", slot, reason)
         self.refused.emit(slot, reason)
 
     # ---------------------------------------------------------------- the worker

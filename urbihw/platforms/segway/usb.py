@@ -27,6 +27,11 @@ def packet(frame: Frame) -> bytes:
     return body + bytes([_sum(body)])
 
 
+def is_intact(data: bytes) -> bool:
+    """Return whether the sum of a packet is right."""
+    return len(data) == SIZE and _sum(data[:-1]) == data[-1]
+
+
 class UsbReader:
     """Finds packets in received bytes.
 

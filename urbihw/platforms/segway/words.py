@@ -11,10 +11,14 @@ BASE: Final = {
     "build": ("number of the firmware's build", "1"),
     "restarted": ("event: the base has started again", ""),
 }
-_COEFFICIENTS: Final = (
-    "forwardSpeed", "yawSpeed", "leftSpeed", "rightSpeed", "forward", "yaw", "left", "right", "velocity", "turn",
-    "torque",
-)  # fmt: skip
+_COEFFICIENTS: Final = {
+    "m/s": ("forwardSpeed", "leftSpeed", "rightSpeed"),
+    "rad/s": ("yawSpeed",),
+    "m": ("forward", "left", "right"),
+    "rad": ("yaw",),
+    "N m": ("torque",),
+}
+"""Unit -> the slots whose coefficients have it."""
 RMP: Final = COMMON | {
     "forwardSpeed": ("speed forward", "m/s"),
     "yawSpeed": ("yaw rate, to the left", "rad/s"),
@@ -24,9 +28,16 @@ RMP: Final = COMMON | {
     "yaw": ("angle turned, to the left", "rad"),
     "left": ("way of the left wheel", "m"),
     "right": ("way of the right wheel", "m"),
-    **{f"{name}Coeff": (f"factor from the counts of the base to {name}", "1") for name in _COEFFICIENTS},
-    "velocityCoeff": ("factor from the counts of a command to m/s", "1"),
-    "turnCoeff": ("factor from the counts of a command to rad/s", "1"),
+    **{
+        f"{slot}Coeff": (f"{slot} for one count of the base", unit)
+        for unit, slots in _COEFFICIENTS.items()
+        for slot in slots
+    },
+    "velocityCoeff": ("speed forward for one count of a command", "m/s"),
+    "turnCoeff": ("yaw rate for one count of a command", "rad/s"),
+    "models": ("model -> counts for 1 m/s, 1 m, one turn and 1 N m", ""),
+    "calibrate": ("calibrate(model): use the coefficients of a model", ""),
+    "part": ("part(kind, slots): a device of the tree that is some slots of this one", ""),
     "period": ("time between two values", "s"),
     "pitch": ("inclination forward", "rad"),
     "pitchRate": ("rate of pitch", "rad/s"),

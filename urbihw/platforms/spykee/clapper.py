@@ -13,6 +13,7 @@ import sys
 from typing import Final
 
 from urbihw.kernel.uobject import UObject, USound, event, reading, variable
+from urbihw.platforms.spykee import words
 
 BLOCK_S: Final = 0.01
 """Seconds of sound whose loudness is one number."""
@@ -66,6 +67,8 @@ class Clapper(UObject):
     When a sequence of claps ends, ``val`` becomes their number and then 0 again; if ``emitEvent`` is set, the event
     ``sequence`` is emitted with the number.
     """
+
+    slot_words = words.CLAPPER
 
     val = reading(0.0)
     emitEvent = variable(False)

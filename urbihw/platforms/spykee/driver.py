@@ -36,10 +36,11 @@ from urbihw.buses.messages import (
     Targets,
     Watch,
 )
+from urbihw.buses.readings import Reading
 from urbihw.platforms.spykee import protocol as p
 from urbihw.platforms.spykee.bulk import PIECE_BYTES, SoundOut, Uploads
 from urbihw.platforms.spykee.options import Options
-from urbihw.platforms.spykee.session import log_in
+from urbihw.platforms.spykee.session import RobotInfo, log_in
 from urbihw.platforms.spykee.tracks import LEFT, RIGHT, TrackSpeeds
 
 TRACKS: Final = (LEFT, RIGHT)
@@ -60,6 +61,8 @@ _READERS: Final[Mapping[int, Callable[[bytes], Any]]] = {
 
 class SpykeeDriver(Driver):
     """Drives a Spykee over one TCP link; ``urbihw.buses.driver.Driver`` tells when each method is called."""
+
+    device_info = RobotInfo
 
     def __init__(self) -> None:
         self._link: Link | None = None
@@ -116,6 +119,10 @@ class SpykeeDriver(Driver):
         asked, self._questions = self._questions, []
         gone: list[FromWorker] = [Reply(reply_id, False, error=reason) for _, reply_id, _ in asked]
         return gone + self._uploads.cancel_all(reason) + self._sound.cancel_all(reason)
+
+    def reading(self, device: Any, item: str, raw: Any) -> Reading | None:
+        """Return the charge of the battery."""
+        return Reading("charge", abs(raw) / 100) if (device, item) == (POWER, "level") else None
 
     def errors(self) -> dict[str, int]:
         """Count pictures that were skipped because a newer one had come, and packets that could not be read."""

@@ -12,6 +12,7 @@ from urbihw.kernel.uobject import UObject, event, function, reading, threaded
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.devicelog import DeviceLog
 from urbihw.platforms.spykee import protocol as p
+from urbihw.platforms.spykee import words
 from urbihw.platforms.spykee.bulk import CHUNK_BYTES
 from urbihw.platforms.spykee.music import MusicReader
 
@@ -26,6 +27,8 @@ class SpykeeMp3(UObject):
     The event ``ended`` is emitted when all of it was played.  Music of more than 8 MB and streams of unknown length are
     sent in pieces, with a short gap between two of them.
     """
+
+    slot_words = words.MP3
 
     playing = reading(False)
     sent = reading(1.0)

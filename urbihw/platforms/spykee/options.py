@@ -37,7 +37,7 @@ class Options(Table):
     user: str = setting("admin", _CREDENTIAL)
     password: str = setting("admin", _CREDENTIAL, secret=True)
     volume: int = setting(50, whole(0, 100))
-    calibration: str = setting("", TEXT)
+    calibration: str = setting("", TEXT, file=True)
     full_speed: float = setting(0.4, number(0.01, 5, " m/s"))
     full_turn: float = setting(2.0, number(0.01, 50, " rad/s"))
 

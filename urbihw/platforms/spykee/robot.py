@@ -248,8 +248,10 @@ class Spykee(WiredRobot):
         self._send_volume(round(number(self.volume)))
 
     def _send_volume(self, volume: int) -> None:
-        self.channel.write("play", "volume", volume, self._warn("volume"))
         self.volume.sense(float(volume))
+        # A robot that is absent gets it when it comes.
+        if self.link.sensed or not self.opening:
+            self.channel.write("play", "volume", volume, self._warn("volume"))
 
     @function("tracksFor")
     def tracks_for(self, x: float, yaw: float) -> list[float]:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import ClassVar, Final
+from typing import ClassVar
 
 from urbihw.kernel.uobject import UImage, USound, reading
+from urbihw.platforms import jpeg
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.spykee.protocol import SOUND_RATE
 from urbihw.platforms.streamed import Streamed
 
 WIDTH, HEIGHT = 320, 240
-_FRAME_HEADERS: Final = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
-"""Markers of a JPEG behind which its size stands."""
 
 
 class SpykeeStream(Streamed):
@@ -43,7 +42,7 @@ class SpykeeCamera(SpykeeStream):
 
     def show_picture(self, image: bytes, stamp: float) -> None:
         """Show a picture, received at ``stamp`` of the kernel's clock."""
-        width, height = size_of(image)
+        width, height = jpeg.size_of(image) or (WIDTH, HEIGHT)
         self.width.sense(float(width))
         self.height.sense(float(height))
         self.frames.sense(self.frames.sensed + 1)
@@ -85,15 +84,3 @@ class SpykeeMicro(SpykeeStream):
         sound = USound.of(data[: len(data) // 2 * 2], 1, SOUND_RATE, 16)
         self.duration.sense(sound.duration * 1000)
         self.val.sense(sound, stamp)
-
-
-def size_of(jpeg: bytes) -> tuple[int, int]:
-    """Width and height of a JPEG as it says itself; those of the robot's camera if it does not."""
-    at = 2
-    while at + 9 <= len(jpeg) and jpeg[at] == 0xFF:
-        if jpeg[at + 1] in _FRAME_HEADERS:
-            return int.from_bytes(jpeg[at + 7 : at + 9], "big"), int.from_bytes(jpeg[at + 5 : at + 7], "big")
-        at += 2 + int.from_bytes(jpeg[at + 2 : at + 4], "big")
-    return WIDTH, HEIGHT
-
-

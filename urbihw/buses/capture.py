@@ -1,0 +1,74 @@
+"""Recorded traffic as text: what `spy://` prints, the .hex captures of the simulated robots, logs of candump.
+
+Forms of a line, recognised one by one::
+
+    0.001234  > FF FF 01 02 01 FB              spy://, urbihw trace --save
+    > FF FF 01 02 01 FB                        a capture by hand; [name] begins an exchange, # a comment
+    (1436509052.249713) can0 413#000000        candump -L
+    can0  413   [8]  00 00 00 00 00 00 00 00   candump
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from typing import Final
+
+from urbihw.buses.errors import BadFrame
+from urbihw.buses.trace import Chunk, Direction
+
+_BYTES: Final = re.compile(r"(?:(\d+(?:\.\d+)?)\s+)?([<>])((?:\s+[0-9A-Fa-f]{2})+)\s*")
+_LOG: Final = re.compile(r"\((\d+(?:\.\d+)?)\)\s+\S+\s+([0-9A-Fa-f]{3,8})#([0-9A-Fa-f.]*|R\d*)(?:\s+([TR]))?\s*")
+_SCREEN: Final = re.compile(
+    r"(?:\((\d+(?:\.\d+)?)\)\s+)?\S+\s+([0-9A-Fa-f]{3,8})\s+\[\d+\]((?:\s+[0-9A-Fa-f]{2})*|\s+remote request)\s*"
+)
+_SECTION: Final = re.compile(r"\[([^\]]*)\].*")
+_EXTENDED: Final = 0xFFFF
+"""Stands for an identifier of 29 bits, which no robot here uses."""
+_LONGEST_LINE: Final = 1 << 20
+
+
+def read_capture(lines: Iterable[str]) -> Iterator[Chunk | str]:
+    """Yield the chunks of a capture, and the name of each exchange before its chunks.
+
+    A line without a time has that of the one before. Raises BadFrame, with its number, for a line that is none.
+    """
+    time = 0.0
+    for number, line in enumerate(lines, 1):
+        text = line[:_LONGEST_LINE].strip()
+        if not text or text.startswith("#"):
+            continue
+        chunk = _chunk(text, time)
+        if chunk is not None:
+            time = chunk.time
+            yield chunk
+        elif section := _SECTION.fullmatch(text):
+            yield section[1]
+        else:
+            raise BadFrame(f"line {number} is no line of a capture: {text[:40]!r}")
+
+
+def capture_line(chunk: Chunk) -> str:
+    """Return a chunk as a line that `read_capture` reads."""
+    return f"{chunk.time:.6f}  {chunk.direction} {chunk.data.hex(' ').upper()}"
+
+
+def _chunk(text: str, time: float) -> Chunk | None:
+    if found := _BYTES.fullmatch(text):
+        direction: Direction = ">" if found[2] == ">" else "<"
+        return Chunk(float(found[1]) if found[1] else time, direction, bytes.fromhex(found[3]))
+    if found := _LOG.fullmatch(text):
+        data = b"" if found[3].startswith("R") else bytes.fromhex(_even(found[3].replace(".", "")))
+        return Chunk(float(found[1]), ">" if found[4] == "T" else "<", _identifier(found[2]) + data)
+    if found := _SCREEN.fullmatch(text):
+        data = b"" if "remote" in found[3] else bytes.fromhex(found[3])
+        return Chunk(float(found[1]) if found[1] else time, "<", _identifier(found[2]) + data)
+    return None
+
+
+def _identifier(text: str) -> bytes:
+    return (_EXTENDED if len(text) > 3 else int(text, 16)).to_bytes(2, "big")
+
+
+def _even(digits: str) -> str:
+    return digits[: len(digits) & ~1]

@@ -1,0 +1,59 @@
+"""What the registers of a servo mean for its health, in SI units, with the range that its maker allows.
+
+The range of temperature and voltage is that of the model: the factory values of the registers of its limits.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+from urbihw.buses.readings import ALARM, Reading
+from urbihw.buses.servos import units
+from urbihw.buses.servos.cycle import STATE_ITEM
+from urbihw.buses.servos.device import Device
+from urbihw.buses.servos.item import Item, Table
+from urbihw.buses.servos.status import state_words
+
+_MEASURED: Final = {
+    "present_position": "position",
+    "present_speed": "speed",
+    "present_velocity": "speed",
+    "present_load": "load",
+    "present_current": "current",
+    "present_voltage": "voltage",
+    "present_input_voltage": "voltage",
+    "present_temperature": "temperature",
+}
+_RANGES: Final = {
+    "temperature": ("", "temperature_limit"),
+    "voltage": ("min_voltage_limit", "max_voltage_limit"),
+}
+"""Quantity -> the registers of its lowest and its highest value, "" for none."""
+_EFFECTORS: Final = {"rad": "position", "rad/s": "speed", "A": "current"}
+"""SI unit of the target that moves a servo -> quantity; a share of the full drive is "load"."""
+
+
+def reading_of(device: Device, item: str, raw: Any) -> Reading | None:
+    """Return the reading of a register; None for those that tell nothing of the health."""
+    if item == STATE_ITEM:
+        return Reading(ALARM, state_words(raw, device.protocol))
+    table, mode = device.table, device.mode
+    if table is None or item not in table.items:
+        return None
+    found = table.items[item]
+    wheel = mode is not None and mode.name == "wheel"
+    quantity = _MEASURED.get(item, "")
+    if not quantity and mode is not None and mode.effector == item:
+        quantity = _EFFECTORS.get(units.unit_of(found, wheel).symbol, "load")
+    if not quantity:
+        return None
+    value, symbol = units.to_si(found, raw, wheel), units.unit_of(found, wheel).symbol
+    low, high = _RANGES.get(quantity, ("", ""))
+    return Reading(quantity, value, symbol, _default(table, low), _default(table, high))
+
+
+def _default(table: Table, name: str) -> float:
+    """The factory value of a register; nan if it has none, and for no register."""
+    item: Item | None = table.items.get(name)
+    return math.nan if item is None or item.default is None else units.to_si(item, item.default)

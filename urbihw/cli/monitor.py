@@ -1,0 +1,163 @@
+"""Watch the robots that are served: a live table of their devices, or lines where the output is no terminal.
+
+The table asks four times a second, each time anew, so it finds a daemon again that was restarted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import select
+import sys
+import termios
+import time
+import tty
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+from urbihw.buses.verdict import device_name, rows_in
+from urbihw.cli import control, reports
+from urbihw.cli.options import whole
+from urbihw.cli.reports import Report
+from urbihw.exitcodes import EX_CONFIG, EX_OK
+from urbihw.extras import install_command
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.table import Table
+
+TABLE_PERIOD_S: Final = 0.25
+LINE_PERIOD_S: Final = 1.0
+MAX_FINDINGS: Final = 5
+"""Reasons of a verdict above the table."""
+LEAVE: Final = b"q\x03\x04"
+"""Keys that end it: q, Ctrl-C, Ctrl-D."""
+_STYLES: Final = ("green", "yellow", "bold red")
+"""By level."""
+_STATE_STYLES: Final = {"ok": "green", "back": "yellow", "suspect": "yellow", "lost": "bold red"}
+_MEASURED: Final = ("temperature", "voltage", "load", "current", "charge")
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """The options of ``urbihw monitor``."""
+    reports.options(parser)
+    parser.add_argument("--count", type=whole(1, 10**9), metavar="N", help="end after N lines or pictures of the table")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Show the table until q is pressed, or lines until the reader ends."""
+    try:
+        if sys.stdin.isatty() and sys.stdout.isatty():
+            return _show_table(options)
+        return _print_lines(options, time.sleep)
+    except ValueError as error:  # BadConfig
+        return control.complain(str(error), EX_CONFIG)
+    except (KeyboardInterrupt, BrokenPipeError):
+        # Python would complain of the broken pipe once more when it flushes at its end.
+        with contextlib.suppress(OSError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EX_OK
+
+
+def _print_lines(options: argparse.Namespace, sleep: Callable[[float], None]) -> int:
+    """Print one line a second for each robot."""
+    left = options.count
+    while left is None or left > 0:
+        found = reports.collect(options.socket)
+        lines = [reports.robot_line(report) for report in found] or [control.no_daemon_problem("health")]
+        for line in lines:
+            print(f"{time.strftime('%H:%M:%S')} {line}", flush=True)
+        left = None if left is None else left - 1
+        if left != 0:
+            sleep(LINE_PERIOD_S)
+    return EX_OK
+
+
+def _show_table(options: argparse.Namespace) -> int:
+    try:
+        from rich.live import Live
+    except ImportError:
+        return control.complain(f"the table needs a package: {install_command('monitor')}; or: urbihw monitor | cat",
+                                EX_CONFIG)
+    left = options.count
+    with _keys(), Live(screen=True, auto_refresh=False) as live:
+        while left is None or left > 0:
+            live.update(picture(reports.collect(options.socket)), refresh=True)
+            left = None if left is None else left - 1
+            if _wait_for_key(TABLE_PERIOD_S):
+                break
+    return EX_OK
+
+
+@contextlib.contextmanager
+def _keys() -> Iterator[None]:
+    """Keys arrive one by one, and are not shown."""
+    before = termios.tcgetattr(sys.stdin)
+    try:
+        tty.setcbreak(sys.stdin)
+        yield
+    finally:
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+
+
+def _wait_for_key(seconds: float) -> bool:
+    """Wait; return whether a key ends the command, or the terminal is gone."""
+    if not select.select([sys.stdin], [], [], seconds)[0]:
+        return False
+    typed = os.read(sys.stdin.fileno(), 100)
+    return not typed or any(key in LEAVE for key in typed)
+
+
+# ---------------------------------------------------------------- the picture
+
+
+def picture(found: Sequence[Report]) -> RenderableType:
+    """The table of all robots."""
+    from rich.console import Group
+    from rich.text import Text
+
+    if not found:
+        return Text(f"{control.no_daemon_problem('health')}; looking for it (q ends)", "yellow")
+    parts: list[RenderableType] = []
+    for report in found:
+        parts.append(Text(reports.robot_line(report), _STYLES[report.level]))
+        parts += [Text(f"  {reports.clean(str(each))}", _STYLES[each.level]) for each in report.findings[:MAX_FINDINGS]]
+        if len(report.findings) > MAX_FINDINGS:
+            parts.append(Text(f"  and {len(report.findings) - MAX_FINDINGS} more: urbihw health"))
+        if report.told:
+            parts.append(_table(rows_in(report.told, "devices")))
+    parts.append(Text("q ends", "dim"))
+    return Group(*parts)
+
+
+def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
+    from rich.table import Table
+    from rich.text import Text
+
+    shown = [name for name in _MEASURED if any(reports.value_text(row, name) for row in rows)]
+    table = Table(box=None, pad_edge=False)
+    for head in ("device", "model", "state"):
+        table.add_column(head)
+    for head in ("requested", "applied", "measured", *shown, "misses"):
+        table.add_column(head, justify="right")
+    table.add_column("moved by")
+    for row in rows:
+        moved = motion_of(row)
+        cells = [device_name(row), str(row.get("model") or ""), str(row.get("alarm") or row.get("state"))]
+        cells += [reports.value_text(row, moved, which) for which in ("requested", "applied", "values")]
+        cells += [reports.value_text(row, name) for name in shown]
+        cells += [f"{row.get('missed')}/{row.get('lost')}" if row.get("missed") or row.get("lost") else ""]
+        style = "bold red" if row.get("alarm") else _STATE_STYLES.get(str(row.get("state")), "")
+        table.add_row(*(Text(reports.clean(cell)) for cell in (*cells, str(row.get("who") or ""))), style=style)
+    return table
+
+
+def motion_of(row: Mapping[str, Any]) -> str:
+    """The quantity that moves a device: what was requested last, or else what is measured."""
+    for table in ("requested", "values"):
+        found = row.get(table)
+        for name in ("position", "speed", "torque"):
+            if isinstance(found, Mapping) and name in found:
+                return name
+    return "position"

@@ -1,0 +1,75 @@
+"""Play motions or poses of a robot that is served, or list them.
+
+The motion ends with this program: after Ctrl-C, or if it is killed, the joints hold.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from typing import Final
+
+from urbihw.cli.lobby_client import LobbyClient
+from urbihw.cli.options import Refused, complain, number
+from urbihw.cli.reach import add_server, credentials, server
+from urbihw.exitcodes import EX_OK, EX_UNAVAILABLE, INTERRUPTED
+from urbihw.settings import one_line
+
+LONGEST_S: Final = 1e6
+"""Seconds for which a motion may last."""
+_HAS_JOINTS: Final = 'Global.hasLocalSlot("robot") && robot.hasSlot("motionPlayer")'
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """The options of ``urbihw play``."""
+    parser.add_argument("names", nargs="*", metavar="NAME",
+                        help="motions to play one after the other, such as wave or bow.mtn:Bow; without: list them")
+    parser.add_argument("--pose", action="store_true", help="the names are those of poses")
+    parser.add_argument("--speed", type=number(0.01, 10, "factor"), default=1.0, metavar="FACTOR",
+                        help="so many times as fast (%(default)g)")
+    parser.add_argument("--loop", type=_count, default=1, metavar="COUNT", help="so many times, 0 for ever (1)")
+    add_server(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Play, and wait until the end; returns the exit code."""
+    try:
+        with LobbyClient(server(options), credentials(options)) as link:
+            link.read_banner()
+            require_joints(link)
+            if not options.names:
+                print(one_line(link.ask('"motions: %s; poses: %s" % [robot.motions.join(" "), robot.poses.join(" ")]')
+                               .shown.strip('"')))
+                return EX_OK
+            link.ask(f"{statement(options)} | true", LONGEST_S)
+    except Refused as error:
+        return complain("urbihw play", error)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    return EX_OK
+
+
+def statement(options: argparse.Namespace) -> str:
+    """Return the statement that plays what the options name."""
+    if options.pose:
+        return " | ".join(f"robot.pose({quoted(name)}, {options.speed!r})" for name in options.names)
+    count = options.loop if math.isfinite(options.loop) else "inf"
+    return f"robot.play([{', '.join(map(quoted, options.names))}], {options.speed!r}, {count})"
+
+
+def require_joints(link: LobbyClient) -> None:
+    """Raise Refused if the server has no robot with joints."""
+    if link.ask(_HAS_JOINTS).shown != "true":
+        raise Refused(f"{link.peer} has no robot with joints", EX_UNAVAILABLE)
+
+
+def quoted(text: str) -> str:
+    """Return a text as a String of urbiscript."""
+    return '"' + one_line(text).replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def _count(text: str) -> float:
+    """Return a number of repetitions; 0 is for ever.  Raises ArgumentTypeError."""
+    if not text.isascii() or not text.isdigit() or int(text) > 1_000_000:
+        raise argparse.ArgumentTypeError(f"expected 1, 2 ... or 0 for ever, given {text!r}")
+    return int(text) or math.inf

@@ -1,0 +1,241 @@
+"""The checks of ``urbihw doctor`` on the robot: what its bus does with its time, and what return delays cost.
+
+A robot that a daemon serves is not asked: the daemon's bus worker shows its traffic, and its state.  Otherwise the port
+is opened, and its servos are pinged and read; nothing is written.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from urbihw import platforms
+from urbihw.buses import ports
+from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
+from urbihw.buses.servos import trace, units
+from urbihw.buses.servos.changes import check_alone, find_all
+from urbihw.buses.servos.findings import findings as servo_findings
+from urbihw.buses.servos.line import Line
+from urbihw.buses.servos.plan import read_blocks
+from urbihw.buses.servos.registers import ServoError, ServoRegisters, bus_for
+from urbihw.buses.servos.survey import Servo, read_live
+from urbihw.buses.trace import Chunk
+from urbihw.buses.turnaround import BusMeter
+from urbihw.buses.verdict import Level, judge
+from urbihw.cli import control
+from urbihw.cli.dialogue import Dialogue
+from urbihw.cli.machine import Finding
+from urbihw.cli.options import Refused
+from urbihw.cli.tracing import WorkerTraffic
+from urbihw.kernel.uobject import BadConfig
+
+WATCH_S: Final = 2.0
+"""Seconds for which the traffic of a daemon is measured."""
+ROUNDS: Final = 20
+"""How often each servo is read."""
+DELAY: Final = "return_delay_time"
+_SLOW_S: Final = 200e-6
+"""A turnaround above this is worth a line."""
+_READ: Final = ("present_position", "present_temperature", "firmware_version")
+_BITS: Final = 10
+
+
+@dataclass
+class BusReport:
+    """What was measured.
+
+    Attributes:
+        findings: in words.
+        numbers: for programs: bytes_a_cycle, busy, retries, damaged, turnaround (device -> s), return_delay (id -> s).
+        servos: those that were found, () behind a daemon.
+    """
+
+    findings: list[Finding] = field(default_factory=list)
+    numbers: dict[str, Any] = field(default_factory=dict)
+    servos: tuple[Servo, ...] = ()
+
+
+def check_served(traffic: WorkerTraffic, seconds: float = WATCH_S) -> BusReport:
+    """Measure the bus of a robot that a daemon serves.  Raises Refused."""
+    report = BusReport([Finding("ok", f"a daemon serves {traffic.about.get('url')}: it is asked, not the robot")])
+    told = _health_of(traffic.path)
+    for each in judge(told):
+        verdict = "bad" if each.level == Level.BAD else "note"
+        report.findings.append(Finding(verdict, str(each)))  # type: ignore[arg-type]
+    name = traffic.path.stem.rpartition("-")[0]
+    devices = traffic.about.get("devices", ())
+    try:
+        decoder = platforms.load_trace(platforms.find(name))(devices)
+    except BadConfig:
+        report.findings.append(Finding("note", f"which kind of robot {traffic.path.stem} is, is not known: its bus is "
+                                               "not measured"))
+        return report
+    meter = BusMeter(decoder, _BITS / (traffic.about.get("baud") or 1_000_000))
+    try:
+        meter.add_all(item for item in traffic.chunks(time.monotonic() + seconds) if isinstance(item, Chunk))
+    except (OSError, ValueError) as error:
+        raise Refused(f"{traffic.path}: the daemon has ended the connection") from error
+    bus = told.get("bus", {})
+    rate = float(bus.get("rate") or 0.0)
+    cycles = meter.seconds * rate
+    retries = int(bus.get("recent_errors", {}).get("retried", 0))
+    _describe(report, meter, cycles, retries, f"at {rate:.0f} cycles a second")
+    return report
+
+
+def check_line(line: Line) -> BusReport:
+    """Measure a bus of servos that nobody serves: each servo is read several times.  Raises LinkGone."""
+    report = BusReport()
+    found = find_all(line.link)
+    report.findings += [
+        Finding("bad", f"id {number}: more than one servo answers: urbihw servo set-id") for number in found.conflicts
+    ]
+    if not found.devices:
+        report.findings.append(Finding("bad", f"{line.name}: no servo answers at {line.baud} bps: is it powered? "
+                                              "urbihw scan looks at all speeds"))
+        return report
+    report.servos = tuple(read_live(bus_for(line.link, device), device) for device in found.devices)
+    chunks: list[Chunk] = []
+    clock = line.link.clock
+    line.link.observer = lambda direction, data: chunks.append(
+        Chunk(clock.now(), ">" if direction == ">" else "<", data)
+    )
+    retries = 0
+    try:
+        for servo in report.servos:
+            retries += _read_often(line, servo)
+    finally:
+        line.link.observer = None
+    devices = [vars(servo.device) for servo in report.servos]
+    meter = BusMeter(trace.dynamixel(devices), line.link.byte_time)
+    meter.add_all(chunks)
+    report.findings.append(Finding("ok", f"{line.name}: {len(report.servos)} servos at {line.baud} bps"))
+    _describe(report, meter, ROUNDS, retries, "one servo after the other")
+    for servo in report.servos:
+        for each in servo_findings(servo):
+            if not each.cost:  # The return delay: told with its gain.
+                report.findings.append(Finding("note", f"servo {servo.device.id}: {each.text}"))
+    report.findings += _delay_findings(report)
+    return report
+
+
+def _read_often(line: Line, servo: Servo) -> int:
+    """Read a servo ROUNDS times; return the number of retries."""
+    table = servo.device.table
+    bus = bus_for(line.link, servo.device)
+    names = [name for name in _READ if table is not None and name in table.items][:1]
+    blocks = read_blocks(table, names, servo.device.protocol) if table is not None and names else []
+    for _ in range(ROUNDS):
+        try:
+            if blocks:
+                bus.read(servo.device.id, blocks[0].address, blocks[0].size)
+            else:
+                bus.ping(servo.device.id)
+        except (BusTimeout, BadFrame, DeviceRefused):
+            continue
+    return bus.counters.retried
+
+
+def _describe(report: BusReport, meter: BusMeter, cycles: float, retries: int, how: str) -> None:
+    """Add what a meter has measured."""
+    times = meter.turnarounds()
+    cycle_bytes = (meter.written + meter.read) / cycles if cycles else 0.0
+    report.numbers |= {
+        "bytes_a_cycle": round(cycle_bytes, 1), "busy": round(meter.busy, 4), "retries": retries,
+        "damaged": meter.damaged, "silent": dict(meter.silent),
+        "turnaround": {device: round(seconds, 6) for device, seconds in times.items()},
+    }  # fmt: skip
+    idle = 100 * (1 - meter.busy)
+    text = f"bus: {cycle_bytes:.0f} bytes a cycle, idle {idle:.0f} % of the time ({how})"
+    report.findings.append(Finding("ok", text))
+    report.findings += _error_findings(meter, retries)
+    if times:
+        slowest = max(times, key=lambda device: times[device])
+        text = (f"turnaround: {1000 * min(times.values()):.2f} .. {1000 * max(times.values()):.2f} ms "
+                f"(the slowest: {slowest})")
+        if times[slowest] > _SLOW_S:
+            report.findings.append(Finding("note", f"{text}: return delay, adapter or system"))
+        else:
+            report.findings.append(Finding("ok", text))
+
+
+def _error_findings(meter: BusMeter, retries: int) -> Iterator[Finding]:
+    silent = ", ".join(f"{device} ({count} times)" for device, count in meter.silent.items())
+    if silent:
+        yield Finding("bad", f"no answer from {silent}: check its cable and supply")
+    if meter.damaged:
+        yield Finding("bad", f"{meter.damaged} damaged answers: check cables and ground; two servos may have one id")
+    if retries:
+        yield Finding("note", f"{retries} questions were repeated")
+    if not (silent or meter.damaged or retries):
+        yield Finding("ok", "no retries, no damaged answers")
+
+
+def delays(servos: Iterable[Servo]) -> dict[int, float]:
+    """Return id -> return delay in seconds, of the servos that have one above 0."""
+    found = {}
+    for servo in servos:
+        table, raw = servo.device.table, servo.values.get(DELAY)
+        if table is not None and raw:
+            found[servo.device.id] = units.to_si(table.item(DELAY), raw)
+    return found
+
+
+def _delay_findings(report: BusReport) -> Iterator[Finding]:
+    """What the return delays cost, for each servo and in all."""
+    found = delays(report.servos)
+    report.numbers["return_delay"] = found
+    for number, seconds in found.items():
+        yield Finding("note", f"servo {number}: return delay {1000 * seconds:.3f} ms: 0 would gain that each cycle")
+    if found:
+        gain = 1000 * sum(found.values())
+        yield Finding("note", f"you would gain {gain:.1f} ms a cycle by return delay 0: urbihw doctor URL --mend")
+
+
+def mend_delays(line: Line, servos: Iterable[Servo], dialogue: Dialogue) -> Iterator[Finding]:
+    """Write return delay 0 where it is not, after a question; each write is read back.  Raises LinkGone."""
+    servos = tuple(servos)
+    found = delays(servos)
+    if not found:
+        yield Finding("ok", "all return delays are 0")
+        return
+    ids = ", ".join(map(str, found))
+    question = f"Write return delay 0 to servo {ids}? Their torque goes off and stays off: hold the robot."
+    if not dialogue.confirm(question):
+        yield Finding("note", "nothing was changed")
+        return
+    for servo in servos:
+        if servo.device.id not in found:
+            continue
+        try:
+            check_alone(line.link, servo.device)
+            ServoRegisters(line.link, servo.device).write(DELAY, 0)
+        except (ServoError, BusTimeout, BadFrame, DeviceRefused) as error:
+            yield Finding("bad", f"servo {servo.device.id}: return delay not written: {error}")
+        else:
+            yield Finding("ok", f"servo {servo.device.id}: return delay is 0, checked; its torque is off")
+
+
+def mend_latency(device: str, dialogue: Dialogue, folder: Path = ports.LATENCY) -> Iterator[Finding]:
+    """Set the latency timer of the adapter of a port to 1 ms, after a question; it lasts until it is unplugged."""
+    timer = folder / Path(device).resolve().name / "latency_timer"
+    try:
+        value = int(timer.read_text("ascii"))
+    except (OSError, ValueError):
+        return
+    if value <= 1 or not dialogue.confirm(f"Set the latency timer of {device} from {value} to 1 ms?"):
+        return
+    try:
+        timer.write_text("1\n", "ascii")
+    except OSError as error:
+        yield Finding("note", f"latency timer not set: {error.strerror}: echo 1 | sudo tee {timer}")
+    else:
+        yield Finding("ok", f"latency timer of {device}: 1 ms until it is unplugged; the udev rules make it last")
+
+
+def _health_of(path: Path) -> Mapping[str, Any]:
+    (answer,) = control.ask([path], "health", "urbihw doctor")
+    return answer.state

@@ -1,0 +1,259 @@
+"""Show the traffic of a robot's bus, decoded, one packet a line; nothing is sent to the robot.
+
+With the url of a robot that a daemon serves, or without any, the daemon shows what its bus worker writes and reads.
+With another url (a serial line or a CAN bus) the command only listens there.  With a file it decodes a capture: one of
+its own (--save), the output of spy://, or a log of candump.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import sys
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any, Final, TextIO
+
+from urbihw import buses, platforms
+from urbihw.buses.capture import capture_line, read_capture
+from urbihw.buses.errors import BadFrame, BadUrl, LinkGone, Unavailable
+from urbihw.buses.link import Link, Port, Url
+from urbihw.buses.trace import Chunk, Decoder, MakeDecoder, Packet
+from urbihw.cli.options import Refused, number, whole
+from urbihw.cli.tracing import WorkerTraffic, open_traffic, traffic_of
+from urbihw.exitcodes import EX_CONFIG, EX_NOINPUT, EX_OK, EX_UNAVAILABLE
+from urbihw.kernel.uobject import BadConfig
+
+SILENCE_S: Final = 0.5
+"""Seconds without a packet that are worth a line."""
+_LISTEN: Final = {"serial", "can", "pipe"}
+"""Kinds of ports where listening says nothing to the robot."""
+_MOST_FRAMES: Final = 1000
+
+Item = Chunk | str | int
+"""A chunk, the name of an exchange in a capture, or how many chunks were lost."""
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """The options of ``urbihw trace``."""
+    parser.add_argument("where", nargs="?", default="", metavar="URL|FILE",
+                        help="a port, or a capture; default: the robot that is served on this machine")
+    parser.add_argument("--socket", type=Path, metavar="PATH", help="control socket of the robot")
+    parser.add_argument("--platform", metavar="NAME", help="how to decode it (default: as the daemon's robot)")
+    parser.add_argument("--count", type=whole(1, 10**9, "number of packets"), metavar="N", help="end after N packets")
+    parser.add_argument("--seconds", type=number(0.001, 1e9, "time in seconds"), metavar="S",
+                        help="end after S seconds")
+    parser.add_argument("--bytes", action="store_true", help="show the bytes of each packet, too")
+    parser.add_argument("--save", type=Path, metavar="FILE",
+                        help="write the undecoded traffic to FILE; it may contain passwords")
+    parser.add_argument("--json", action="store_true", help="print each packet as a line of JSON")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Show the traffic; returns the exit code."""
+    try:
+        return _run(options)
+    except Refused as error:
+        print(f"urbihw: {error}", file=sys.stderr)
+        return error.code
+    except (BadConfig, BadUrl) as error:
+        print(f"urbihw: {error}", file=sys.stderr)
+        return EX_CONFIG
+    except (BadFrame, Unavailable, LinkGone) as error:
+        print(f"urbihw: {error}", file=sys.stderr)
+        return EX_NOINPUT if isinstance(error, BadFrame) else EX_UNAVAILABLE
+
+
+def _run(options: argparse.Namespace) -> int:
+    until = time.monotonic() + options.seconds if options.seconds else math.inf
+    if options.where and Path(options.where).is_file():
+        make, devices = _decoder_of(options.platform or ""), ()
+        try:
+            with open(options.where, encoding="ascii", errors="replace") as file:
+                return _show(read_capture(file), make, devices, options)
+        except OSError as error:
+            raise Refused(f"{options.where}: {error.strerror}", EX_NOINPUT) from error
+    traffic = open_traffic(options.socket) if options.socket is not None else traffic_of(options.where)
+    if traffic is not None:
+        with traffic:
+            make = _decoder_of(options.platform or _platform_of(traffic.path))
+            return _show(_live(traffic, until), make, traffic.about.get("devices", ()), options)
+    if not options.where:
+        raise Refused("no daemon answers; start one (urbihw serve), or name a port or a capture", EX_UNAVAILABLE)
+    return _show(listen(options.where, until), _decoder_of(options.platform or _guess(options.where)), (), options)
+
+
+def _live(traffic: WorkerTraffic, until: float) -> Iterator[Item]:
+    try:
+        yield from traffic.chunks(until)
+    except (OSError, ValueError) as error:
+        raise Refused(f"{traffic.path}: the daemon has ended the connection", EX_UNAVAILABLE) from error
+
+
+def _platform_of(path: Path) -> str:
+    """The platform of a control socket, by its name."""
+    name = path.stem.rpartition("-")[0]
+    return name if any(folder.name == name for folder in platforms.folders()) else ""
+
+
+def _guess(url: str) -> str:
+    """The platform for a port that no daemon serves: servos on a serial line."""
+    return "chain" if Url.parse(url).scheme == "serial" else ""
+
+
+def _decoder_of(name: str) -> MakeDecoder:
+    """Return what makes the decoder of a platform.  Raises Refused, BadConfig."""
+    if not name:
+        known = ", ".join(manifest.name for manifest in _manifests() if manifest.trace)
+        raise Refused(f"how is it decoded? Give --platform, one of: {known}", EX_CONFIG)
+    return platforms.load_trace(platforms.find(name))
+
+
+def _manifests() -> Iterator[platforms.Manifest]:
+    for folder in platforms.folders():
+        try:
+            yield platforms.read(folder)
+        except BadConfig:  # ``urbihw platforms`` reports its error.
+            continue
+
+
+def listen(url: str, until: float) -> Iterator[Chunk]:
+    """Yield what arrives on a port, without writing to it.  Raises BadUrl, Refused, Unavailable, LinkGone."""
+    scheme = Url.parse(url).scheme
+    if scheme not in _LISTEN:
+        raise Refused(f"nobody serves {url}, and on {scheme}:// one cannot listen only: start a daemon", EX_CONFIG)
+    with closing(buses.open(url)) as port:
+        while (now := port.clock.now()) < until:
+            for data in _read(port, min(until, now + 1.0)):
+                yield Chunk(port.clock.now(), "<", data)
+
+
+def _read(port: Port, deadline: float) -> Iterable[bytes]:
+    if isinstance(port, Link):
+        data = port.read(4096, deadline)
+        return [data] if data else []
+    from urbihw.buses.can.port import can_port  # It needs python-can, which not everybody has.
+
+    return [frame.id.to_bytes(2, "big") + frame.data for frame in can_port(port).receive(_MOST_FRAMES, deadline)]
+
+
+def _show(
+    items: Iterable[Item], make: MakeDecoder, devices: Sequence[Mapping[str, Any]], options: argparse.Namespace
+) -> int:
+    """Print the packets until the end, or the number that is wanted."""
+    printer = Printer(sys.stdout, options.bytes, options.json, options.count or 0)
+    try:
+        if options.save is None:
+            _print(items, make, devices, printer, None)
+        else:
+            with open(options.save, "w", encoding="ascii", opener=_private) as save:
+                _print(items, make, devices, printer, save)
+    except KeyboardInterrupt:
+        print()
+    except BrokenPipeError:
+        # The reader of a pipe (head) has had enough; the interpreter must not try to write the rest.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EX_OK
+    except OSError as error:
+        if options.save is None or isinstance(error, Unavailable | LinkGone):
+            raise
+        raise Refused(f"{options.save}: {error.strerror}", EX_CONFIG) from error
+    if not options.json:
+        print(printer.summary(), file=sys.stderr)
+    return EX_OK
+
+
+def _private(path: str, flags: int) -> int:
+    """Open a file that only its owner can read: what robots are told may contain passwords."""
+    return os.open(path, flags, 0o600)
+
+
+def _print(
+    items: Iterable[Item], make: MakeDecoder, devices: Sequence[Mapping[str, Any]], printer: Printer,
+    save: TextIO | None,
+) -> None:  # fmt: skip
+    decoder: Decoder = make(devices)
+    for item in items:
+        if isinstance(item, Chunk):
+            if save is not None:
+                save.write(capture_line(item) + "\n")
+            printer.show(decoder.feed(item))
+        else:
+            printer.show(decoder.flush())
+            decoder = make(devices)
+            printer.note(f"[{item}]" if isinstance(item, str) else f"{item} pieces of the traffic were lost")
+        if printer.is_full:
+            return
+    printer.show(decoder.flush())
+
+
+class Printer:
+    """Prints packets.
+
+    Attributes:
+        is_full: the wanted number of packets is printed.
+    """
+
+    def __init__(self, stream: TextIO, with_bytes: bool, as_json: bool, most: int) -> None:
+        self._stream = stream
+        self._with_bytes = with_bytes
+        self._as_json = as_json
+        self._most = most
+        self._first: float | None = None
+        self._last = 0.0
+        self._count = self._damaged = self._silent = 0
+        self.is_full = False
+
+    def show(self, packets: Iterable[Packet]) -> None:
+        """Print packets."""
+        for packet in packets:
+            if self.is_full:
+                return
+            self._count += 1
+            self._damaged += packet.what == "?"
+            self._silent += packet.what == "no answer"
+            if self._first is None:
+                self._first = self._last = packet.time
+            gap = packet.time - self._last
+            if gap >= SILENCE_S:
+                self.note(f"nothing for {gap:.2f} s")
+            self._write(self._json(packet) if self._as_json else self.line(packet, gap))
+            self._last = max(self._last, packet.time)
+            self.is_full = bool(self._most) and self._count >= self._most
+        self._stream.flush()
+
+    def note(self, text: str) -> None:
+        """Print something that is no packet."""
+        self._write(json.dumps({"note": text}) if self._as_json else f"-- {text}")
+
+    def line(self, packet: Packet, gap: float) -> str:
+        """One packet as a line: time, time since the last one, direction, device, instruction, values, verdict."""
+        cells = (
+            f"{packet.time - (self._first or 0.0):11.6f} {max(gap, 0.0) * 1000:+9.3f} ms", packet.direction,
+            f"{packet.device:>3}", f"{packet.what:12}", packet.detail,
+            {"ok": "checksum ok", "bad": "", "": ""}[packet.check],
+            f"!! {packet.problem}" if packet.problem else "",
+            f"[{packet.data.hex(' ').upper()}]" if self._with_bytes and packet.data else "",
+        )  # fmt: skip
+        return "  ".join(cell for cell in cells if cell).rstrip()
+
+    def summary(self) -> str:
+        """What was printed, in one line."""
+        seconds = self._last - (self._first or 0.0)
+        return (f"{self._count} packets in {seconds:.3f} s, {self._damaged} damaged, "
+                f"{self._silent} requests without an answer")
+
+    @staticmethod
+    def _json(packet: Packet) -> str:
+        return json.dumps({
+            "time": packet.time, "direction": packet.direction, "device": packet.device, "what": packet.what,
+            "detail": packet.detail, "check": packet.check, "problem": packet.problem, "data": packet.data.hex(),
+        })  # fmt: skip
+
+    def _write(self, text: str) -> None:
+        # What robots send goes to a terminal: no control characters.
+        print("".join(sign if sign.isprintable() else "?" for sign in text), file=self._stream)

@@ -1,0 +1,142 @@
+"""The traffic of a robot's wire from the control socket of its bus worker (verb ``trace``)."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from urbihw.buses.link import Url
+from urbihw.buses.trace import Chunk
+from urbihw.cli.options import Refused
+from urbihw.daemon.runtime import control_sockets
+from urbihw.exitcodes import EX_CONFIG, EX_UNAVAILABLE
+
+TIMEOUT_S: Final = 2.0
+"""Seconds within which a worker answers."""
+_MOST_BYTES: Final = 16 << 20
+"""Bytes of one line at most."""
+
+
+class WorkerTraffic:
+    """A connection to the control socket of a worker that sends what is on its wire.
+
+    Attributes:
+        path: of the socket.
+        about: the answer: ``url``, ``devices``, ``baud``, ``link`` ...
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Ask for the traffic.  Raises OSError, and ValueError for an answer without sense."""
+        self.path = path
+        self._buffer = b""
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            self._socket.settimeout(TIMEOUT_S)
+            self._socket.connect(str(path))
+            self._socket.sendall(b'{"do": "trace", "who": "urbihw trace"}\n')
+            answer = self._next_line(time.monotonic() + TIMEOUT_S)
+            if not isinstance(answer, dict) or not answer.get("ok"):
+                raise ValueError(f"{path}: this daemon shows no traffic; is it of the same version?")
+        except BaseException:
+            self._socket.close()
+            raise
+        self.about: Mapping[str, Any] = answer
+
+    def chunks(self, until: float) -> Iterator[Chunk | int]:
+        """Yield chunks, or how many were lost, until a time (``time.monotonic``) or the end of the connection."""
+        while (event := self._next_line(until)) is not None:
+            if not isinstance(event, dict) or event.get("event") != "Traffic":
+                continue
+            lost = int(event.get("lost", 0)) + int(event.get("dropped", 0))
+            if lost:
+                yield lost
+            for stamp, direction, text in event.get("chunks", ()):
+                yield Chunk(float(stamp), ">" if direction == ">" else "<", bytes.fromhex(text))
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._socket.close()
+
+    def __enter__(self) -> WorkerTraffic:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _next_line(self, until: float) -> Any:
+        """The next line as JSON; None at the time, or at the end of the connection.  Raises OSError, ValueError."""
+        while b"\n" not in self._buffer:
+            left = until - time.monotonic()
+            if left <= 0 or len(self._buffer) > _MOST_BYTES:
+                return None
+            self._socket.settimeout(min(left, 3600.0))
+            try:
+                data = self._socket.recv(1 << 16)
+            except TimeoutError:
+                return None
+            if not data:
+                return None
+            self._buffer += data
+        line, _, self._buffer = self._buffer.partition(b"\n")
+        return json.loads(line)
+
+
+def open_traffic(path: Path) -> WorkerTraffic:
+    """Open the traffic of a worker.  Raises Refused."""
+    try:
+        return WorkerTraffic(path)
+    except OSError as error:
+        hint = "is the daemon running?" if not isinstance(error, PermissionError) else "use sudo, or join its group"
+        raise Refused(f"{path}: {error.strerror or 'no answer'}; {hint}", EX_UNAVAILABLE) from error
+    except ValueError as error:
+        raise Refused(str(error), EX_UNAVAILABLE) from error
+
+
+def traffic_of(url: str) -> WorkerTraffic | None:
+    """Open the traffic of the daemon that serves a url, None if no daemon does; "" is the only one there is.
+
+    Raises Refused.
+    """
+    found = []
+    for path in _sockets():
+        try:
+            traffic = WorkerTraffic(path)
+        except (OSError, ValueError):
+            continue
+        if not url or same_port(url, str(traffic.about.get("url", ""))):
+            found.append(traffic)
+        else:
+            traffic.close()
+    for traffic in found[1:]:
+        traffic.close()
+    if len(found) > 1:
+        found[0].close()
+        names = ", ".join(f"--socket {traffic.path}" for traffic in found)
+        raise Refused(f"which robot? Give one of: {names}", EX_CONFIG)
+    return found[0] if found else None
+
+
+def same_port(one: str, other: str) -> bool:
+    """Whether two urls name the same port, whatever their options say."""
+    return bool(one) and bool(other) and _place(one) == _place(other)
+
+
+def _place(url: str) -> tuple[str, str]:
+    try:
+        parsed = Url.parse(url)
+    except ValueError:
+        return "", url
+    target = parsed.target.partition("?")[0]
+    return parsed.scheme, os.path.realpath(target) if parsed.scheme == "serial" else target
+
+
+def _sockets() -> list[Path]:
+    try:
+        return control_sockets()
+    except ValueError:  # BadConfig for a folder without permission.
+        return []

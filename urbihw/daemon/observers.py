@@ -1,0 +1,64 @@
+"""What a daemon offers to those who watch it: metrics, and the announcement in the network.
+
+``bind`` comes before the robot is opened, so that a mistake ends the start; ``start`` when clients can connect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from urbihw.daemon.announce import Announcement, reachable
+from urbihw.daemon.config import Config
+from urbihw.daemon.metrics import MetricsServer, parse_address
+from urbihw.extras import install_command
+from urbihw.kernel.uobject import BadConfig
+
+END_TIMEOUT_S: Final = 10.0
+"""Seconds that ``close`` takes at most."""
+
+
+class Observers:
+    """The metrics and the announcement of one daemon; without either setting it does nothing."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._metrics: MetricsServer | None = None
+        self._announcement: Announcement | None = None
+
+    def bind(self, addresses: Sequence[str], port: int) -> None:
+        """Take the address of the metrics; prepare the announcement of a port.  Raises BadConfig."""
+        config = self._config
+        if config.metrics:
+            try:
+                self._metrics = MetricsServer(parse_address(config.metrics))
+            except OSError as error:
+                why = f"cannot listen on {config.metrics}: {error.strerror or error}"
+                raise BadConfig(f"metrics: {why}; choose another port") from error
+        if not config.announce:
+            return
+        try:
+            known = reachable(addresses)
+            if known:
+                self._announcement = Announcement(config.platform, port, known, tls=not config.allow_plain)
+        except ImportError as error:
+            raise BadConfig(f"announce: this needs a package: {install_command('find')}") from error
+        except OSError as error:
+            raise BadConfig(f"announce: the addresses of this machine are not known: {error.strerror}") from error
+
+    def start(self, control: str) -> None:
+        """Serve the metrics of the worker at a control socket, and announce the port."""
+        if self._metrics is not None:
+            self._metrics.start(Path(control))
+        if self._announcement is not None:
+            self._announcement.start()
+
+    def close(self) -> None:
+        """Withdraw all; calling it twice is allowed."""
+        metrics, announcement = self._metrics, self._announcement
+        self._metrics = self._announcement = None
+        if announcement is not None:
+            announcement.close()
+        if metrics is not None:
+            metrics.close()

@@ -1,0 +1,404 @@
+"""The base of the robots on a servo bus: tables of the devices found, their states, and what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, ClassVar, Final
+
+from urbihw.buses import messages as m
+from urbihw.buses.servos import calibration
+from urbihw.buses.servos.calibration import BadCalibration, JointCalibration
+from urbihw.buses.servos.device import DeviceInfo
+from urbihw.buses.servos.status import FEETECH
+from urbihw.kernel.uobject import BadConfig, NotReady, Opened, RobotSettings, UObject, event, function, reading
+from urbihw.platforms import expected
+from urbihw.platforms.base import LimitedDevice
+from urbihw.platforms.devicelog import BACK, LOST, DeviceEvent
+from urbihw.platforms.expected import DeviceSettings
+from urbihw.platforms.servos import words
+from urbihw.platforms.servos.devices import Device
+from urbihw.platforms.servos.frame import Frame, frame_of
+from urbihw.platforms.servos.motors import Servo
+from urbihw.platforms.servos.options import CALIBRATION, for_driver
+from urbihw.platforms.servos.registers import RegisterDevice
+from urbihw.platforms.teach.robot import MotionRobot
+
+MISSING: Final = DeviceEvent(
+    "no answer from {who}, which the settings expect: it joins when it answers",
+    "no answer from {count} devices, which the settings expect: they join when they answer: {who}",
+    "missing",
+)
+_MOST_NAMED: Final = 8
+"""Devices that a message names; the others are counted."""
+_STATUS_WORDS: Final = {"motor": "servo", "sensor": "sensor", "device": "other device"}
+"""Kind of device -> its word in ``status``."""
+_OPTIONAL: Final = frozenset({"device"})
+"""Kinds that ``status`` names only if there are some."""
+
+
+class Devices(UObject):
+    """The devices of one kind by number.
+
+    Its functions belong to the instance, so that the library of a platform can make them slots of a Group such as
+    ``motors``.
+    """
+
+    slot_words = words.TABLE
+
+    uname = "ServoDevices"
+
+    def init(self, what: str = "device") -> None:
+        """``what`` is the word for one of them in messages."""
+        self._what = what
+        self.members: dict[int, Device] = {}
+        self.bind_function(self.get, "[]")
+        self.bind_function(self.has)
+        self.bind_function(self.keys)
+        self.bind_function(self.as_list, "asList")
+        self.bind_function(self.size)
+        self.bind_function(self.empty)
+
+    def get(self, id: int) -> Device:
+        """The device with this number."""
+        if id not in self.members:
+            known = ", ".join(map(str, sorted(self.members))) or "none"
+            raise ValueError(f"no {self._what} {id}; there are: {known}")
+        return self.members[id]
+
+    def has(self, id: int) -> bool:
+        """Whether there is a device with this number."""
+        return id in self.members
+
+    def keys(self) -> list[float]:
+        """The numbers, in order."""
+        return [float(number) for number in sorted(self.members)]
+
+    def as_list(self) -> list[Device]:
+        """The devices, in order of their numbers."""
+        return [self.members[number] for number in sorted(self.members)]
+
+    def size(self) -> int:
+        """How many there are."""
+        return len(self.members)
+
+    def empty(self) -> bool:
+        """Whether there is none."""
+        return not self.members
+
+
+class ServoRobot(MotionRobot):
+    """A robot on one servo bus.
+
+    A subclass sets ``kinds`` and ``robot_name``, and implements ``class_of``.  Its library defines the function
+    ``grow`` of the robot's slot, which is called when new devices were found: it makes the tree of ``robot`` from
+    the tables ``motorTable`` and so on.
+    """
+
+    classes: ClassVar[tuple[type[UObject], ...]] = (Devices,)
+
+    slot_words = words.BUS
+
+    family = "servos"
+
+    kinds: ClassVar[tuple[str, ...]] = ("motor",)
+    """The kinds of devices (``Device.kind_of_device``), each with a table of its own."""
+
+    lost = event()
+    back = event()
+    found = event()
+    refused = event()
+    missing = reading([])
+
+    def init(self) -> None:
+        """Called by ``new``; nothing happens before ``open``."""
+        super().init()
+        self.devices: dict[int, Device] = {}
+        self.tables: dict[str, Devices] = {}
+        self._infos: dict[int, DeviceInfo] = {}
+        self._missing: dict[int, None] = {}
+        self._new: list[Device] = []
+        self._is_built = False
+        self._named: dict[int, tuple[str, DeviceSettings]] = {}
+        self._calibrated: dict[int, tuple[str, JointCalibration]] = {}
+
+    def class_of(self, info: DeviceInfo) -> type[Device] | None:
+        """Return the class for a device that was found, None to leave it alone; override."""
+        raise NotImplementedError
+
+    # ---------------------------------------------------------------- what the daemon calls
+
+    def open(self, settings: RobotSettings, opened: Opened) -> None:
+        """Make the tables of the devices, set the period of movements, then start the worker."""
+        for kind in self.kinds:
+            table = self.tables[kind] = self.host.create(Devices, None, kind)
+            self.put_slot(f"{kind}Table", table)
+        self._set_period(settings.rate)
+        self._read_joints(settings)
+        super().open(replace(settings, options=for_driver(settings.options)), opened)
+        if ids := settings.options.get("ids"):
+            numbers = " ".join(map(str, sorted({*ids})))
+            self.log.info("only ids %s are looked for (options.ids); other devices on the bus are left out", numbers)
+
+    def configure(self, settings: RobotSettings) -> None:
+        """Apply new settings, also the period of the movements.  Raises BadConfig."""
+        super().configure(replace(settings, options=for_driver(settings.options)))
+        self._set_period(settings.rate)
+
+    def _read_joints(self, settings: RobotSettings) -> None:
+        """Read names and frames of the joints from ``[devices]`` and the calibration file.  Raises BadConfig."""
+        self._named = {row.id: (name, row) for name, row in expected.read(settings.devices).items()}
+        path = settings.options.get(CALIBRATION, "")
+        if not path:
+            return
+        try:
+            joints = calibration.load(path)
+        except BadCalibration as error:
+            raise BadConfig(f"options.{CALIBRATION}: {error}") from error
+        self._calibrated = {joint.id: (self._usable_name(name, joint.id), joint) for name, joint in joints.items()}
+
+    def _usable_name(self, name: str, number: int) -> str:
+        """Return the name of a joint of the calibration file, "" for one that would hide a slot."""
+        mistake = "" if number in self._named else expected.mistake_in_name(name, number)
+        if mistake:
+            text = "the calibration names motor %d %s, which %s; it stays motor%d"
+            self.log.warning(text, number, name, mistake, number)
+        return "" if mistake else name
+
+    @function("refuseName")
+    def refuse_name(self, name: str, number: int) -> None:
+        """Log that a joint keeps its number, because a program has a slot of Global of its name."""
+        self.log.warning("motor %d is not %s: a program has given that name to something else", number, name)
+
+    @function("refuseGroup")
+    def refuse_group(self, name: str) -> None:
+        """Log that a group of the settings is not made, because a program has a slot of Global of its name."""
+        self.log.warning("there is no group %s: a program has given that name to something else", name)
+
+    def _frame_of(self, info: DeviceInfo) -> Frame:
+        place = Servo.table_for(info).item("present_position")
+        return frame_of(place, self._named.get(info.id), self._calibrated.get(info.id))
+
+    def _set_period(self, rate: float) -> None:
+        """With the default of 20 ms a movement would give a bus of 100 Hz a new goal in every second tick only."""
+        self.host.run(f"System.period = {1 / rate!r};", f"{self.robot_name}.period")
+
+    def status(self) -> str:
+        """Return the number of devices of each kind, the rate, and which are lost."""
+        if not self.link.sensed:
+            return "link down"
+        lost = [str(number) for number, device in self.devices.items() if device.state.sensed == "lost"]
+        shown = [kind for kind, table in self.tables.items() if table.members or kind not in _OPTIONAL]
+        parts = [_count(len(self.tables[kind].members), _STATUS_WORDS[kind]) for kind in shown]
+        if self.rate.sensed:
+            parts.append(f"{self.rate.sensed:.0f} Hz")
+        missing = f", missing: {' '.join(map(str, self._missing))}" if self._missing else ""
+        return ", ".join(parts) + (f", lost: {' '.join(lost)}" if lost else "") + missing
+
+    # ---------------------------------------------------------------- what urbiscript calls
+
+    @function
+    def scan(self) -> None:
+        """Look for devices on all ids; takes half a second, in which the cycle rests: not while the robot moves."""
+
+        def done(reply: m.Reply) -> None:
+            if not reply.ok:
+                self.log.warning("scan failed: %s", reply.error)
+
+        self.channel.send_request("scan", 0, done)
+
+    def joint_position(self, number: int, position: float) -> float:
+        """See ``MotionRobot``: in the frame of the joint."""
+        servo = self.devices.get(number)
+        return servo.frame.joint(position) if isinstance(servo, Servo) else position
+
+    @function("jointGroups")
+    def joint_groups(self) -> list[list[Any]]:
+        """The groups of the settings: the name and the joints of each, in order of their numbers."""
+        groups: dict[str, list[Device]] = {}
+        for _, device in sorted(self.devices.items()):
+            for name in device.frame.groups if isinstance(device, Servo) else ():
+                groups.setdefault(name, []).append(device)
+        return [[name, joints] for name, joints in groups.items()]
+
+    # ---------------------------------------------------------------- the worker
+
+    def on_samples(self, message: m.Samples) -> None:
+        """Pass the values of each device to it."""
+        offset, times, devices = self.offset, message.times, self.devices
+        for number, values in message.values.items():
+            device = devices.get(number)
+            if device is not None and number not in self.channel.blocked:
+                device.update_values(values, times[number] + offset)
+
+    def is_complete(self) -> bool:
+        """Return whether the tree is built and every device found has been read once."""
+        return self._is_built and bool(self.devices) and all(device.is_complete for device in self.devices.values())
+
+    def on_link_down(self, reason: str) -> None:
+        """Mark all devices as stale."""
+        for device in self.devices.values():
+            device.link_changed(False)
+
+    def signed_target(self, device: Any, item: str, raw: Any) -> float:
+        """See ``WiredRobot``: the speed of an AX wheel has its sign in a bit."""
+        scale = self._wheel_scale(device, item)
+        return float(raw) if scale is None else scale[0].speed_of(int(raw)) * scale[1]
+
+    def raw_target(self, device: Any, item: str, signed: float) -> Any:
+        """See ``WiredRobot``."""
+        scale = self._wheel_scale(device, item)
+        return signed if scale is None else scale[0].speed_target(signed / scale[1], True)[1]
+
+    def _wheel_scale(self, device: Any, item: str) -> tuple[Servo, float] | None:
+        """The servo, and its counts for 1 rad/s, of a target that is the speed of a wheel; None for others."""
+        servo = self.devices.get(device)
+        if not isinstance(servo, Servo) or not servo.wheel.sensed:
+            return None
+        speed, scale = servo.wheel_scale()
+        return (servo, scale) if item == speed else None
+
+    # ---------------------------------------------------------------- devices
+
+    def on_found(self, message: m.Found) -> None:
+        """Report ID conflicts; make new devices, and restore those that are back."""
+        for info in message.devices:
+            device = self.devices.get(info.id)
+            if device is None:
+                self._add_device(info)
+            elif self._has_known_registers(device, info):
+                device.link_changed(True)
+        grow = f"{self.robot_name}.grow"
+        self.host.run(f"{grow};", grow, self._on_tree_built)
+        conflict = self._explain_conflicts(message.conflicts)
+        foreign = [info for info in message.devices if self.class_of(info) is None]
+        others = self._explain_foreign(foreign)
+        if self.opening and len(foreign) == len(message.devices):
+            self.answer_open(
+                NotReady(
+                    conflict
+                    or others
+                    or f"no servo found on {self.url.sensed}: is the robot switched on, are the cables plugged in, "
+                    "is this its speed (?baud=1000000)?"
+                )
+            )
+            return
+        if conflict:
+            self.log.error("%s", conflict)
+        if others:
+            self.log.warning("%s", others)
+        if self.opening:
+            self.wait_for_readings()
+
+    def has_limits(self) -> bool:
+        """Joints may have a range by ``[devices]`` or by their calibration."""
+        ranges = (device.frame.limit for device in self.devices.values() if isinstance(device, Servo))
+        return super().has_limits() or any(ranges)
+
+    def limited_devices(self) -> Mapping[str, LimitedDevice]:
+        """Return the servos as ``motor1`` to ``motorN``."""
+        return {f"motor{number}": each for number, each in self.devices.items() if isinstance(each, Servo)}
+
+    def on_threshold_crossed(self, message: m.ThresholdCrossed) -> None:
+        """Also show the torque of a servo that a threshold has released as off."""
+        super().on_threshold_crossed(message)
+        device = self.devices.get(message.device)
+        if message.holds and message.passed and isinstance(device, Servo):
+            device.mark_released()
+
+    def _on_tree_built(self, problem: str) -> None:
+        self._is_built = True
+        if problem:
+            self.log.error("the tree of the robot is not complete: %s", problem)
+        new, self._new = self._new, []
+        for device in new:
+            self.found.emit(device)
+
+    def _explain_conflicts(self, ids: tuple[int, ...]) -> str:
+        if not ids:
+            return ""
+        numbers = " and ".join(map(str, ids))
+        return (
+            f"several devices answer to id {numbers} on {self.url.sensed}: take all but one off the bus and give the "
+            "others ids of their own"
+        )
+
+    def _explain_foreign(self, infos: Sequence[DeviceInfo]) -> str:
+        """Return which devices are no part of such a robot, and the platforms that serve them; "" for none."""
+        if not infos:
+            return ""
+        found = ", ".join(f"{info.name} (id {info.id})" for info in infos[:_MOST_NAMED])
+        more = f" and {len(infos) - _MOST_NAMED} more" if len(infos) > _MOST_NAMED else ""
+        feetech = any(info.protocol == FEETECH for info in infos)
+        kits = "so101 for an SO-101 arm" if feetech else "bioloid for a Bioloid"
+        return (
+            f"{self.url.sensed} has {found}{more}, which {self.model_name} does not have; left alone: "
+            f"use --platform {kits}, --platform chain for any servos"
+        )
+
+    def _add_device(self, info: DeviceInfo) -> None:
+        made = self.class_of(info)
+        if made is None:
+            return
+        joint = (self.motion, self._frame_of(info)) if issubclass(made, Servo) else ()
+        name = f"{made.kind_of_device}{info.id}"
+        device = self.host.create(made, name, self.channel, info, self._report_refused, *joint)
+        device.log = self.log
+        if isinstance(device, RegisterDevice):
+            device.motion = self.motion
+        if isinstance(device, Servo):
+            device.mode_changed = self.send_limits
+        if self._missing.pop(info.id, 0) is None:
+            self.missing.sense([float(number) for number in self._missing])
+        self.devices[info.id] = self.tables[made.kind_of_device].members[info.id] = device
+        self._infos[info.id] = info
+        self._new.append(device)
+
+    def _has_known_registers(self, device: Device, info: DeviceInfo) -> bool:
+        """Return whether a device that answers again has the registers of its object; another one is blocked."""
+        blocked, before = self.channel.blocked, self._infos[info.id]
+        if info.family == before.family:
+            if blocked.pop(info.id, ""):
+                device.changed_state("back", "")
+                device.changed_state("ok", "")
+            return True
+        reason = f"{info.name} answers to this id, not {before.name}: start urbihw again to use it"
+        if blocked.get(info.id) != reason:
+            blocked[info.id] = reason
+            self.log.log_event(LOST, f"{device.kind_of_device} {info.id}", reason)
+            device.changed_state("lost", reason)
+            self.lost.emit(device)
+        return False
+
+    def on_refused(self, message: m.Refused) -> None:
+        """Log a refusal; not that another model under a known id lacks registers, since that is told already."""
+        if message.device not in self.channel.blocked:
+            super().on_refused(message)
+
+    def on_device_state(self, message: m.DeviceState) -> None:
+        """Show the loss and the return of a device; one that was lost before it was found is logged as missing."""
+        device = self.devices.get(message.device)
+        if device is None:
+            if message.new == "lost":
+                self._missing[message.device] = None
+                self.missing.sense([float(number) for number in self._missing])
+                if all(each.id != message.device for each in self.expected):  # else it is among the differences
+                    self.log.log_event(MISSING, str(message.device))
+            return
+        if message.device in self.channel.blocked:
+            return
+        device.changed_state(message.new, message.reason)
+        if message.new == "lost":
+            self.log.log_event(LOST, f"{device.kind_of_device} {message.device}", message.reason)
+            self.lost.emit(device)
+        elif message.new == "back":
+            self.log.log_event(BACK, f"{device.kind_of_device} {message.device}")
+            self.back.emit(device)
+
+    def _report_refused(self, device: Device, slot: str, reason: str) -> None:
+        self.log.warning("%s %d: %s not written: %s", device.kind_of_device, device.number, slot, reason)
+        self.refused.emit(device, slot, reason)
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number} {word}" if number == 1 else f"{number} {word}s"
