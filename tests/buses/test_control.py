@@ -6,6 +6,7 @@ import json
 import os
 import socket
 import stat
+import time
 from collections.abc import Callable, Iterator
 from multiprocessing import Pipe
 from pathlib import Path
@@ -15,7 +16,7 @@ import pytest
 
 from urbihw.buses import messages as m
 from urbihw.buses.clock import RealClock
-from urbihw.buses.control import MAX_CLIENTS, MAX_LINE_BYTES, MAX_QUEUED_LINES, ControlSocket
+from urbihw.buses.control import MAX_CLIENTS, MAX_LINE_BYTES, MAX_QUEUED_LINES, REST_S, ControlSocket
 from urbihw.buses.driver import driver_of
 from urbihw.buses.engine import Engine
 from urbihw.buses.errors import Unavailable
@@ -248,17 +249,25 @@ class Desk:
     """A control socket whose orders are answered."""
 
     def __init__(self, path: Path) -> None:
-        self.control = ControlSocket(path)
+        self.now = 0.0
+        self.control = ControlSocket(path, lambda: self.now)
         self._clock = RealClock()
 
     def serve(self) -> list[tuple[str, str]]:
         """Answer all that has come: verbs, and who asked."""
         served = []
         while ready := self._clock.wait_readable(self.control.descriptors(), 0.0):
-            for order in self.control.poll(ready):
-                order.client.subscribed |= order.verb == "subscribe"
-                order.answer({})
-                served.append((order.verb, order.who))
+            served += self.serve_once(ready)
+            self.now += REST_S
+        return served
+
+    def serve_once(self, ready: list[int] | None = None) -> list[tuple[str, str]]:
+        """The same for one look at the socket."""
+        served = []
+        for order in self.control.poll(ready or self._clock.wait_readable(self.control.descriptors(), 0.0)):
+            order.client.subscribed |= order.verb == "subscribe"
+            order.answer({})
+            served.append((order.verb, order.who))
         return served
 
 
@@ -284,11 +293,25 @@ def call(desk: Desk) -> Iterator[Callable[[], Caller]]:
         caller.close()
 
 
+def test_a_flood_of_questions_does_not_hold_a_stop_up(desk: Desk, call: Callable[[], Caller]) -> None:
+    *flooders, stopper = [call() for _ in range(16)]
+    for flooder in flooders:
+        flooder.socket.sendall(b'{"do": "health"}\n' * 200)
+    stopper.socket.sendall(b'{"do": "stop", "who": "hand"}\n')
+    # One question of each client, and the stop before them; then the clients that have asked rest.
+    first = desk.serve_once()
+    assert first[0] == ("stop", "hand")
+    assert len(first) == 16
+    assert desk.serve_once() == []
+    desk.now += REST_S
+    assert len(desk.serve_once()) == 15
+
+
 @pytest.mark.parametrize("umask", [0o000, 0o022, 0o077])
 def test_only_user_and_group_may_connect_whatever_the_umask_is(tmp_path: Path, umask: int) -> None:
     before = os.umask(umask)
     try:
-        control = ControlSocket(tmp_path / "robot.sock")
+        control = ControlSocket(tmp_path / "robot.sock", time.monotonic)
     finally:
         after = os.umask(before)
     assert after == umask
@@ -312,7 +335,7 @@ def test_a_socket_that_a_killed_worker_left_is_replaced(tmp_path: Path) -> None:
 
 def test_the_socket_of_the_next_worker_outlives_the_one_before(tmp_path: Path) -> None:
     path = tmp_path / "robot.sock"
-    before, after = ControlSocket(path), ControlSocket(path)
+    before, after = ControlSocket(path, time.monotonic), ControlSocket(path, time.monotonic)
     before.close()
     assert path.is_socket()
     after.close()
@@ -321,9 +344,9 @@ def test_the_socket_of_the_next_worker_outlives_the_one_before(tmp_path: Path) -
 
 def test_a_path_that_cannot_be_is_told(tmp_path: Path) -> None:
     with pytest.raises(Unavailable, match="No such file"):
-        ControlSocket(tmp_path / "nowhere" / "robot.sock")
+        ControlSocket(tmp_path / "nowhere" / "robot.sock", time.monotonic)
     with pytest.raises(Unavailable):
-        ControlSocket(tmp_path / ("x" * 200))
+        ControlSocket(tmp_path / ("x" * 200), time.monotonic)
 
 
 GARBAGE = [

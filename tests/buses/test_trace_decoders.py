@@ -260,3 +260,41 @@ def test_a_capture_is_read_as_it_was_written() -> None:
 def test_a_wrong_line_is_named() -> None:
     with pytest.raises(BadFrame, match=r"^line 2 is no line of a capture: 'hello'$"):
         list(read_capture(["> 01", "hello"]))
+
+
+def test_a_long_line_is_refused() -> None:
+    with pytest.raises(BadFrame, match=r"^line 2 is longer than 1048576 characters"):
+        list(read_capture(["> 01", " " * (1 << 20) + "x"]))
+
+
+def test_a_time_that_is_no_time_is_refused() -> None:
+    with pytest.raises(BadFrame, match="^line 1 is no line"):
+        list(read_capture([f"{'9' * 400} > 01"]))
+
+
+def test_an_identifier_may_have_fewer_digits() -> None:
+    assert list(read_capture(["(1.5) can0 13#01"])) == [Chunk(1.5, "<", b"\x00\x13\x01")]
+
+
+def test_a_row_of_headers_costs_no_crc_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    summed: list[int] = []
+
+    def crc16(data: bytes) -> int:
+        summed.append(len(data))
+        return 0
+
+    monkeypatch.setattr("urbihw.buses.servos.trace.crc16", crc16)
+    data = b"\xff\xff\xfd\x00" * 20_000
+    made = decoder("chain")
+    found = [*made.feed(Chunk(0.0, "<", data)), *made.flush()]
+    assert sum(summed) <= 2 * len(data)
+    assert sum(len(each.data) for each in found) == len(data)
+
+
+def test_bytes_without_a_packet_are_told_before_the_end() -> None:
+    made = decoder("chain")
+    assert not made.feed(Chunk(0.0, "<", b"\x00" * 100))
+    (late,) = made.feed(Chunk(1.5, "<", b"\x00" * 100))
+    assert late.problem == "200 bytes are no packet" and late.time == 0.0
+    (many,) = made.feed(Chunk(1.6, "<", b"\x00" * 5000))
+    assert many.problem == "5000 bytes are no packet"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import socket
 import subprocess
@@ -28,7 +29,7 @@ STATE = {"ok": True, "epoch": 3, "estop": "", "link": True}
 class Robot:
     """A control socket that answers each line with the same, or (None) with nothing."""
 
-    def __init__(self, path: Path, answer: dict[str, Any] | None) -> None:
+    def __init__(self, path: Path, answer: dict[str, Any] | bytes | None) -> None:
         self.path = path
         self.heard: list[dict[str, Any]] = []
         self._answer = answer
@@ -57,9 +58,12 @@ class Robot:
                 self.heard.append(json.loads(line))
                 if self._answer is not None:
                     # In two pieces, as it may come.
-                    data = json.dumps(self._answer).encode() + b"\n"
-                    connection.sendall(data[:7])
-                    connection.sendall(data[7:])
+                    raw = isinstance(self._answer, bytes)
+                    data = self._answer if raw else json.dumps(self._answer).encode() + b"\n"
+                    assert isinstance(data, bytes)
+                    with contextlib.suppress(OSError):  # the command does not read all that is said
+                        connection.sendall(data[:7])
+                        connection.sendall(data[7:])
 
 
 Add = Callable[..., Robot]
@@ -81,7 +85,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def add(folder: Path) -> Iterator[Add]:
     made: list[Robot] = []
 
-    def start(name: str = "bioloid-54000", answer: dict[str, Any] | None = STATE, where: Path = folder) -> Robot:
+    def start(
+        name: str = "bioloid-54000", answer: dict[str, Any] | bytes | None = STATE, where: Path = folder
+    ) -> Robot:
         where.mkdir(exist_ok=True)
         made.append(Robot(where / f"{name}.sock", answer))
         return made[-1]
@@ -177,6 +183,18 @@ def test_one_that_hangs_is_told_after_a_second(add: Add, capsys: Capture) -> Non
     assert main(("estop",)) == 69
     assert time.monotonic() - begin > 0.9
     assert capsys.readouterr().err.startswith("urbihw: bioloid-54000: no answer in 1 s")
+
+
+@pytest.mark.parametrize("answer", [b"x" * (5 << 20), b'{"ok": true, "a": ' + b"[" * 200_000 + b"\n", b"\xff\n"])
+def test_what_is_no_bus_worker_is_told_in_one_line_and_the_others_stop(
+    add: Add, capsys: Capture, answer: bytes
+) -> None:
+    add("a-1", answer=answer)
+    robot = add("b-2")
+    assert main(("estop",)) == 69
+    out, err = capsys.readouterr()
+    assert out.startswith("b-2: emergency stop") and robot.heard
+    assert err.count("\n") == 1 and "a-1: what answers at" in err
 
 
 def test_without_rights_it_says_which_to_get(folder: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:

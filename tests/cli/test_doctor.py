@@ -12,7 +12,7 @@ from buses.line_rig import LineRig, ax, xl
 from worker_socket import WorkerSocket
 
 from urbihw.buses.servos.bus import ServoBus
-from urbihw.buses.servos.device import Device
+from urbihw.buses.servos.device import Device, Scan
 from urbihw.buses.servos.line import Line
 from urbihw.buses.servos.survey import Servo, read_live
 from urbihw.cli import doctor, machine, robot_check, tracing
@@ -263,3 +263,23 @@ def test_an_older_daemon_is_told(tmp_path: Path) -> None:
             WorkerTraffic(tmp_path / "a.sock")
     finally:
         worker.close()
+
+
+@pytest.mark.parametrize("baud", ["x", [], -1, float("nan"), 10**400])
+def test_a_daemon_that_tells_no_speed_is_bad(
+    baud: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    path = tmp_path / "bioloid-54000.sock"
+    worker = WorkerSocket(path, {"url": "/dev/ttyUSB7", "baud": baud, "devices": []})
+    monkeypatch.setattr(tracing, "control_sockets", lambda: [path])
+    try:
+        assert main(["doctor", "/dev/ttyUSB7"]) == 78
+    finally:
+        worker.close()
+    assert f"bad   {path}: this daemon's answer has no sense; is it of the same version?" in capsys.readouterr().out
+
+
+def test_many_ids_with_several_answers_are_one_line(kit: LineRig, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(robot_check, "find_all", lambda link: Scan((), tuple(range(253))))
+    lines = [each.text for each in robot_check.check_line(kit.line).findings]
+    assert len(lines) == 2 and lines[0].startswith("253 ids (first 0, 1, 2,")

@@ -96,6 +96,16 @@ def test_json_has_verdict_reasons_and_all_that_was_told(add: Add, capsys: Captur
     assert told["told"]["devices"][0]["values"]["voltage"] == 11.1
 
 
+def test_json_has_null_for_what_is_no_number(add: Add, capsys: Capture) -> None:
+    answer = hot()
+    answer["devices"][0]["values"] |= {"voltage": float("nan"), "load": float("inf")}
+    add(answer=answer)
+    main(("health", "--json"))
+    out = capsys.readouterr().out
+    assert "NaN" not in out and "Infinity" not in out
+    assert json.loads(out)["bioloid-54000"]["told"]["devices"][0]["values"]["voltage"] is None
+
+
 def test_what_a_device_says_commands_no_terminal(add: Add, capsys: Capture) -> None:
     add(answer=hot())
     main(("status",))

@@ -141,3 +141,58 @@ def test_the_page_shows_the_form_of_a_line() -> None:
     printer.show(decoder.feed(Chunk(5.0, ">", request)) + decoder.feed(Chunk(5.000412, "<", answer)))
     page = (Path(__file__).resolve().parents[2] / "docs" / "diagnosis.md").read_text("utf-8")
     assert all(f"    {line}\n" in page for line in stream.getvalue().splitlines())
+
+
+@pytest.mark.parametrize(
+    ("about", "event"),
+    [
+        ({"devices": 5}, {}),
+        ({"devices": ["x"]}, {}),
+        ({"devices": {"id": 1}}, {}),
+        ({}, {"lost": []}),
+        ({}, {"lost": None}),
+        ({}, {"chunks": 5}),
+        ({}, {"chunks": [5]}),
+        ({}, {"chunks": [[None, "<", "ff"]]}),
+        ({}, {"chunks": [[float("nan"), "<", "ff"]]}),
+        ({}, {"chunks": [[10**400, "<", "ff"]]}),
+        ({}, {"chunks": [[1.0, "<", "no hex"]]}),
+    ],
+)
+def test_an_answer_without_sense_is_one_line(
+    about: dict[str, Any], event: dict[str, Any], tmp_path: Path, capsys: Capture
+) -> None:
+    path = tmp_path / "bioloid-54000.sock"
+    worker = WorkerSocket(path, {"url": "/dev/ttyUSB7", **about}, [{"event": "Traffic", **event}])
+    try:
+        assert main(["trace", "--socket", str(path)]) == 69
+    finally:
+        worker.close()
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == f"urbihw: {path}: this daemon's answer has no sense; is it of the same version?"
+
+
+def test_devices_with_odd_ids_are_passed_over() -> None:
+    decoder = trace_servos.dynamixel([{"id": [], "model": 12, "protocol": 1}, {"id": 1, "model": "x", "protocol": {}}])
+    assert "(as AX-12)" in decoder.feed(Chunk(0.0, ">", bytes.fromhex(READ)))[0].detail
+
+
+def test_a_file_without_line_ends_is_refused(tmp_path: Path, capsys: Capture) -> None:
+    path = tmp_path / "long"
+    with open(path, "wb") as file:
+        file.truncate(1 << 26)
+    assert main(["trace", str(path), "--platform", "chain"]) == 66
+    assert "line 1 is longer than 1048576 characters" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("line", [b"[" * 100_000, b"hello", b'{"event": "Traffic", "lost": ' + b"9" * 5000 + b"}"])
+@pytest.mark.parametrize("command", [["trace"], ["latency", "bus"]])
+def test_a_line_that_is_no_json_is_told(command: list[str], line: bytes, tmp_path: Path, capsys: Capture) -> None:
+    path = tmp_path / "bioloid-54000.sock"
+    worker = WorkerSocket(path, {"url": "/dev/ttyUSB7"}, [line])
+    try:
+        assert main([*command, "--socket", str(path)]) == 69
+    finally:
+        worker.close()
+    (told,) = capsys.readouterr().err.splitlines()
+    assert f"{path}: this daemon's answer has no sense" in told

@@ -11,9 +11,11 @@ from typing import Any
 
 
 class WorkerSocket:
-    """Answers each verb with `state`, and after "trace" sends `events`, then ends the connection."""
+    """Answers each verb with `state`, after "trace" sends `events` (bytes as they are), then ends the connection."""
 
-    def __init__(self, path: Path, state: Mapping[str, Any], events: Sequence[Mapping[str, Any]] = ()) -> None:
+    def __init__(
+        self, path: Path, state: Mapping[str, Any], events: Sequence[Mapping[str, Any] | bytes] = ()
+    ) -> None:
         self.asked: list[str] = []
         self._answer = {"ok": True, **state}
         self._events = events
@@ -36,7 +38,7 @@ class WorkerSocket:
                 verb = json.loads(line)["do"]
                 self.asked.append(verb)
                 for said in [{**self._answer, "do": verb}, *(self._events if verb == "trace" else ())]:
-                    file.write(json.dumps(said).encode() + b"\n")
+                    file.write((said if isinstance(said, bytes) else json.dumps(said).encode()) + b"\n")
 
     def close(self) -> None:
         """End the thread."""

@@ -182,12 +182,28 @@ def test_slow_clients_are_cut_and_keep_nobody_waiting(site: Site, monkeypatch: p
         assert all(client.recv(100) == b"" for client in slow)
 
 
-def test_more_clients_than_places_are_turned_away(site: Site) -> None:
+def test_idle_clients_shut_nobody_out(site: Site) -> None:
+    with contextlib.ExitStack() as stack:
+        idle = [stack.enter_context(site.connect()) for _ in range(metrics.MAX_CLIENTS)]
+        for client in idle:
+            client.sendall(b"GET")
+        for _ in range(3):
+            assert "200 OK" in site.get()
+        with contextlib.suppress(ConnectionResetError):
+            assert idle[0].recv(100) == b"", "the oldest gives its place"
+        idle[-1].sendall(b" /metrics HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        assert b"200 OK" in idle[-1].recv(100)
+
+
+def test_more_requests_than_places_are_turned_away(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(metrics, "WORKER_TIMEOUT_S", 30.0)
+    monkeypatch.setattr(metrics, "DEADLINE_S", 30.0)
+    site.worker.answer = None
     with contextlib.ExitStack() as stack:
         for _ in range(metrics.MAX_CLIENTS):
-            stack.enter_context(site.connect()).sendall(b"GET")
-        end = time.monotonic() + 30
-        while site.get() and time.monotonic() < end:
+            stack.enter_context(site.connect()).sendall(b"GET /metrics HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        end = time.monotonic() + 10
+        while (site.server._clients < metrics.MAX_CLIENTS or site.server._waiting) and time.monotonic() < end:
             time.sleep(0.01)
         assert site.get() == ""
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from test_serve import TIMEOUT_S, Daemon, refused, until
+from test_serve import TIMEOUT_S, Daemon, until
 
 from urbihw_fakes.endpoint import PtyEndpoint
 from urbihw_fakes.nxt.stream import NxtDevice
@@ -159,9 +159,19 @@ def test_a_script_that_never_yields_does_not_keep_the_robot_going(serve: Callabl
     until(lambda: powers(usb) == [0, 0, 0])
 
 
-def test_what_is_wrong_is_said_in_one_line(serve: Callable[..., Daemon], usb: Endpoint, tmp_path: Path) -> None:
-    empty = f"usb://0694:0002?backend=urbihw_fakes.nxt.usb_backend:bus&at={tmp_path}"
-    assert "no USB device 0694:0002; is it plugged in" in refused("--platform", "nxt", "--url", empty, "--port", "0")
-    assert "no such port" in refused("--platform", "nxt", "--url", "/dev/rfcomm77", "--port", "0")
+def test_a_brick_that_is_absent_or_in_use_is_waited_for_and_told_in_one_line(
+    serve: Callable[..., Daemon], usb: Endpoint, tmp_path: Path
+) -> None:
+    def waits_for(url: str) -> str:
+        (tmp_path / "port").unlink(missing_ok=True)
+        daemon = serve("--url", url)
+        line = daemon.log().splitlines()[0]
+        daemon.close()
+        return line
+
+    (tmp_path / "none").mkdir()
+    empty = f"usb://0694:0002?backend=urbihw_fakes.nxt.usb_backend:bus&at={tmp_path / 'none'}"
+    assert "waiting for the robot" in (line := waits_for(empty)) and "no USB device 0694:0002; is it plugged in" in line
+    assert "waiting for the robot on /dev/rfcomm77: no such port" in waits_for("/dev/rfcomm77")
     serve("--url", usb.url)
-    assert "in use by another program" in refused("--platform", "nxt", "--url", usb.url, "--port", "0")
+    assert "in use by another program" in waits_for(usb.url)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import nao_lab
 import pytest
 import so101_lab
 from lab import RobotLab
+from motions import Scene
 
 from urbihw.platforms.teach.recording import Recording, Row, parse
 from urbihw_fakes.bioloid import Bioloid as Kit
@@ -150,23 +152,82 @@ def test_a_recording_that_is_stopped_is_kept_and_the_joints_hold(robot: Bioloid)
     assert robot.look("[robot.motions, joint[1].load]") == '[["wave"], 1]'
 
 
-def test_a_stop_ends_a_recording_and_the_joints_hold_where_the_hand_left_them(robot: Bioloid) -> None:
+def test_a_recording_of_few_poses_has_as_many_as_it_should(robot: Bioloid) -> None:
+    robot.say('robot.teach("wave", joint[1], 2),', 3.2)
+    robot.say("robot.endTeaching;", 0.3)
+    motion = parse((Path(robot.motions) / "wave.jsonl").read_text(), "wave")
+    assert [row.time for row in motion.rows] == pytest.approx([0, 0.5, 1, 1.5, 2, 2.5, 3], abs=0.05)
+
+
+def leave(robot: Bioloid) -> None:
+    """The client that teaches leaves; it is the second one."""
+    other = robot.kernel.open_lobby()
+    robot.say("robot.endTeaching;", 0.3)
+    robot.kernel.feed(other, b'robot.teach("wave", joint[1]),')
+    robot.run(1.0)
+    assert robot.look("joint[1].load") == "0"
+    other.close()
+
+
+def replug(robot: Bioloid) -> None:
+    """The cable of the robot is pulled, and put back."""
+    robot.end.unplug()
+    robot.run(1.0)
+    robot.end.replug()
+
+
+class Taught(Scene):
+    """A robot that is being taught."""
+
+    def __post_init__(self) -> None:
+        self.lab, self.remote = self.motion.make(), None
+
+
+def kill_worker(robot: Bioloid) -> None:
+    """The bus worker is killed, and another one has its place."""
+    motion = replace(bioloid_lab.MOTION, make=lambda: robot)
+    Taught(motion, motion.kinds["joint"], Path(robot.motions), []).worker_killed(0.3)
+
+
+@pytest.mark.parametrize("rate", [25, 0, 0.5])
+@pytest.mark.parametrize(
+    "happen",
+    [
+        lambda robot: robot.say("robot.stop;"),
+        lambda robot: robot.say("robot.stop | robot.endTeaching;"),
+        lambda robot: robot.say("bioloid.estop = true;"),
+        leave,
+        replug,
+        kill_worker,
+    ],
+    ids=["stop", "stop and end", "emergency stop", "client", "link", "worker"],
+)
+def test_after_a_stop_or_a_loss_the_torque_stays_off(
+    robot: Bioloid, happen: Callable[[Bioloid], object], rate: float
+) -> None:
+    """A hand may hold the joint, and goes on turning it."""
+    robot.say(f'robot.teach("wave", joint[1], {rate}),', 1.0)
+    happen(robot)
+    robot.run(0.5)
+    for step in range(300):
+        robot.turn(1, swing(step * robot.tick))
+        robot.step()
+    assert robot.look("robot.teaching.isNil") == "true"
+    robot.say("bioloid.estop = false; joint[1].load = 1;", 0.5)
+    assert robot.servo(1).registers.get("torque_enable") == 1
+
+
+@pytest.mark.parametrize(
+    ("event", "reason"),
+    [("robot.stop", "bioloid was stopped"), ("bioloid.estop = true", "emergency stop")],
+)
+def test_a_stop_ends_a_recording_and_tells_that_the_joints_are_off(robot: Bioloid, event: str, reason: str) -> None:
     robot.say('robot.teach("wave", joint[1]),', 1.0)
     robot.turn(1, 0.5)
     robot.run(0.2)
-    assert "bioloid was stopped" in robot.say("robot.stop;", 0.5)
-    assert robot.look("[robot.motions, robot.teaching.isNil]") == '[["wave"], true]'
-    still = track(robot, 0.5, lambda: robot.place(1))
-    assert all(angle == pytest.approx(0.5, abs=0.02) for angle in still)
-
-
-def test_an_emergency_stop_ends_a_recording_without_a_jump(robot: Bioloid) -> None:
-    robot.say('robot.teach("wave", joint[1]),', 1.0)
-    robot.turn(1, 0.5)
-    robot.run(0.2)
-    heard = robot.say("bioloid.estop = true;", 0.5)
-    assert "not switched on again: " in heard and "emergency stop" in heard
-    assert robot.look("[robot.motions, robot.teaching.isNil]") == '[["wave"], true]'
+    heard = robot.say(f"{event};", 0.5)
+    assert "not switched on again: " in heard and reason in heard
+    assert robot.look("[robot.motions, robot.teaching.isNil, joint[1].load]") == '[["wave"], true, 0]'
     still = track(robot, 0.5, lambda: robot.place(1))
     assert all(angle == pytest.approx(0.5, abs=0.02) for angle in still)
 
@@ -325,6 +386,16 @@ def test_a_lost_joint_ends_only_the_motions_with_it(robot: Bioloid) -> None:
         ('robot.play("wave", 0);', "play: the speed is a factor above 0 up to 10, not 0"),
         ('robot.play("wave", 1, 1.5);', "play: the number of repetitions is 1, 2 ... or inf, not 1.5"),
         ("robot.play([]);", "play: give 1 to 100 motions"),
+        ("robot.play(nil);", "play: the name of a motion is a String, not nil"),
+        ('robot.play(["wave", 3]);', "play: the name of a motion is a String, not 3"),
+        ('robot.play("wave", nil);', "play: the speed is a Float, not nil"),
+        ('robot.play("wave", 1, "2");', 'play: the number of repetitions is a Float, not "2"'),
+        ("robot.pose(nil);", "pose: the name of a pose is a String, not nil"),
+        ("robot.savePose(nil);", "savePose: the name of a pose is a String, not nil"),
+        ("robot.pages(nil);", "pages: the name of a file is a String, not nil"),
+        ("robot.teach(nil);", "teach: the name of a motion is a String, not nil"),
+        ('robot.teach("a", [], nil);', "teach: the rate is a Float, not nil"),
+        ('robot.play("long");', "play: long.jsonl:2: a number has too many digits"),
         ('robot.pose("home");', "pose: there is no pose 'home'; there are: none"),
         ('robot.teach("a b");', "teach: 'a b': the name of a motion has 1 to 64 letters, digits, _ or -"),
         ('robot.teach("a", "nose");', 'teach: "nose" is no joint; there are: joint[1] joint[2] joint[3]'),
@@ -337,6 +408,8 @@ def test_mistakes_are_told_in_words(robot: Bioloid, statement: str, problem: str
     write(robot, "wave", ("joint[1]",), (0.0, 0.0))
     write(robot, "lost", ("joint[1]", "joint[7]", "joint[8]"), (0.0, 0.0, 0.0, 0.0))
     (Path(robot.motions) / "bad.jsonl").write_text("[1, 2]\n")
+    head = (Path(robot.motions) / "wave.jsonl").read_text().partition("\n")[0]
+    (Path(robot.motions) / "long.jsonl").write_text(f"{head}\n[0, {'1' * 5000}]\n")
     (Path(robot.motions) / "bow.mtn").write_bytes(BOW.read_bytes())
     assert problem in robot.say(statement, 0.3)
     assert robot.look("[joint[1].load, robot.playing, robot.teaching.isNil]") == "[1, [], true]"

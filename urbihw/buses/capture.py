@@ -12,30 +12,41 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
-from typing import Final
+from typing import Final, TextIO
 
 from urbihw.buses.errors import BadFrame
 from urbihw.buses.trace import Chunk, Direction
 
-_BYTES: Final = re.compile(r"(?:(\d+(?:\.\d+)?)\s+)?([<>])((?:\s+[0-9A-Fa-f]{2})+)\s*")
-_LOG: Final = re.compile(r"\((\d+(?:\.\d+)?)\)\s+\S+\s+([0-9A-Fa-f]{3,8})#([0-9A-Fa-f.]*|R\d*)(?:\s+([TR]))?\s*")
+_TIME: Final = r"(\d{1,12}(?:\.\d{1,12})?)"
+_BYTES: Final = re.compile(rf"(?:{_TIME}\s+)?([<>])((?:\s+[0-9A-Fa-f]{{2}})+)\s*")
+_LOG: Final = re.compile(rf"\({_TIME}\)\s+\S+\s+([0-9A-Fa-f]{{1,8}})#([0-9A-Fa-f.]*|R\d*)(?:\s+([TR]))?\s*")
 _SCREEN: Final = re.compile(
-    r"(?:\((\d+(?:\.\d+)?)\)\s+)?\S+\s+([0-9A-Fa-f]{3,8})\s+\[\d+\]((?:\s+[0-9A-Fa-f]{2})*|\s+remote request)\s*"
+    rf"(?:\({_TIME}\)\s+)?\S+\s+([0-9A-Fa-f]{{1,8}})\s+\[\d+\]((?:\s+[0-9A-Fa-f]{{2}})*|\s+remote request)\s*"
 )
 _SECTION: Final = re.compile(r"\[([^\]]*)\].*")
 _EXTENDED: Final = 0xFFFF
 """Stands for an identifier of 29 bits, which no robot here uses."""
 _LONGEST_LINE: Final = 1 << 20
+"""Characters of a line at most."""
+
+
+def lines_of(file: TextIO) -> Iterator[str]:
+    """Yield the lines of a file; of one that is too long for a capture only a part is read into memory at a time."""
+    while line := file.readline(_LONGEST_LINE + 1):
+        yield line
 
 
 def read_capture(lines: Iterable[str]) -> Iterator[Chunk | str]:
     """Yield the chunks of a capture, and the name of each exchange before its chunks.
 
-    A line without a time has that of the one before. Raises BadFrame, with its number, for a line that is none.
+    A line without a time has that of the one before. Raises BadFrame, with its number, for a line that is none or too
+    long.
     """
     time = 0.0
     for number, line in enumerate(lines, 1):
-        text = line[:_LONGEST_LINE].strip()
+        if len(line) > _LONGEST_LINE:
+            raise BadFrame(f"line {number} is longer than {_LONGEST_LINE} characters: this is no capture")
+        text = line.strip()
         if not text or text.startswith("#"):
             continue
         chunk = _chunk(text, time)

@@ -16,7 +16,7 @@ import json
 import os
 import socket
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -30,6 +30,10 @@ VERBS: Final = (STOP, ESTOP, RELEASE, STATE, SUBSCRIBE, HEALTH, TRACE)
 MAX_CLIENTS: Final = 16
 """Connections at a time; one more ends the oldest."""
 MAX_LINE_BYTES: Final = 4096
+REST_S: Final = 0.05
+"""Seconds for which a client is not read after a question whose answer takes about a millisecond to make."""
+_COSTLY: Final = (STATE, HEALTH, TRACE)
+_URGENT: Final = (STOP, ESTOP)
 MAX_QUEUED_LINES: Final = 256
 """Lines that wait for a subscriber; older telemetry is dropped for newer."""
 _EVENTS: Final = (Samples, DeviceState, LinkState, Happened, Stopped, Latched, Statistics)
@@ -57,7 +61,8 @@ class _Client:
         self.subscribed = False
         self.traces = False
         self.closed = False
-        self._buffer = b""
+        self.rests_until = 0.0
+        self._line = b""
         self._waiting: deque[bytes] = deque()
         self._rest = b""
         self._dropped = 0
@@ -66,23 +71,31 @@ class _Client:
         """Its descriptor."""
         return self.socket.fileno()
 
-    def read_commands(self) -> list[ControlCommand]:
-        """Return the commands that have arrived; a malformed line is answered with an error."""
+    def read_command(self) -> list[ControlCommand]:
+        """Return the next command, if a line of it has arrived; a malformed line is answered with an error.
+
+        What comes behind the line stays in the socket: a client that floods is served like the others.
+        """
         try:
-            data = self.socket.recv(MAX_LINE_BYTES)
+            seen = self.socket.recv(MAX_LINE_BYTES, socket.MSG_PEEK)
+            line = self.socket.recv(seen.find(b"\n") + 1 or len(seen)) if seen else b""
         except BlockingIOError:
             return []
         except OSError:
-            data = b""
-        if not data:
+            line = b""
+        if not line:
             self.close()
             return []
-        *lines, self._buffer = (self._buffer + data).split(b"\n")
-        orders = [order for line in lines if line.strip() and (order := self._parse_command(line)) is not None]
-        if len(self._buffer) > MAX_LINE_BYTES:
+        self._line += line
+        if len(self._line) > MAX_LINE_BYTES:
             self._send_error(f"a line has {MAX_LINE_BYTES} bytes at most")
             self.close()
-        return orders
+            return []
+        if not line.endswith(b"\n"):
+            return []
+        whole, self._line = self._line, b""
+        order = self._parse_command(whole) if whole.strip() else None
+        return [] if order is None else [order]
 
     def _parse_command(self, line: bytes) -> ControlCommand | None:
         try:
@@ -140,10 +153,11 @@ class _Client:
 
 
 class ControlSocket:
-    """Listens at ``path``.  Raises Unavailable when that cannot be."""
+    """Listens at ``path``; ``now`` is the clock of the engine.  Raises Unavailable when that cannot be."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, now: Callable[[], float]) -> None:
         self.path = path
+        self._now = now
         self._clients: list[_Client] = []
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_CLOEXEC)
         self._listener.setblocking(False)
@@ -167,17 +181,21 @@ class ControlSocket:
         """Return the file descriptors to wait on: the listener and its clients."""
         if any(client.closed for client in self._clients):
             self._clients = [client for client in self._clients if not client.closed]
-        return [self._listener.fileno(), *(client.fileno() for client in self._clients)]
+        now = self._now()
+        return [self._listener.fileno(), *(each.fileno() for each in self._clients if each.rests_until <= now)]
 
     def poll(self, ready: list[int]) -> list[ControlCommand]:
-        """Return the commands of the descriptors in `ready`, accepting new clients."""
+        """Return at most one command of each descriptor in `ready`, accepting new clients; stops come first."""
         orders: list[ControlCommand] = []
         for client in self._clients:
             if client.fileno() in ready:
-                orders += client.read_commands()
+                orders += client.read_command()
         if self._listener.fileno() in ready:
             orders += self._accept()
-        return orders
+        for order in orders:
+            if order.verb in _COSTLY:
+                order.client.rests_until = self._now() + REST_S
+        return sorted(orders, key=lambda order: order.verb not in _URGENT)
 
     def publish(self, message: FromWorker) -> None:
         """Send an event to all subscribers."""
@@ -223,7 +241,7 @@ class ControlSocket:
             self._clients.pop(0).close()
         client = _Client(connection)
         self._clients.append(client)
-        return client.read_commands()
+        return client.read_command()
 
 
 def _as_json(message: FromWorker) -> dict[str, Any]:

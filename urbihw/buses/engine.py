@@ -130,7 +130,7 @@ class Engine:
     def _open_control_socket(self, path: Path) -> ControlSocket | None:
         """Open the control socket; without it the worker still works, and reports the error."""
         try:
-            return ControlSocket(path)
+            return ControlSocket(path, self._clock.now)
         except Unavailable as error:
             self._mailbox.post(Refused("control socket", str(path), str(error)))
             return None

@@ -18,6 +18,10 @@ Direction = Literal[">", "<"]
 Check = Literal["", "ok", "bad"]
 """The verdict on a checksum; "" where the protocol has none."""
 _SHOWN_BYTES: Final = 16
+_MOST_NOISE: Final = 4096
+"""Bytes without a packet that are told as one."""
+_NOISE_S: Final = 1.0
+"""Seconds of bytes without a packet that are told as one: who watches a wrong speed sees it."""
 
 
 class Chunk(NamedTuple):
@@ -140,6 +144,8 @@ class StreamDecoder(Decoder):
             time, data = stream.take(max(piece.size, 1))
             if piece.noise:
                 self._add_noise(stream, time, data)
+                if len(stream.noise) >= _MOST_NOISE or time - stream.noise_time >= _NOISE_S:
+                    found += self._noise_packets(direction)
                 continue
             found += self._noise_packets(direction)
             found += self.decode(time, direction, data)

@@ -14,6 +14,8 @@ NEAR_LIMIT_DEGC: Final = 5.0
 """Distance to the highest temperature at which a warning begins, in degrees C."""
 LATE_SHARE: Final = 0.01
 """Share of late ticks of the last minute from which on they are a warning."""
+SHORTEST_S: Final = 10.0
+"""Seconds of a record below which shares are not judged: while everything starts, the machine is busy."""
 ERROR_SHARE: Final = 0.01
 """Errors of the wire in a tick, over the last minute, from which on they are a warning."""
 SLOW_SHARE: Final = 0.9
@@ -93,14 +95,16 @@ def _robot(told: Mapping[str, Any]) -> Iterator[Finding]:
 def _bus(bus: Mapping[str, Any]) -> Iterator[Finding]:
     late, seconds = number_in(bus, "late_share"), number_in(bus, "recent_seconds")
     rate, wanted = number_in(bus, "rate"), number_in(bus, "wanted_rate")
+    if seconds < SHORTEST_S:
+        return
     if late > LATE_SHARE:
         yield Finding(Level.WARNING, "late", "", f"{100 * late:.1f} % of the ticks of the last minute are late")
-    elif seconds and rate < SLOW_SHARE * wanted:
+    elif rate < SLOW_SHARE * wanted:
         yield Finding(Level.WARNING, "rate", "", f"{rate:.0f} Hz instead of {wanted:.0f}")
     errors = table_in(bus, "recent_errors")
     for kind in errors:
         count = number_in(errors, kind)
-        if seconds and count > ERROR_SHARE * wanted * seconds:
+        if count > ERROR_SHARE * wanted * seconds:
             yield Finding(Level.WARNING, "errors", "", f"{count:.0f} {kind} on the wire in {seconds:.0f} s")
 
 

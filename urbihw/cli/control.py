@@ -25,6 +25,8 @@ ANSWER_TIMEOUT_S: Final = 1.0
 OUTCOMES: Final = {"stop": "stopped", "estop": "emergency stop, held until: urbihw release", "release": "released"}
 """The text for a robot that has obeyed, by command."""
 _MAX_NAME_LENGTH: Final = 100
+_MAX_ANSWER_BYTES: Final = 1 << 22
+"""The health of 300 devices has less than a tenth of it."""
 _RIGHTS: Final = "use sudo, or join the group that it belongs to"
 
 
@@ -169,23 +171,30 @@ class _Query:
                 if self._error is not None:
                     raise self._error
                 state = json.loads(self._line(end))
-            except (OSError, ValueError) as error:
+            except (OSError, ValueError, RecursionError) as error:
                 return self._failed(error)
         if isinstance(state, dict) and state.get("ok"):
             return Answer(self._path.stem, state)
         return Answer(self._path.stem, {}, f"it did not understand: {state}")
 
     def _line(self, end: float) -> bytes:
-        heard = b""
-        while b"\n" not in heard:
-            self._socket.settimeout(max(end - time.monotonic(), 0.001))
-            data = self._socket.recv(4096)
+        heard: list[bytes] = []
+        size = 0
+        while not heard or b"\n" not in heard[-1]:
+            left = end - time.monotonic()
+            if left <= 0 and heard:
+                raise TimeoutError
+            self._socket.settimeout(max(left, 0.001))
+            data = self._socket.recv(1 << 16)
             if not data:
                 raise ConnectionResetError
-            heard += data
-        return heard.partition(b"\n")[0]
+            heard.append(data)
+            size += len(data)
+            if size > _MAX_ANSWER_BYTES:
+                raise ValueError(f"its answer has more than {_MAX_ANSWER_BYTES} bytes")
+        return b"".join(heard).partition(b"\n")[0]
 
-    def _failed(self, error: OSError | ValueError) -> Answer:
+    def _failed(self, error: OSError | ValueError | RecursionError) -> Answer:
         name, path = self._path.stem, self._path
         if isinstance(error, FileNotFoundError | ConnectionRefusedError):
             hint = "if that robot moves, cut its power; if not, remove that file"
@@ -197,7 +206,9 @@ class _Query:
             return Answer(name, {}, f"no answer in {ANSWER_TIMEOUT_S:g} s: {hint}")
         if isinstance(error, ConnectionError):
             return Answer(name, {}, "it ended before it answered; try again")
-        return Answer(name, {}, f"cannot be asked at {path}: {error}")
+        if isinstance(error, OSError):
+            return Answer(name, {}, f"cannot be asked at {path}: {error.strerror or error}")
+        return Answer(name, {}, f"what answers at {path} is no bus worker, or one of another version")
 
 
 def _listens(path: Path) -> bool:

@@ -39,7 +39,7 @@ def _as_json(found: Sequence[Report]) -> str:
                     {"level": each.level.word, "kind": each.kind, "device": each.device, "text": each.text}
                     for each in report.findings
                 ],
-                "told": report.told,
+                "told": reports.without_nan(report.told),
             }
             for report in found
         },

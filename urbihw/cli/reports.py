@@ -6,6 +6,7 @@ The answers come from the bus workers, not from the interpreter.
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -112,6 +113,11 @@ def value_text(row: Mapping[str, Any], quantity: str, table: str = "values") -> 
         return ""
     unit = table_in(row, "units").get(quantity, "")
     return f"{_FORMATS.get(quantity, '{:.2f}').format(value)}{f' {unit}' if unit else ''}"
+
+
+def without_nan(told: Mapping[str, Any]) -> Any:
+    """An answer with null for numbers that JSON does not have: nan, inf."""
+    return json.loads(json.dumps(told), parse_constant=lambda _: None)
 
 
 def clean(text: str) -> str:

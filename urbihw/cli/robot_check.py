@@ -7,7 +7,7 @@ is opened, and its servos are pinged and read; nothing is written.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -24,11 +24,10 @@ from urbihw.buses.servos.registers import ServoError, ServoRegisters, bus_for
 from urbihw.buses.servos.survey import Servo, read_live
 from urbihw.buses.trace import Chunk
 from urbihw.buses.turnaround import BusMeter
-from urbihw.buses.verdict import Level, judge
+from urbihw.buses.verdict import Level, judge, number_in, table_in
 from urbihw.cli import control
 from urbihw.cli.dialogue import Dialogue
 from urbihw.cli.machine import Finding
-from urbihw.cli.options import Refused
 from urbihw.cli.tracing import WorkerTraffic
 from urbihw.kernel.uobject import BadConfig
 
@@ -41,6 +40,8 @@ _SLOW_S: Final = 200e-6
 """A turnaround above this is worth a line."""
 _READ: Final = ("present_position", "present_temperature", "firmware_version")
 _BITS: Final = 10
+_MANY: Final = 8
+"""Ids that are named in a line at most."""
 
 
 @dataclass
@@ -66,22 +67,19 @@ def check_served(traffic: WorkerTraffic, seconds: float = WATCH_S) -> BusReport:
         verdict = "bad" if each.level == Level.BAD else "note"
         report.findings.append(Finding(verdict, str(each)))  # type: ignore[arg-type]
     name = traffic.path.stem.rpartition("-")[0]
-    devices = traffic.about.get("devices", ())
+    devices, speed = traffic.devices, traffic.baud or 1_000_000
     try:
         decoder = platforms.load_trace(platforms.find(name))(devices)
     except BadConfig:
         report.findings.append(Finding("note", f"which kind of robot {traffic.path.stem} is, is not known: its bus is "
                                                "not measured"))
         return report
-    meter = BusMeter(decoder, _BITS / (traffic.about.get("baud") or 1_000_000))
-    try:
-        meter.add_all(item for item in traffic.chunks(time.monotonic() + seconds) if isinstance(item, Chunk))
-    except (OSError, ValueError) as error:
-        raise Refused(f"{traffic.path}: the daemon has ended the connection") from error
-    bus = told.get("bus", {})
-    rate = float(bus.get("rate") or 0.0)
+    meter = BusMeter(decoder, _BITS / speed)
+    meter.add_all(item for item in traffic.chunks(time.monotonic() + seconds) if isinstance(item, Chunk))
+    bus = table_in(told, "bus")
+    rate = number_in(bus, "rate")
     cycles = meter.seconds * rate
-    retries = int(bus.get("recent_errors", {}).get("retried", 0))
+    retries = round(number_in(table_in(bus, "recent_errors"), "retried"))
     _describe(report, meter, cycles, retries, f"at {rate:.0f} cycles a second")
     return report
 
@@ -90,9 +88,7 @@ def check_line(line: Line) -> BusReport:
     """Measure a bus of servos that nobody serves: each servo is read several times.  Raises LinkGone."""
     report = BusReport()
     found = find_all(line.link)
-    report.findings += [
-        Finding("bad", f"id {number}: more than one servo answers: urbihw servo set-id") for number in found.conflicts
-    ]
+    report.findings += _conflict_findings(found.conflicts)
     if not found.devices:
         report.findings.append(Finding("bad", f"{line.name}: no servo answers at {line.baud} bps: is it powered? "
                                               "urbihw scan looks at all speeds"))
@@ -120,6 +116,17 @@ def check_line(line: Line) -> BusReport:
                 report.findings.append(Finding("note", f"servo {servo.device.id}: {each.text}"))
     report.findings += _delay_findings(report)
     return report
+
+
+def _conflict_findings(numbers: Sequence[int]) -> Iterator[Finding]:
+    """One line for the ids that several servos answer; so many at once are rather damaged answers."""
+    if len(numbers) > _MANY:
+        shown = ", ".join(map(str, numbers[:_MANY]))
+        yield Finding("bad", f"{len(numbers)} ids (first {shown}): no answer is like the one before: check speed, "
+                             "cable and ground; if they are right, several servos have one id: urbihw servo set-id")
+    elif numbers:
+        shown = ", ".join(map(str, numbers))
+        yield Finding("bad", f"id {shown}: more than one servo answers: urbihw servo set-id")
 
 
 def _read_often(line: Line, servo: Servo) -> int:

@@ -1,7 +1,7 @@
 """Teach a robot a motion by hand: its joints are switched off, and what you do with them is recorded.
 
-Hold the robot: a joint without torque gives way.  If the program ends in whatever way, the recording is kept, and the
-joints hold where they are.
+Hold the robot: a joint without torque gives way.  At the end by q the joints are switched on again, and hold where they
+are.  If the program ends in another way, the recording is kept, but the joints stay off.
 """
 
 from __future__ import annotations

@@ -19,12 +19,12 @@ from pathlib import Path
 from typing import Any, Final, TextIO
 
 from urbihw import buses, platforms
-from urbihw.buses.capture import capture_line, read_capture
+from urbihw.buses.capture import capture_line, lines_of, read_capture
 from urbihw.buses.errors import BadFrame, BadUrl, LinkGone, Unavailable
 from urbihw.buses.link import Link, Port, Url
 from urbihw.buses.trace import Chunk, Decoder, MakeDecoder, Packet
 from urbihw.cli.options import Refused, number, whole
-from urbihw.cli.tracing import WorkerTraffic, open_traffic, traffic_of
+from urbihw.cli.tracing import open_traffic, traffic_of
 from urbihw.exitcodes import EX_CONFIG, EX_NOINPUT, EX_OK, EX_UNAVAILABLE
 from urbihw.kernel.uobject import BadConfig
 
@@ -74,24 +74,17 @@ def _run(options: argparse.Namespace) -> int:
         make, devices = _decoder_of(options.platform or ""), ()
         try:
             with open(options.where, encoding="ascii", errors="replace") as file:
-                return _show(read_capture(file), make, devices, options)
+                return _show(read_capture(lines_of(file)), make, devices, options)
         except OSError as error:
             raise Refused(f"{options.where}: {error.strerror}", EX_NOINPUT) from error
     traffic = open_traffic(options.socket) if options.socket is not None else traffic_of(options.where)
     if traffic is not None:
         with traffic:
             make = _decoder_of(options.platform or _platform_of(traffic.path))
-            return _show(_live(traffic, until), make, traffic.about.get("devices", ()), options)
+            return _show(traffic.chunks(until), make, traffic.devices, options)
     if not options.where:
         raise Refused("no daemon answers; start one (urbihw serve), or name a port or a capture", EX_UNAVAILABLE)
     return _show(listen(options.where, until), _decoder_of(options.platform or _guess(options.where)), (), options)
-
-
-def _live(traffic: WorkerTraffic, until: float) -> Iterator[Item]:
-    try:
-        yield from traffic.chunks(until)
-    except (OSError, ValueError) as error:
-        raise Refused(f"{traffic.path}: the daemon has ended the connection", EX_UNAVAILABLE) from error
 
 
 def _platform_of(path: Path) -> str:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import socket
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -47,16 +48,47 @@ class WorkerTraffic:
             raise
         self.about: Mapping[str, Any] = answer
 
+    @property
+    def devices(self) -> Sequence[Mapping[str, Any]]:
+        """The devices of the answer.  Raises Refused for an answer without sense."""
+        rows = self.about.get("devices", [])
+        if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+            raise self._refusal()
+        return rows
+
+    @property
+    def baud(self) -> float:
+        """The speed of the line in bits per second, 0 if it has none.  Raises Refused for an answer without sense."""
+        told = self.about.get("baud")
+        if told is None:
+            return 0.0
+        try:
+            speed = _number(told)
+        except (TypeError, ValueError, OverflowError):
+            raise self._refusal() from None
+        if speed != 0 and speed < 1:
+            raise self._refusal()
+        return speed
+
     def chunks(self, until: float) -> Iterator[Chunk | int]:
-        """Yield chunks, or how many were lost, until a time (``time.monotonic``) or the end of the connection."""
-        while (event := self._next_line(until)) is not None:
-            if not isinstance(event, dict) or event.get("event") != "Traffic":
-                continue
-            lost = int(event.get("lost", 0)) + int(event.get("dropped", 0))
-            if lost:
-                yield lost
-            for stamp, direction, text in event.get("chunks", ()):
-                yield Chunk(float(stamp), ">" if direction == ">" else "<", bytes.fromhex(text))
+        """Yield chunks, or how many were lost, until a time (``time.monotonic``) or the end of the connection.
+
+        Raises Refused for a lost connection, and for events without sense.
+        """
+        while True:
+            try:
+                event = self._next_line(until)
+                items = _items(event)
+            except OSError as error:
+                raise Refused(f"{self.path}: the daemon has ended the connection", EX_UNAVAILABLE) from error
+            except (TypeError, ValueError, OverflowError):
+                raise self._refusal() from None
+            if event is None:
+                return
+            yield from items
+
+    def _refusal(self) -> Refused:
+        return Refused(_no_sense(self.path), EX_UNAVAILABLE)
 
     def close(self) -> None:
         """Close the connection."""
@@ -71,8 +103,10 @@ class WorkerTraffic:
     def _next_line(self, until: float) -> Any:
         """The next line as JSON; None at the time, or at the end of the connection.  Raises OSError, ValueError."""
         while b"\n" not in self._buffer:
+            if len(self._buffer) > _MOST_BYTES:
+                raise ValueError(_no_sense(self.path))
             left = until - time.monotonic()
-            if left <= 0 or len(self._buffer) > _MOST_BYTES:
+            if left <= 0:
                 return None
             self._socket.settimeout(min(left, 3600.0))
             try:
@@ -83,7 +117,34 @@ class WorkerTraffic:
                 return None
             self._buffer += data
         line, _, self._buffer = self._buffer.partition(b"\n")
-        return json.loads(line)
+        try:
+            return json.loads(line)
+        except (ValueError, RecursionError):
+            raise ValueError(_no_sense(self.path)) from None
+
+
+def _no_sense(path: Path) -> str:
+    return f"{path}: this daemon's answer has no sense; is it of the same version?"
+
+
+def _items(event: Any) -> list[Chunk | int]:
+    """What an event tells of the traffic.  Raises TypeError, ValueError, OverflowError for one without sense."""
+    if not isinstance(event, dict) or event.get("event") != "Traffic":
+        return []
+    lost = int(_number(event.get("lost", 0)) + _number(event.get("dropped", 0)))
+    items: list[Chunk | int] = [lost] if lost else []
+    for stamp, direction, text in event.get("chunks", ()):
+        items.append(Chunk(_number(stamp), ">" if direction == ">" else "<", bytes.fromhex(text)))
+    return items
+
+
+def _number(value: Any) -> float:
+    """A finite number.  Raises TypeError, ValueError, OverflowError."""
+    if not isinstance(value, int | float):
+        raise TypeError("no number")
+    if not math.isfinite(value):
+        raise ValueError("not finite")
+    return float(value)
 
 
 def open_traffic(path: Path) -> WorkerTraffic:

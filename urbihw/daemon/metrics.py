@@ -20,7 +20,7 @@ from typing import Any, Final
 from urbihw.daemon.metrics_text import CONTENT_TYPE, render
 
 MAX_CLIENTS: Final = 8
-"""Connections at a time; a further one is closed."""
+"""Connections at a time; a further one replaces the oldest without a whole request, or is closed if there is none."""
 MAX_HEAD_BYTES: Final = 8192
 MAX_ANSWER_BYTES: Final = 1024 * 1024
 """Largest answer of a worker: 300 devices take about 200 kB."""
@@ -63,6 +63,8 @@ class MetricsServer:
         self._control = Path()
         self._robot = ""
         self._clients = 0
+        # Connections without a whole request, the oldest first.
+        self._waiting: dict[asyncio.StreamWriter, None] = {}
         self._kept = ("", -KEPT_S)
         self._asking = asyncio.Lock()
 
@@ -101,11 +103,15 @@ class MetricsServer:
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Answer one request."""
+        room = self._clients < MAX_CLIENTS or self._cut_oldest()
         self._clients += 1
         try:
-            if self._clients <= MAX_CLIENTS:
+            if room:
                 async with asyncio.timeout(DEADLINE_S):
-                    writer.write(await self._answer(await reader.readuntil(b"\r\n\r\n")))
+                    self._waiting[writer] = None
+                    head = await reader.readuntil(b"\r\n\r\n")
+                    self._waiting.pop(writer, None)
+                    writer.write(await self._answer(head))
                     await writer.drain()
                     writer.close()
                     await writer.wait_closed()
@@ -113,7 +119,17 @@ class MetricsServer:
             pass  # a client that is slow, talks too much, or has gone
         finally:
             self._clients -= 1
+            self._waiting.pop(writer, None)
             writer.transport.abort()
+
+    def _cut_oldest(self) -> bool:
+        """Cut the oldest connection without a whole request; returns whether there was one."""
+        oldest = next(iter(self._waiting), None)
+        if oldest is None:
+            return False
+        del self._waiting[oldest]
+        oldest.transport.abort()
+        return True
 
     async def _answer(self, head: bytes) -> bytes:
         first, *lines = head.decode("latin-1").split("\r\n")

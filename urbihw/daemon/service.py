@@ -257,9 +257,10 @@ class Service:
         log.warning("the robot on %s is here: %s", self._robot_url, self._status())
 
     def _protect_robot(self) -> None:
-        """Protect the robot's slots, once they exist: the tree of an unknown robot is built when it arrives."""
+        """Protect the robot's slots, once they exist: the tree of an unknown robot is built when it arrives, and takes
+        the place of what ``robot`` was before."""
         robot = self._robot
-        if robot is not None and not self._is_protected and robot.host.has_slot("robot"):
+        if robot is not None and not self._is_protected and robot.tree_begun and robot.host.has_slot("robot"):
             self._is_protected = True
             protect_robot(robot, self._slot)
 

@@ -60,6 +60,8 @@ class ServoDecoder(StreamDecoder):
         self._writes_seen = False
         for device in devices:
             number, model, protocol = (device.get(name, 0) for name in ("id", "model", "protocol"))
+            if not all(isinstance(each, int) for each in (number, model, protocol)):
+                continue  # It comes from another process.
             if model and protocol in _ASSUMED:
                 self._tables[number, protocol] = table_for(model, protocol)
                 if protocol == FEETECH:
@@ -321,6 +323,10 @@ def _whole(data: bytearray, size: int) -> Cut | None:
 
 def _is_damaged(data: bytes, two: bool) -> bool:
     if two:
+        # Byte stuffing keeps a header out of a packet; without this look each header of a row of them costs a CRC over
+        # all that follow.
+        if data.find(HEADER_2, 4, len(data) - 2) > 0:
+            return True
         return crc16(data[:-2]) != data[-2] | data[-1] << 8
     return sum(data[2:]) & 0xFF != 0xFF
 

@@ -58,6 +58,9 @@ class Robot(UObject):
     classes: ClassVar[tuple[type[UObject], ...]] = ()
     """The device classes that are registered with the robot, so that the platform's urbiscript library finds them."""
 
+    tree_begun = True
+    """Whether the slots of the robot are made, or being made: those of an absent robot if the last run knew them."""
+
     def open(self, settings: RobotSettings, opened: Opened) -> None:
         """Start the search for the robot, and return at once.
 

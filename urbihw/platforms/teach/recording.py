@@ -100,8 +100,13 @@ def parse(text: str, where: str) -> Recording:
 def _value(line: str, place: str) -> Any:
     try:
         return _DECODER.decode(line)
-    except (ValueError, RecursionError) as error:
-        raise BadMotion(f"{place}: this is not JSON: {getattr(error, 'msg', 'too deep')}") from error
+    except json.JSONDecodeError as error:
+        raise BadMotion(f"{place}: this is not JSON: {error.msg}") from error
+    except RecursionError as error:
+        raise BadMotion(f"{place}: this is not JSON: too deep") from error
+    except ValueError as error:
+        # Python reads integers of at most sys.get_int_max_str_digits() digits.
+        raise BadMotion(f"{place}: a number has too many digits") from error
 
 
 def _head(value: Any, place: str) -> dict[str, Any]:

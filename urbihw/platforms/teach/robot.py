@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from urbihw.kernel.uobject import Opened, RobotSettings, function
+from urbihw.kernel.uobject import Opened, Origin, RobotSettings, function
 from urbihw.platforms.base import WiredRobot
 from urbihw.platforms.teach.course import Course, Key, Request, keys_of, keys_of_pages, repeat_keys
 from urbihw.platforms.teach.recording import (
@@ -34,10 +34,10 @@ MAX_JOINED: Final = 100
 
 
 class _Taken:
-    """A motion that is being recorded, and the numbers of its motors."""
+    """A motion that is being recorded, the numbers of its motors, and by whom and when it was begun."""
 
-    def __init__(self, name: str, joints: Sequence[str], motors: frozenset[int], rate: float) -> None:
-        self.name, self.joints, self.motors, self.rate = name, tuple(joints), motors, rate
+    def __init__(self, name: str, joints: Sequence[str], motors: frozenset[int], rate: float, origin: Origin) -> None:
+        self.name, self.joints, self.motors, self.rate, self.origin = name, tuple(joints), motors, rate, origin
         self.rows: list[Row] = []
 
     def recording(self, robot: str) -> Recording:
@@ -174,8 +174,21 @@ class MotionRobot(WiredRobot):
         if not 0 <= rate <= MAX_RATE_HZ:
             raise ValueError(f"the rate is 0 (key poses) to {MAX_RATE_HZ:g} Hz, not {rate:g}")
         self._last_motion += 1
-        self._taken[self._last_motion] = _Taken(name, joints, frozenset(map(int, motors)), rate)
+        self._taken[self._last_motion] = _Taken(
+            name, joints, frozenset(map(int, motors)), rate, self.motion.origin()
+        )
         return self._last_motion
+
+    @function("checkRecording")
+    def check_recording(self, number: int) -> None:
+        """Raise an error when a recording may not go on, nor its joints be switched on at its end: since its begin the
+        robot was stopped, the link or a joint was lost, or its client has left.  A hand may hold the joints then."""
+        taken = self._taken[number]
+        self.motion.check()
+        self._require_present(taken.motors, "the recording has ended")
+        if not self.motion.is_live(taken.origin):
+            reason = self.motion.latched or f"{taken.origin.client} has left, or the robot was stopped"
+            raise ValueError(f"{reason}: the recording has ended")
 
     @function("addPose")
     def add_pose(self, number: int, angles: list[float]) -> bool:
