@@ -56,6 +56,8 @@ class Effector:
         frame, job = calling_frame(), self._motion.running
         statement = None if frame is None else (id(job), frame.f_code, frame.f_lasti)
         known = self.origin if statement == self._statement else None
+        if known is not None and job is not None and known.lease is not job.context:
+            known = None  # the job of another client, in the place in memory of one that has ended
         self.origin = self._motion.admit(self.device, known, statement)
         self._statement = statement
         self._face.wrote(self, wanted, value)
