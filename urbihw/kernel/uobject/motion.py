@@ -178,7 +178,7 @@ class Motion:
         self.check()
         self.check_device(device)
         origin = last
-        if origin is None or origin.epoch != self.epoch or statement is None:
+        if origin is None or statement is None or origin.epoch != self.epoch or origin.mark < self.since(device):
             origin = self.origin()
         if not self._lease_lasts(origin):
             gone = f"the connection of {origin.client} is closed on its side"
