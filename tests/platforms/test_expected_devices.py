@@ -136,3 +136,13 @@ def _stays_blocked(lab: Lab, new: XSeries, line: str, caplog: Caplog) -> None:
     assert new.motor.position == XSeries().motor.position and not new.registers.get("torque_enable")
     assert any(line in text for text in warnings(caplog))
     assert lab.say("motor3.state;").endswith('"lost"')
+
+
+def test_a_new_difference_does_not_tell_the_others_again(caplog: Caplog) -> None:
+    lab = Lab.ready(kit(3), devices={"hip": 3, "knee": 4})
+    lab.kit.add(Ax12(9))
+    lab.say("bioloid.scan;")
+    lab.run(3)
+    told = warnings(caplog)
+    assert [line for line in told if "unexpected: id 9" in line]
+    assert sum("missing: knee (id 4)" in line for line in told) == 1

@@ -543,14 +543,19 @@ class WiredRobot(IdentifiedRobot):
         unexpected = [f"id {each.id} ({each.found})" for each in message.unexpected]
         other = [f"{each.name} (id {each.id}) is {each.found}, not {each.expected}" for each in message.other]
         before = {*map(str, self.problems.sensed)}
-        lists = ("missing", missing), ("unexpected", unexpected), ("of another kind", other)
-        texts = [f"{text} {word}" if word != "of another kind" else text for word, texts in lists for text in texts]
+        shown = {
+            "missing": [f"{each} missing" for each in missing],
+            "unexpected": [f"{each} unexpected" for each in unexpected],
+            "of another kind": other,
+        }
+        texts = [text for kind in shown.values() for text in kind]
         self.problems.sense(texts)
         if before and not texts:
             self.log.info("all expected devices are there, and no others")
-        for word, devices in lists:
-            if devices and not before.issuperset(texts):
-                self.log.warning("%s: %s", word, ", ".join(devices))
+        for kind, devices in zip(shown, (missing, unexpected, other), strict=True):
+            # A kind is told again only if there is more of it.
+            if not before.issuperset(shown[kind]):
+                self.log.warning("%s: %s", kind, ", ".join(devices))
 
     def _remembered(self) -> tuple[Any, ...]:
         """Return the devices that the last run found; () if that is not known."""
