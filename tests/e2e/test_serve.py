@@ -381,10 +381,11 @@ def test_a_robot_in_use_names_who_has_it_and_is_waited_for(
     with contextlib.closing(Daemon(tmp_path / "second", "--url", robot.url, "--quiet")) as second:
         line = second.log().splitlines()[0]
         assert re.search(rf"waiting for the robot on {robot.url}: .* is in use by .*\(process \d+\)", line)
-        assert second.client().ask("bioloid.link;") == "false"
+        client = second.client()
+        assert client.ask("bioloid.link;") == "false"
         # A second one waits until the first one has ended.
         first.close()
-        until(lambda: second.client().ask("bioloid.link;") == "true")
+        until(lambda: client.ask("bioloid.link;") == "true", log=second.log)
 
 
 def test_nobody_on_the_bus_and_two_with_one_id(serve: Callable[..., Daemon], tmp_path: Path) -> None:

@@ -247,8 +247,14 @@ class KernelProcess:
         self.port = self.kernel.programs.listen_port = port
 
     def write_port_file(self, path: Path) -> None:
-        """Write the port to a file, which is removed when the process ends.  Raises OSError."""
-        path.write_text(f"{self.port}\n", "ascii")
+        """Write the port to a file, which is removed when the process ends.  Raises OSError.
+
+        A file that was not there comes with its content: who waits for it never reads an empty one.
+        """
+        written = path if path.exists() else path.with_name(f".{path.name}.new")
+        written.write_text(f"{self.port}\n", "ascii")
+        if written != path:
+            written.replace(path)
         self._port_file = path
 
     def _remove_port_file(self) -> None:
