@@ -100,10 +100,12 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.platforms.words": (),
     "urbihw.platforms.taken": (),
     "urbihw.platforms.identity": ("urbihw.kernel.uobject",),
+    "urbihw.platforms.arrival": ("urbihw.kernel.uobject",),
+    "urbihw.platforms.hooks": ("urbihw.buses", "urbihw.platforms.identity", "urbihw.platforms.limits"),
     "urbihw.platforms.base": (
-        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.files", "urbihw.platforms.channel",
-        "urbihw.platforms.clipping", "urbihw.platforms.expected", "urbihw.platforms.limits",
-        "urbihw.platforms.devicelog", "urbihw.platforms.identity", "urbihw.platforms.remembered",
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.platforms.arrival",
+        "urbihw.platforms.channel", "urbihw.platforms.clipping", "urbihw.platforms.expected", "urbihw.platforms.hooks",
+        "urbihw.platforms.limits", "urbihw.platforms.devicelog", "urbihw.platforms.remembered",
         "urbihw.platforms.words",
     ),  # fmt: skip
     "urbihw.platforms.channel": ("urbihw.kernel.uobject", "urbihw.buses"),
@@ -128,12 +130,12 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     # Servos as objects, for every robot on a servo bus.
     "urbihw.platforms.servos": (
         "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.platforms.base", "urbihw.platforms.channel",
-        "urbihw.platforms.expected", "urbihw.platforms.limits", "urbihw.platforms.devicelog", "urbihw.platforms.words",
-        "urbihw.platforms.teach",
+        "urbihw.platforms.expected", "urbihw.platforms.hooks", "urbihw.platforms.limits", "urbihw.platforms.devicelog",
+        "urbihw.platforms.words", "urbihw.platforms.teach",
     ),  # fmt: skip
     ROBOT: (
         "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.extras", "urbihw.platforms.base",
-        "urbihw.platforms.channel", "urbihw.platforms.expected", "urbihw.platforms.limits",
+        "urbihw.platforms.channel", "urbihw.platforms.expected", "urbihw.platforms.hooks", "urbihw.platforms.limits",
         "urbihw.platforms.devicelog", "urbihw.platforms.streamed", "urbihw.platforms.measured",
         "urbihw.platforms.camera", "urbihw.platforms.jpeg",
         "urbihw.platforms.speaker", "urbihw.platforms.sound", "urbihw.platforms.words", "urbihw.platforms.servos",

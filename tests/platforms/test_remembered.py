@@ -57,7 +57,7 @@ def test_the_description_of_every_robot_comes_back(platform: str, tmp_path: Path
     if described is None:
         pytest.skip("the next run has no use for its description")
     lab = importlib.import_module(f"{platform}_lab").Lab.ready()
-    found = tuple(lab.robot.found_devices.values())
+    found = tuple(lab.robot.device_memory.found.values())
     remembered.save(tmp_path / "file", URL, found)
     assert found and remembered.load(tmp_path / "file", URL, described) == found
 

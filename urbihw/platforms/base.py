@@ -14,17 +14,15 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any, ClassVar, Final, Protocol
 
 from urbihw.buses import messages as m
 from urbihw.buses.driver import driver_of
 from urbihw.buses.errors import BadUrl, BadValue, LinkGone
 from urbihw.buses.supervisor import Supervisor
-from urbihw.files import BadFile
 from urbihw.kernel.uobject import (
     BadConfig,
     DeviceError,
@@ -38,13 +36,14 @@ from urbihw.kernel.uobject import (
     owned,
     reading,
 )
-from urbihw.platforms import remembered
+from urbihw.platforms.arrival import Arrival, Stage
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.clipping import TargetLimits
 from urbihw.platforms.devicelog import DeviceLog
 from urbihw.platforms.expected import for_worker
-from urbihw.platforms.identity import IdentifiedRobot
-from urbihw.platforms.limits import DeviceLimits, LimitSettings
+from urbihw.platforms.hooks import RobotHooks
+from urbihw.platforms.limits import LimitSettings
+from urbihw.platforms.remembered import DeviceMemory
 from urbihw.platforms.words import ROBOT
 from urbihw.settings import BadSetting
 
@@ -82,24 +81,7 @@ class WorkerHandle(Protocol):
         ...
 
 
-LimitNamer = Callable[[str], str]
-"""Returns the setting's name of a kind of limit of one device, for messages."""
-LimitTable = Mapping[tuple[Any, str], m.Limit]
-
-
-class LimitedDevice(Protocol):
-    """A device that can have limits."""
-
-    def limits_in_counts(self, limits: DeviceLimits, named: LimitNamer) -> tuple[LimitTable, Sequence[m.Threshold]]:
-        """Convert limits from SI units to raw counts of the device."""
-        ...
-
-    def was_limited(self, message: m.Limited) -> None:
-        """A limit changed a target, of this device or another."""
-        ...
-
-
-class WiredRobot(IdentifiedRobot):
+class WiredRobot(RobotHooks):
     """A robot on one wire.
 
     A subclass sets ``family`` and ``robot_name`` and implements ``status``, ``on_found``, ``on_samples`` and
@@ -142,18 +124,10 @@ class WiredRobot(IdentifiedRobot):
         self.offset = 0.0
         """Kernel's time = worker's time + offset, in seconds."""
         self._worker: WorkerHandle | None = None
-        self._opened: Opened = _ignore
-        self._has_answered = False
-        self._is_here = False
-        self._awaited = ""
-        self._is_shown = False
-        self.tree_begun = False
-        """Whether the tree of the robot exists, or is being built: each is built once."""
+        self._arrival = Arrival(self)
         self.expected: tuple[m.ExpectedDevice, ...] = ()
         """The devices that the settings expect; their names are those of the start."""
-        self.found_devices: dict[Hashable, Any] = {}
-        """The devices that the worker has found, by their ids; "" for a robot of one part."""
-        self._memory: Path | None = None
+        self.device_memory = DeviceMemory(driver_of(self.family).device_info, self.log.warning)
         self._had_link_loss = False
         self._resume = True
         self._stop_asked_at = -math.inf
@@ -166,12 +140,12 @@ class WiredRobot(IdentifiedRobot):
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
         """Start the worker; ``opened`` is called when the devices have been read.  The options go to the driver."""
-        self._opened = opened
+        self._arrival.begin(opened)
         self._heard_at = self.bus_time()
         self.offset = self.host.now() - self._heard_at
         self.url.sense(settings.url)
         self.expected = for_worker(settings.devices)
-        self._memory = Path(settings.memory) if settings.memory else None
+        self.device_memory.use(settings.memory, settings.url)
         self.identify()
         self.show_address(settings.url)
         self.motion.keep = settings.keep_motion
@@ -304,48 +278,41 @@ class WiredRobot(IdentifiedRobot):
     @property
     def opening(self) -> bool:
         """Whether the robot has not been there yet since ``open``."""
-        return not self._is_here
+        return self._arrival.stage is not Stage.HERE
+
+    @property
+    def tree_begun(self) -> bool:
+        """See ``Robot``."""
+        return self._arrival.tree_begun
 
     def waits_for(self) -> str:
         """See ``Robot``."""
-        return self._awaited
+        return self._arrival.awaited
 
     def answer_open(self, error: DeviceError | None) -> None:
         """Answer ``open``: NotReady once while the robot is absent, None once when it is there, with its slots.
 
         An arrival after a NotReady emits ``linkBack``.
         """
-        if self._is_here:
-            return
-        if error is None and not self.link.sensed:
-            # The tree of an absent robot has been built.
-            error = NotReady(self._awaited)
-        elif isinstance(error, NotReady):
-            self._awaited = str(error)
-            if not self._has_answered and not self.tree_begun:
-                self.tree_begun = self.build_absent()
-                if self.tree_begun:
-                    self.on_link_down(self._awaited)
-                    return
-                if not self._is_shown:
-                    self.host.run(_ABSENT.format(slot=self.unique_name), "absent", self._shown_absent)
-                    return
-        waited, self._has_answered = self._has_answered, True
-        if waited and isinstance(error, NotReady):
-            return
-        self._is_here = error is None
-        if self._is_here:
-            self._awaited = ""
-        self._opened(error)
-        if self._is_here and waited:
-            self.linkBack.emit()
+        self._arrival.answer(error)
 
-    def _shown_absent(self, problem: str) -> None:
-        """The object ``robot`` of an absent robot is there: answer ``open``."""
-        self._is_shown = True
-        if problem:
-            self.log.error("the slots of the absent robot are not there: %s", problem)
-        self.answer_open(NotReady(self._awaited))
+    def has_link(self) -> bool:
+        """See ``Arriving``."""
+        return bool(self.link.sensed)
+
+    def show_stand_in(self, shown: Callable[[], None]) -> None:
+        """See ``Arriving``."""
+
+        def over(problem: str) -> None:
+            if problem:
+                self.log.error("the slots of the absent robot are not there: %s", problem)
+            shown()
+
+        self.host.run(_ABSENT.format(slot=self.unique_name), "absent", over)
+
+    def on_arrival(self) -> None:
+        """See ``Arriving``."""
+        self.linkBack.emit()
 
     def wait_for_readings(self) -> None:
         """Answer ``open`` when ``is_complete``, or after a time-out: a device may have died since it was found."""
@@ -393,64 +360,21 @@ class WiredRobot(IdentifiedRobot):
 
     # ---------------------------------------------------------------- hooks
 
-    def has_limits(self) -> bool:
-        """Return whether anything is limited; override where devices have limits of their own."""
-        return bool(self.limits)
-
-    def limited_devices(self) -> Mapping[str, LimitedDevice]:
-        """Return the devices that can have limits, by the names of their slots."""
-        return {}
-
-    def signed_target(self, device: Any, item: str, raw: Any) -> float:
-        """Return a raw target as a signed number; override it where a sign bit makes it another one."""
-        return float(raw)
-
-    def raw_target(self, device: Any, item: str, signed: float) -> Any:
-        """Return the raw target of a signed number: the inverse of ``signed_target``."""
-        return signed
-
-    def on_found(self, message: m.Found) -> None:
-        """Handle the devices found after the link came up: the first time and after each loss."""
-        raise NotImplementedError
-
     def build_absent(self) -> bool:
         """Begin to build the tree of a robot that is absent at the start, from what the last run found.
 
         Returns False if nothing is known of it.  When the tree is built, ``wait_for_readings`` or ``answer_open`` is
         called, as after ``on_found``.
         """
-        known = self._remembered()
+        known = self.device_memory.recall()
         if not known:
             return False
         try:
             self.on_found(m.Found(known))
         except Exception as error:  # The file may describe devices that do not exist; the robot itself will tell.
-            self.log.warning("the devices of the last run cannot be shown: %s: %s", self._memory, error)
+            self.log.warning("the devices of the last run cannot be shown: %s: %s", self.device_memory.file, error)
             return False
         return True
-
-    def on_samples(self, message: m.Samples) -> None:
-        """Handle measured values; add ``offset`` to their times."""
-        raise NotImplementedError
-
-    def is_complete(self) -> bool:
-        """Return whether all devices have been read once, so that clients may be accepted."""
-        raise NotImplementedError
-
-    def on_happened(self, message: m.Happened) -> None:
-        """Handle an event that a device reported."""
-
-    def on_device_state(self, message: m.DeviceState) -> None:
-        """Handle the loss or return of a device."""
-
-    def on_link_down(self, reason: str) -> None:
-        """The link is down: measured values are stale from now on."""
-
-    def on_halt(self, reason: str, devices: tuple[Hashable, ...] | None = None) -> None:
-        """All motion, or that of some devices, has ended: cancel pending motion of the platform's own code."""
-
-    def on_stopped(self, reason: str) -> None:
-        """The worker stopped the robot, or some devices."""
 
     def on_limited(self, message: m.Limited) -> None:
         """A limit of the settings changed a target: inform all devices."""
@@ -524,7 +448,7 @@ class WiredRobot(IdentifiedRobot):
                 pass
 
     def _handle_found(self, message: m.Found) -> None:
-        self._remember(message.devices)
+        self.device_memory.keep(message.devices)
         if not self.opening:
             self.on_found(message)
             return
@@ -535,7 +459,7 @@ class WiredRobot(IdentifiedRobot):
         if message.devices and self.tree_begun:
             # The platform waits for readings only once, when the tree has been built.
             self.wait_for_readings()
-        self.tree_begun = self.tree_begun or bool(message.devices)
+        self._arrival.tree_begun = self.tree_begun or bool(message.devices)
 
     def _show_differences(self, message: m.Differences) -> None:
         """Show and log what differs from the expected devices, one line for each kind."""
@@ -556,29 +480,6 @@ class WiredRobot(IdentifiedRobot):
             # A kind is told again only if there is more of it.
             if not before.issuperset(shown[kind]):
                 self.log.warning("%s: %s", kind, ", ".join(devices))
-
-    def _remembered(self) -> tuple[Any, ...]:
-        """Return the devices that the last run found; () if that is not known."""
-        kind = driver_of(self.family).device_info
-        if self._memory is None or kind is None:
-            return ()
-        try:
-            return remembered.load(self._memory, str(self.url.sensed), kind)
-        except (remembered.BadMemory, OSError) as error:
-            self.log.warning("the devices of the last run are not known: %s: %s", self._memory, error)
-            return ()
-
-    def _remember(self, devices: tuple[Any, ...]) -> None:
-        """Keep the devices that were found for the next run, if they are others than before."""
-        before = dict(self.found_devices)
-        self.found_devices |= {getattr(each, "id", ""): each for each in devices}
-        if self._memory is None or self.found_devices == before or driver_of(self.family).device_info is None:
-            return
-        try:
-            remembered.save(self._memory, str(self.url.sensed), self.found_devices.values())
-        except (BadFile, OSError) as error:
-            self.log.warning("the devices are not kept for the next run: %s", error)
-            self._memory = None
 
     def _show_absence(self, message: m.DeviceState) -> None:
         if message.new == "lost":
@@ -667,10 +568,6 @@ class WiredRobot(IdentifiedRobot):
         reason = message.reason or "the bus worker ended"
         self._worker = None
         self._handle_link_state(m.LinkState(False, reason))
-
-
-def _ignore(error: DeviceError | None) -> None:
-    """The answer before ``open``."""
 
 
 def _for_worker(settings: RobotSettings) -> m.Configure:

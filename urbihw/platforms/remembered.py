@@ -11,7 +11,7 @@ import dataclasses
 import json
 import types
 import typing
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,6 +25,50 @@ _MAX_WHOLE: Final = 1 << 63
 
 class BadMemory(ValueError):
     """The file cannot be used; the message is the reason."""
+
+
+class DeviceMemory:
+    """The devices of one robot, kept from run to run.
+
+    Attributes:
+        found: the devices that the worker has found in this run, by their ids; "" for a robot of one part.
+        file: where they are kept; None if they are not.
+    """
+
+    def __init__(self, kind: type | None, warn: Callable[..., None]) -> None:
+        """``kind`` is the dataclass of a device, None where nothing of it is of use for the next run; ``warn`` logs."""
+        self._kind = kind
+        self._warn = warn
+        self._url = ""
+        self.found: dict[Hashable, Any] = {}
+        self.file: Path | None = None
+
+    def use(self, file: str, url: str) -> None:
+        """Keep the devices of the robot at a url in a file; "" for none."""
+        self._url = url
+        self.file = Path(file) if file and self._kind is not None else None
+
+    def recall(self) -> tuple[Any, ...]:
+        """Return the devices that the last run found; () if that is not known."""
+        if self.file is None or self._kind is None:
+            return ()
+        try:
+            return load(self.file, self._url, self._kind)
+        except (BadMemory, OSError) as error:
+            self._warn("the devices of the last run are not known: %s: %s", self.file, error)
+            return ()
+
+    def keep(self, devices: Iterable[Any]) -> None:
+        """Keep the devices that were found for the next run, if they are others than before."""
+        before = dict(self.found)
+        self.found |= {getattr(each, "id", ""): each for each in devices}
+        if self.file is None or self.found == before:
+            return
+        try:
+            save(self.file, self._url, self.found.values())
+        except (BadFile, OSError) as error:
+            self._warn("the devices are not kept for the next run: %s", error)
+            self.file = None
 
 
 def load(path: Path, url: str, kind: type) -> tuple[Any, ...]:

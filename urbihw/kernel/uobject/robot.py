@@ -58,8 +58,10 @@ class Robot(UObject):
     classes: ClassVar[tuple[type[UObject], ...]] = ()
     """The device classes that are registered with the robot, so that the platform's urbiscript library finds them."""
 
-    tree_begun = True
-    """Whether the slots of the robot are made, or being made: those of an absent robot if the last run knew them."""
+    @property
+    def tree_begun(self) -> bool:
+        """Whether the slots of the robot are made, or being made: those of an absent robot if the last run knew them."""
+        return True
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
         """Start the search for the robot, and return at once.

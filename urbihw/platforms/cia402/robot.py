@@ -8,10 +8,10 @@ from typing import Final
 
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import BadConfig, Origin, event, function
-from urbihw.platforms.base import LimitedDevice
 from urbihw.platforms.cia402 import words
 from urbihw.platforms.cia402.servo import ServoDrive
 from urbihw.platforms.devicelog import LOST, DeviceEvent
+from urbihw.platforms.hooks import LimitedDevice
 from urbihw.platforms.teach.robot import MotionRobot
 
 BACK_OFF: Final = DeviceEvent("{who} is back, and off", "{count} drives are back, and off: {who}", "back")

@@ -30,10 +30,10 @@ from urbihw.kernel.uobject import (
     set_range,
     variable,
 )
-from urbihw.platforms.base import LimitNamer, LimitTable
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.cia402 import words
 from urbihw.platforms.devicelog import DeviceLog
+from urbihw.platforms.hooks import LimitNamer, LimitTable
 from urbihw.platforms.limits import DeviceLimits, whole_counts
 
 _THOUSAND = 1000.0

@@ -8,8 +8,8 @@ from typing import Any, Final
 
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import EffectorDevice, Motion, finite_numbers, function, number, owned, reading, set_range
-from urbihw.platforms.base import LimitNamer, LimitTable
 from urbihw.platforms.channel import DeviceChannel
+from urbihw.platforms.hooks import LimitNamer, LimitTable
 from urbihw.platforms.limits import DeviceLimits
 from urbihw.platforms.measured import Measured
 from urbihw.platforms.nao import words

@@ -13,7 +13,8 @@ from typing import Any, Final
 
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import BadConfig, Opened, RobotSettings, event, function, owned, reading, set_range
-from urbihw.platforms.base import LINK_DOWN, LimitedDevice
+from urbihw.platforms.base import LINK_DOWN
+from urbihw.platforms.hooks import LimitedDevice
 from urbihw.platforms.nao import words
 from urbihw.platforms.nao.call_part import SERVICES, may_move
 from urbihw.platforms.nao.camera import NaoCamera

@@ -23,7 +23,7 @@ from urbihw.kernel.uobject import (
     set_range,
     variable,
 )
-from urbihw.platforms.base import LimitNamer, LimitTable
+from urbihw.platforms.hooks import LimitNamer, LimitTable
 from urbihw.platforms.limits import DeviceLimits, whole_counts
 from urbihw.platforms.nxt import protocol as p
 from urbihw.platforms.nxt import words

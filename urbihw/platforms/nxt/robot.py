@@ -24,7 +24,7 @@ from urbihw.kernel.uobject import (
 )
 from urbihw.navigation.lasers.fitting import BaseLaser, fit_laser
 from urbihw.navigation.pilot import Pilot
-from urbihw.platforms.base import LimitedDevice
+from urbihw.platforms.hooks import LimitedDevice
 from urbihw.platforms.limits import DeviceLimits
 from urbihw.platforms.nxt import words
 from urbihw.platforms.nxt.motors import Servo

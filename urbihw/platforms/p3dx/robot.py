@@ -25,7 +25,8 @@ from urbihw.kernel.uobject import (
 )
 from urbihw.navigation.drive import Drive, Limits, State
 from urbihw.navigation.frames import Point
-from urbihw.platforms.base import LINK_DOWN, LimitedDevice, LimitNamer, LimitTable
+from urbihw.platforms.base import LINK_DOWN
+from urbihw.platforms.hooks import LimitedDevice, LimitNamer, LimitTable
 from urbihw.platforms.limits import DeviceLimits, whole_counts
 from urbihw.platforms.p3dx import sip, words
 from urbihw.platforms.p3dx.arcos import ArcosRobot

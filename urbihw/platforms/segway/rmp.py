@@ -31,7 +31,7 @@ from urbihw.kernel.uobject import (
 )
 from urbihw.navigation.frames import ORIGIN, moved
 from urbihw.navigation.pilot import Pilot
-from urbihw.platforms.base import LimitNamer, LimitTable
+from urbihw.platforms.hooks import LimitNamer, LimitTable
 from urbihw.platforms.limits import DeviceLimits, whole_counts
 from urbihw.platforms.segway import protocol as p
 from urbihw.platforms.segway import words as meanings

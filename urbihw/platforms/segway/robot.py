@@ -16,7 +16,8 @@ from urbihw.buses import messages as m
 from urbihw.kernel.uobject import BadConfig, NotReady, Opened, Origin, RobotSettings, event, function, reading
 from urbihw.navigation.lasers.fitting import BaseLaser, fit_laser
 from urbihw.navigation.pilot import Pilot
-from urbihw.platforms.base import LimitedDevice, WiredRobot
+from urbihw.platforms.base import WiredRobot
+from urbihw.platforms.hooks import LimitedDevice
 from urbihw.platforms.limits import DeviceLimits
 from urbihw.platforms.segway import words
 from urbihw.platforms.segway.driver import BASE, FASTEST, SLOWEST

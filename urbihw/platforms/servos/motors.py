@@ -25,8 +25,8 @@ from urbihw.buses.servos.device import DeviceInfo
 from urbihw.buses.servos.item import Item, Mode
 from urbihw.buses.servos.item import Motion as ModeMotion
 from urbihw.kernel.uobject import EffectorDevice, Motion, Origin, UVar, number, owned, reading, set_range
-from urbihw.platforms.base import LimitNamer, LimitTable
 from urbihw.platforms.channel import DeviceChannel
+from urbihw.platforms.hooks import LimitNamer, LimitTable
 from urbihw.platforms.limits import DeviceLimits, whole_counts
 from urbihw.platforms.servos import words
 from urbihw.platforms.servos.devices import ChangeHandler, Refused

@@ -13,9 +13,9 @@ from urbihw.buses.servos.device import DeviceInfo
 from urbihw.buses.servos.status import FEETECH
 from urbihw.kernel.uobject import BadConfig, NotReady, Opened, RobotSettings, UObject, event, function, reading
 from urbihw.platforms import expected
-from urbihw.platforms.base import LimitedDevice
 from urbihw.platforms.devicelog import BACK, LOST, DeviceEvent
 from urbihw.platforms.expected import DeviceSettings
+from urbihw.platforms.hooks import LimitedDevice
 from urbihw.platforms.servos import words
 from urbihw.platforms.servos.devices import Device
 from urbihw.platforms.servos.frame import Frame, frame_of

@@ -9,7 +9,7 @@ from typing import Final
 from urbihw.buses import messages as m
 from urbihw.buses.servos import units
 from urbihw.buses.servos.item import Item
-from urbihw.platforms.base import LimitNamer
+from urbihw.platforms.hooks import LimitNamer
 from urbihw.platforms.limits import DeviceLimits, whole_counts
 from urbihw.platforms.servos.frame import Frame
 

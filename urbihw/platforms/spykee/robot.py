@@ -22,7 +22,8 @@ from urbihw.kernel.uobject import (
     reading,
     set_range,
 )
-from urbihw.platforms.base import LINK_DOWN, LimitedDevice, WiredRobot
+from urbihw.platforms.base import LINK_DOWN, WiredRobot
+from urbihw.platforms.hooks import LimitedDevice
 from urbihw.platforms.spykee import protocol as p
 from urbihw.platforms.spykee import words
 from urbihw.platforms.spykee.audio import SpykeeSpeaker

@@ -1,0 +1,79 @@
+"""What a platform with one wire implements: the hooks that ``WiredRobot`` calls.
+
+``on_found``, ``on_samples``, ``is_complete`` and ``status`` (of ``Robot``) must be there; the others do nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from typing import Any, Protocol
+
+from urbihw.buses import messages as m
+from urbihw.platforms.identity import IdentifiedRobot
+from urbihw.platforms.limits import DeviceLimits, LimitSettings
+
+LimitNamer = Callable[[str], str]
+"""Returns the setting's name of a kind of limit of one device, for messages."""
+LimitTable = Mapping[tuple[Any, str], m.Limit]
+
+
+class LimitedDevice(Protocol):
+    """A device that can have limits."""
+
+    def limits_in_counts(self, limits: DeviceLimits, named: LimitNamer) -> tuple[LimitTable, Sequence[m.Threshold]]:
+        """Convert limits from SI units to raw counts of the device."""
+        ...
+
+    def was_limited(self, message: m.Limited) -> None:
+        """A limit changed a target, of this device or another."""
+        ...
+
+
+class RobotHooks(IdentifiedRobot):
+    """A robot on one wire, as its platform sees it."""
+
+    limits: LimitSettings
+    """The limits of the settings."""
+
+    def has_limits(self) -> bool:
+        """Return whether anything is limited; override where devices have limits of their own."""
+        return bool(self.limits)
+
+    def limited_devices(self) -> Mapping[str, LimitedDevice]:
+        """Return the devices that can have limits, by the names of their slots."""
+        return {}
+
+    def signed_target(self, device: Any, item: str, raw: Any) -> float:
+        """Return a raw target as a signed number; override it where a sign bit makes it another one."""
+        return float(raw)
+
+    def raw_target(self, device: Any, item: str, signed: float) -> Any:
+        """Return the raw target of a signed number: the inverse of ``signed_target``."""
+        return signed
+
+    def on_found(self, message: m.Found) -> None:
+        """Handle the devices found after the link came up: the first time and after each loss."""
+        raise NotImplementedError
+
+    def on_samples(self, message: m.Samples) -> None:
+        """Handle measured values; add ``offset`` to their times."""
+        raise NotImplementedError
+
+    def is_complete(self) -> bool:
+        """Return whether all devices have been read once, so that clients may be accepted."""
+        raise NotImplementedError
+
+    def on_happened(self, message: m.Happened) -> None:
+        """Handle an event that a device reported."""
+
+    def on_device_state(self, message: m.DeviceState) -> None:
+        """Handle the loss or return of a device."""
+
+    def on_link_down(self, reason: str) -> None:
+        """The link is down: measured values are stale from now on."""
+
+    def on_halt(self, reason: str, devices: tuple[Hashable, ...] | None = None) -> None:
+        """All motion, or that of some devices, has ended: cancel pending motion of the platform's own code."""
+
+    def on_stopped(self, reason: str) -> None:
+        """The worker stopped the robot, or some devices."""
