@@ -7,6 +7,7 @@ applied, and what limits it, and warns the writer.
 from __future__ import annotations
 
 import math
+import weakref
 from collections.abc import Hashable, Sequence
 from typing import Any, ClassVar, Final
 
@@ -54,10 +55,9 @@ class Effector:
         elif not math.isfinite(wanted):
             raise errors.primitive(f"takes a finite number, not {wanted:g}", self._var.name)
         frame, job = calling_frame(), self._motion.running
-        statement = None if frame is None else (id(job), frame.f_code, frame.f_lasti)
+        # A weak reference is no other job's, as a place in memory may be when the job has ended.
+        statement = None if frame is None or job is None else (weakref.ref(job), frame.f_code, frame.f_lasti)
         known = self.origin if statement == self._statement else None
-        if known is not None and job is not None and known.lease is not job.context:
-            known = None  # the job of another client, in the place in memory of one that has ended
         self.origin = self._motion.admit(self.device, known, statement)
         self._statement = statement
         self._face.wrote(self, wanted, value)

@@ -60,7 +60,7 @@ class Robot(UObject):
 
     @property
     def tree_begun(self) -> bool:
-        """Whether the slots of the robot are made, or being made: those of an absent robot if the last run knew them."""
+        """Whether the slots of the robot are made, or being made (of an absent robot: if the last run knew them)."""
         return True
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
