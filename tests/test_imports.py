@@ -102,11 +102,14 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.platforms.identity": ("urbihw.kernel.uobject",),
     "urbihw.platforms.arrival": ("urbihw.kernel.uobject",),
     "urbihw.platforms.hooks": ("urbihw.buses", "urbihw.platforms.identity", "urbihw.platforms.limits"),
+    "urbihw.platforms.guarded": (
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.channel", "urbihw.platforms.clipping",
+        "urbihw.platforms.devicelog", "urbihw.platforms.hooks", "urbihw.platforms.limits",
+    ),  # fmt: skip
     "urbihw.platforms.base": (
         "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.platforms.arrival",
-        "urbihw.platforms.channel", "urbihw.platforms.clipping", "urbihw.platforms.expected", "urbihw.platforms.hooks",
-        "urbihw.platforms.limits", "urbihw.platforms.devicelog", "urbihw.platforms.remembered",
-        "urbihw.platforms.words",
+        "urbihw.platforms.expected", "urbihw.platforms.guarded", "urbihw.platforms.limits",
+        "urbihw.platforms.remembered", "urbihw.platforms.words",
     ),  # fmt: skip
     "urbihw.platforms.channel": ("urbihw.kernel.uobject", "urbihw.buses"),
     "urbihw.platforms.clipping": ("urbihw.buses",),

@@ -1,9 +1,9 @@
 """The robots: one folder each, found by its manifest, loaded only when it is asked for.
 
 Where to start: ``manifest`` (what a platform says of itself), ``hooks`` (what a platform implements), ``base`` (what
-every robot on one wire does with its worker), with ``arrival`` (a robot that is absent at the start), ``channel`` (how
-devices reach the worker), then ``bioloid`` (the first, and the example).  A platform imports those,
-``urbihw.kernel.uobject``, ``urbihw.buses`` and ``urbihw.navigation``, never another platform.
+every robot on one wire does with its worker), with ``guarded`` (stops and limits), ``arrival`` (a robot that is absent
+at the start) and ``channel`` (how devices reach the worker), then ``bioloid`` (the first, and the example).  A platform
+imports those, ``urbihw.kernel.uobject``, ``urbihw.buses`` and ``urbihw.navigation``, never another platform.
 """
 
 from __future__ import annotations

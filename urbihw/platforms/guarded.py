@@ -1,0 +1,218 @@
+"""Who may move a robot, and what stops and limits it, as the daemon sees it: the worker has the last word.
+
+``motion`` decides who may move the robot: each stop advances its epoch, and writes of an older epoch are dropped.  A
+platform whose own code has pending motion cancels it in ``on_halt``.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Hashable
+from functools import partial
+from typing import Any, Final
+
+from urbihw.buses import messages as m
+from urbihw.kernel.uobject import Motion, Origin, event, function, owned, reading
+from urbihw.platforms.channel import DeviceChannel
+from urbihw.platforms.clipping import TargetLimits
+from urbihw.platforms.devicelog import DeviceLog
+from urbihw.platforms.hooks import RobotHooks
+from urbihw.platforms.limits import LimitSettings
+
+SAME_STOP_S: Final = 0.05
+"""Seconds within which a second stop, with no motion since, counts as the same one: no person is so quick."""
+
+
+class GuardedRobot(RobotHooks):
+    """A robot that can be stopped and limited."""
+
+    stopped = event()
+    released = event()
+    guarded = event()
+    estop = owned(False)
+    epoch = reading(0.0)
+    stops = reading(0.0)
+
+    def init(self) -> None:
+        """Called by ``new``."""
+        self.log = DeviceLog(logging.getLogger(f"urbihw.{self.robot_name}"), self.host.now, self.call_later)
+        self.motion = Motion(self.host, self.robot_name, self._stop_released)
+        self.channel = DeviceChannel(self.send_message, self.motion)
+        self.limits = LimitSettings({}, {})
+        self._target_limits = TargetLimits(self, self.on_limited)
+        self._stop_asked_at = -math.inf
+        self._unknown_limits: set[str] = set()
+        self._has_sent_limits = False
+        self.notify_change(self.estop, self._set_estop)
+
+    def send_message(self, message: m.ToWorker) -> None:
+        """Send a message to the worker, if there is one."""
+        raise NotImplementedError
+
+    def call_later(self, seconds: float, action: Callable[[], None]) -> Callable[[], None]:
+        """Call ``action`` once after some seconds; return a function that cancels it."""
+        handle = 0
+
+        def over() -> None:
+            self.remove_timer(handle)
+            action()
+
+        handle = self.set_timer(seconds, over)
+        return lambda: self.remove_timer(handle)
+
+    # ---------------------------------------------------------------- what urbiscript calls
+
+    @function
+    def stop(self) -> None:
+        """Execute the safe stop of this robot now; statements that begin afterwards may move it again.
+
+        Earlier statements that would move it later end with an error.
+        """
+        self.halt_all(self.motion.asked())
+
+    @function("checkMotion")
+    def check_motion(self) -> None:
+        """Raise an error if the running statement began before the last stop."""
+        self.motion.check()
+
+    @function("beginMovement")
+    def begin_movement(self, tag: Any, end: Any) -> None:
+        """Begin a movement of the jobs of a tag; a write by others to a device that it moves calls ``end`` first."""
+        self.motion.begin_movement(tag, end)
+
+    @function("endMovement")
+    def end_movement(self, tag: Any) -> None:
+        """The movement of a tag is over."""
+        self.motion.end_movement(tag)
+
+    def _set_estop(self) -> None:
+        who = str(self.motion.origin())
+        if not isinstance(self.estop.value, bool):
+            raise ValueError("this slot takes true or false")
+        # Messages to the worker keep their order, so the latch takes effect here at once.
+        if self.estop.value:
+            self._end_motion(f"emergency stop by {who}")
+            self.motion.renew()
+            self.motion.latched = who
+            self.send_message(m.EmergencyStop(who))
+        else:
+            self.motion.latched = ""
+            self.send_message(m.Release(who))
+        self.estop.sense(self.estop.value)
+
+    # ---------------------------------------------------------------- what a subclass calls
+
+    def halt_all(self, reason: str) -> None:
+        """Stop the robot; the running job, which asked for the stop, may move it again."""
+        now = self.host.now()
+        if self.motion.at_rest and now - self._stop_asked_at < SAME_STOP_S:
+            # A program stops repeatedly, and nothing has begun since the last stop.
+            self.motion.renew()
+            return
+        self._stop_asked_at = now
+        self._end_motion(reason)
+        self.motion.renew()
+        self.send_message(m.Stop(self.motion.epoch, reason))
+
+    def _end_motion(self, reason: str, epoch: int | None = None) -> None:
+        """The robot is stopped: end all motion of the earlier epochs."""
+        self.motion.advance(reason, epoch)
+        self.on_halt(reason)
+        self._publish_stops()
+
+    def _publish_stops(self) -> None:
+        self.epoch.sense(float(self.motion.epoch))
+        self.stops.sense(float(self.motion.stops))
+
+    def _stop_released(self, devices: tuple[Hashable, ...], reason: str) -> None:
+        """Stop the devices that a client moved whose connection has ended."""
+        self.log.warning("%s: stopped: %s", _names(devices), reason)
+        self.on_halt(reason, devices)
+        self._publish_stops()
+        self.send_message(m.Stop(self.motion.epoch, reason, devices))
+
+    def send_limits(self) -> None:
+        """Send all limits to the worker; called when the devices are known, and when one has changed its mode."""
+        limited = self.has_limits()
+        if not limited and not self._has_sent_limits:
+            return
+        self._has_sent_limits = limited
+        table: dict[tuple[Any, str], m.Limit] = {}
+        thresholds: list[m.Threshold] = []
+        names: dict[str, None] = {}
+        for name, device in self.limited_devices().items():
+            names[name] = None
+            limits, own = device.limits_in_counts(self.limits.device(name), partial(self.limits.named, name))
+            table.update(limits)
+            thresholds += own
+        for name in self.limits.unknown(names):
+            if name not in self._unknown_limits:
+                self._unknown_limits.add(name)
+                self.log.warning("limits.%s: there is no such device; there are: %s", name, ", ".join(names))
+        self._target_limits.set_table(table)
+        self.channel.check_target = self._target_limits.check_target if table else None
+        self.send_message(m.Limits(table, tuple(thresholds)))
+
+    def warn_writer(self, origin: Origin, text: str, *values: Any) -> None:
+        """Log that a write was not executed, and warn the client that wrote, unless a stop has ended the write."""
+        self.log.warning(text, *values)
+        if self.motion.is_live(origin):
+            self.motion.warn(origin, text % values)
+
+    def _end_movements(self, device: Hashable, reason: str) -> None:
+        """End the movements of a device that was lost (``on_lost = "end"``)."""
+        self.motion.end(device, reason)
+        self.on_halt(reason, (device,))
+
+    # ---------------------------------------------------------------- hooks
+
+    def on_limited(self, message: m.Limited) -> None:
+        """A limit of the settings changed a target: inform all devices."""
+        for device in self.limited_devices().values():
+            device.was_limited(message)
+
+    def on_threshold_crossed(self, message: m.ThresholdCrossed) -> None:
+        """A measured value passed a threshold, or left it."""
+        if message.holds and message.passed:
+            self.motion.held[message.device] = message.name
+        elif message.holds:
+            self.motion.held.pop(message.device, None)
+        what = "passed" if message.passed else "is back from"
+        self.log.warning("%s: %s %s %s", message.device, message.item, what, message.name, event="limit")
+        self.guarded.emit(str(message.device), message.name, message.passed)
+
+    def on_refused(self, message: m.Refused) -> None:
+        """A target or watch was invalid, or is refused at present."""
+        self.log.warning("%s: %s: %s", message.device, message.item, message.reason)
+
+    # ---------------------------------------------------------------- messages of the worker
+
+    def _show_absence(self, message: m.DeviceState) -> None:
+        if message.new == "lost":
+            name = f"the {message.device}" if isinstance(message.device, str) else f"device {message.device}"
+            self.motion.set_absent(message.device, f"{name} is lost: {message.reason}")
+        elif message.new in ("back", "ok"):
+            self.motion.set_absent(message.device, "")
+
+    def _handle_stopped(self, message: m.Stopped) -> None:
+        if message.devices is None:
+            self.log.info("%s stopped: %s", self.robot_name, message.reason, event="stopped")
+        if message.devices is None and message.epoch > self.motion.epoch:
+            self._end_motion(message.reason, message.epoch)
+        self.on_stopped(message.reason)
+        self.stopped.emit(message.reason)
+
+    def _handle_latched(self, message: m.Latched) -> None:
+        self.motion.latched = message.reason
+        self.estop.sense(bool(message.reason))
+        if message.reason:
+            text = "emergency stop by %s: nothing moves until it is released"
+            self.log.warning(text, message.reason, event="estop")
+        else:
+            self.log.warning("emergency stop released by %s", message.who, event="released")
+            self.released.emit(message.who)
+
+
+def _names(devices: tuple[Hashable, ...]) -> str:
+    return ", ".join(map(str, devices))
