@@ -164,6 +164,14 @@ def test_a_robot_named_by_a_flag_replaces_that_of_the_file(
         ("platform = 'bioloid'\n[limits.moter6]\nspeed = 1",
          "robot.toml: limits.moter6: no such device; did you mean motor6?"),
         ("platform = 'bioloid'\n[limits.arm]\nspeed = 1", "robot.toml: limits.arm: no such device; there is: motorN"),
+        (
+            "platform = 'chain'\n[devices]\nhip = 3\n[limits.hop]\nspeed = 1",
+            "robot.toml: limits.hop: no such device; did you mean hip?",
+        ),
+        (
+            "platform = 'chain'\n[devices]\nhip = 3\n[limits.hip]\nspeed = 1\n[limits.motor3]\ntorque = 1",
+            "robot.toml: limits.hip: is motor3, which has limits of its own: write them in one table",
+        ),
         ("platform = 'nxt'\n[limits.D]\nspeed = 1", "robot.toml: limits.D: no such device; there are: A, B, C"),
         ("platform = 'nxt'\n[devices]\nhip = 1",
          "robot.toml: devices: platform nxt finds its parts by itself; only chains of servos have it"),

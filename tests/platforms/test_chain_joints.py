@@ -78,6 +78,14 @@ def test_limits_of_a_reversed_joint(number: int) -> None:
     assert abs(lab.place(number)) <= 0.51, "the worker enforces them, too"
 
 
+@pytest.mark.parametrize("name", ["elbow", "motor3"])
+def test_limits_are_given_by_either_name_of_a_joint(name: str) -> None:
+    lab = joints({"elbow": {"id": 3}}, limits={name: {"position": [-0.3, 0.4]}})
+    lab.say("elbow.val = 1;", 1.5)
+    assert lab.place(3) == pytest.approx(0.4, abs=0.01)
+    assert lab.look("elbow.limitedBy") == f'"limits.{name}.position"'
+
+
 def test_cw_and_ccw_limits_of_a_reversed_joint_are_those_of_the_joint() -> None:
     lab = joints({"elbow": {"id": 1, "direction": -1, "offset": 0.1}})
     lab.say("elbow.cwLimit = -0.5; elbow.ccwLimit = 1;", 0.5)

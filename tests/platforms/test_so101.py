@@ -9,7 +9,9 @@ import pytest
 from bioloid_lab import Lab as BioloidLab
 from so101_lab import STEP, Lab
 
+from urbihw import platforms
 from urbihw.buses.servos.calibration import JointCalibration, save
+from urbihw.platforms.so101 import arm
 from urbihw_fakes.bioloid import Bioloid
 from urbihw_fakes.dynamixel.ax12 import Ax12
 from urbihw_fakes.feetech.servo import FeetechServo
@@ -283,3 +285,12 @@ def test_calibrated_arms_agree_though_their_servos_do_not(tmp_path: Path) -> Non
     leader.hold("wrist_flex", 250)
     lab.say(TELEOPERATION, 3.0)
     assert lab.bend("wrist_flex") == pytest.approx(250 * STEP, abs=0.01)
+
+
+def test_the_joints_of_the_manifest_are_those_of_the_arm() -> None:
+    assert platforms.find("so101").joints == arm.JOINTS
+
+
+def test_limits_name_the_joints_of_the_arm() -> None:
+    settings = {"gripper": {"speed": 1.0}, "motor3": {"speed": 1.0}}
+    assert list(platforms.mistakes(platforms.find("so101"), {}, settings, {})) == []

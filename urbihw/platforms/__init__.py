@@ -151,6 +151,12 @@ def load_trace(manifest: Manifest) -> MakeDecoder:
     return found
 
 
+def _joints(manifest: Manifest, devices: Mapping[str, Any]) -> dict[str, str]:
+    """The names of joints -> the slots of their servos."""
+    named = expected.ids(devices) if devices else manifest.joints
+    return {name: f"motor{number}" for name, number in named.items()}
+
+
 def mistakes(
     manifest: Manifest | None, options: Mapping[str, Any], limits_: Mapping[str, Any], devices: Mapping[str, Any]
 ) -> Iterator[Mistake]:
@@ -162,7 +168,8 @@ def mistakes(
     if manifest is not None:
         for mistake in load_options(manifest).read(options, f"option of {manifest.name}")[1]:
             yield Mistake(f"options.{mistake.key}", mistake.text)
-    for mistake in limits.mistakes(limits_, None if manifest is None else manifest.limits):
+    kinds = None if manifest is None else manifest.limits
+    for mistake in limits.mistakes(limits_, kinds, {} if manifest is None else _joints(manifest, devices)):
         yield Mistake(f"limits.{mistake.key}", mistake.text)
     if devices and manifest is not None and not manifest.devices:
         yield Mistake("devices", f"platform {manifest.name} finds its parts by itself; only chains of servos have it")

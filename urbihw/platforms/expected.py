@@ -69,6 +69,12 @@ def read(table: Mapping[str, Any]) -> dict[str, DeviceSettings]:
     return {name: DeviceSettings(**checked(rules, _row(value), "key")[0]) for name, value in table.items()}
 
 
+def ids(table: Mapping[str, Any]) -> dict[str, int]:
+    """Return the ids by the names of the devices; rows with mistakes are left out."""
+    found = ((name, _row(value).get("id")) for name, value in table.items())
+    return {name: number for name, number in found if isinstance(number, int)}
+
+
 def for_worker(table: Mapping[str, Any]) -> tuple[ExpectedDevice, ...]:
     """Return what the bus worker compares with the devices it finds.  Raises BadConfig."""
     return tuple(ExpectedDevice(row.id, name, row.model, row.firmware) for name, row in read(table).items())

@@ -141,9 +141,11 @@ class GuardedRobot(RobotHooks):
         table: dict[tuple[Any, str], m.Limit] = {}
         thresholds: list[m.Threshold] = []
         names: dict[str, None] = {}
+        joints = self.joint_names()
         for name, device in self.limited_devices().items():
-            names[name] = None
-            limits, own = device.limits_in_counts(self.limits.device(name), partial(self.limits.named, name))
+            called = (name, *(joint for joint, device_name in joints.items() if device_name == name))
+            names |= dict.fromkeys(called)
+            limits, own = device.limits_in_counts(self.limits.device(*called), partial(self._named_limit, called))
             table.update(limits)
             thresholds += own
         for name in self.limits.unknown(names):
@@ -153,6 +155,10 @@ class GuardedRobot(RobotHooks):
         self._target_limits.set_table(table)
         self.channel.check_target = self._target_limits.check_target if table else None
         self.send_message(m.Limits(table, tuple(thresholds)))
+
+    def _named_limit(self, device: tuple[str, ...], kind: str) -> str:
+        """The setting's name of a limit of a device by its names."""
+        return self.limits.named(kind, *device)
 
     def warn_writer(self, origin: Origin, text: str, *values: Any) -> None:
         """Log that a write was not executed, and warn the client that wrote, unless a stop has ended the write."""

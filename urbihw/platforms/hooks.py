@@ -43,6 +43,10 @@ class RobotHooks(IdentifiedRobot):
         """Return the devices that can have limits, by the names of their slots."""
         return {}
 
+    def joint_names(self) -> Mapping[str, str]:
+        """Return the names of joints -> their names in ``limited_devices``; ``[limits]`` may use either."""
+        return {}
+
     def signed_target(self, device: Any, item: str, raw: Any) -> float:
         """Return a raw target as a signed number; override it where a sign bit makes it another one."""
         return float(raw)

@@ -6,7 +6,7 @@
     speed = 1.5                         # rad/s; m/s of a base; percent of an NXT motor and a Spykee's track
     temperature = [55, 65, 75]          # degrees C: warn, reduce the torque, release
 
-    [limits.motor6]                     # for one, by the name of its slot
+    [limits.motor6]                     # for one, by the name of its slot, or of its joint (``[devices]``)
     position = [-1.0, 1.0]              # rad; degrees of an NXT motor
     acceleration = 4.0                  # rad/s2, m/s2
     torque = 0.8                        # N m
@@ -90,31 +90,40 @@ class LimitSettings:
             {device: checked(rules, rows, "limit")[0] for device, rows in devices.items()},
         )
 
-    def device(self, name: str) -> DeviceLimits:
-        """Return the limits of a device by the name of its slot."""
-        return DeviceLimits(**{**self._general, **self._devices.get(name, {})})
+    def device(self, *names: str) -> DeviceLimits:
+        """Return the limits of a device by its names."""
+        own = {kind: value for name in names for kind, value in self._devices.get(name, {}).items()}
+        return DeviceLimits(**{**self._general, **own})
 
     def unknown(self, names: Collection[str]) -> list[str]:
         """Return the names in the table that are not among these."""
         return [name for name in self._devices if name not in names]
 
-    def named(self, device: str, kind: str) -> str:
-        """Return the setting's name of a limit, for messages."""
-        return f"limits.{device}.{kind}" if kind in self._devices.get(device, {}) else f"limits.{kind}"
+    def named(self, kind: str, *names: str) -> str:
+        """Return the setting's name of a limit of a device with these names, for messages."""
+        name = next((name for name in names if kind in self._devices.get(name, {})), "")
+        return f"limits.{name}.{kind}" if name else f"limits.{kind}"
 
     def __bool__(self) -> bool:
         return bool(self._general or self._devices)
 
 
-def mistakes(table: Mapping[str, Any], devices: Devices | None = None) -> Iterator[Mistake]:
-    """Yield the mistakes in a table; ``devices`` are the possible devices of the platform, None if unknown."""
+def mistakes(
+    table: Mapping[str, Any], devices: Devices | None = None, joints: Mapping[str, str] | None = None
+) -> Iterator[Mistake]:
+    """Yield the mistakes in a table; ``devices`` are the possible devices of the platform, None if unknown; ``joints``
+    the names of joints -> their devices."""
+    joints = joints or {}
     general, by_device = _parts(table)
     everywhere = None if devices is None else {kind for kinds in devices.values() for kind in kinds}
     yield from _wrong(general, "", everywhere)
     for name, rows in by_device.items():
-        pattern = None if devices is None else _pattern(name, devices)
+        device = joints.get(name, name)
+        if device != name and device in by_device:
+            yield Mistake(name, f"is {device}, which has limits of its own: write them in one table")
+        pattern = None if devices is None else _pattern(device, devices)
         if pattern is None and devices is not None:
-            yield Mistake(name, f"no such device{_guess_device(name, devices)}")
+            yield Mistake(name, f"no such device{_guess_device(name, devices, joints)}")
         else:
             yield from _wrong(rows, f"{name}.", None if devices is None or pattern is None else devices[pattern])
 
@@ -139,9 +148,9 @@ def _pattern(name: str, devices: Devices) -> str | None:
     return next((each for each in devices if re.fullmatch(re.escape(each).replace(r"\#", "[0-9]+"), name)), None)
 
 
-def _guess_device(name: str, devices: Devices) -> str:
+def _guess_device(name: str, devices: Devices, joints: Collection[str]) -> str:
     close = difflib.get_close_matches(re.sub("[0-9]+", "#", name), devices, 1)
     number = re.search("[0-9]+", name)
     if close and (number or "#" not in close[0]):
         return f"; did you mean {close[0].replace('#', number[0] if number else '')}?"
-    return guess(name, [each.replace("#", "N") for each in devices])
+    return guess(name, [*(each.replace("#", "N") for each in devices), *joints])

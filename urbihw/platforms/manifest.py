@@ -76,6 +76,7 @@ class Manifest:
         devices: whether the settings may name the expected devices (``[devices]``): a chain of servos.
         system: what it needs of the operating system.
         limits: the devices that can have ``[limits]`` -> their kinds of limits; ``#`` in a name stands for a number.
+        joints: names of joints -> the ids of their devices, where the platform names them.
     """
 
     folder: Path
@@ -96,6 +97,7 @@ class Manifest:
     devices: bool = False
     system: SystemNeeds = SystemNeeds()
     limits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    joints: Mapping[str, int] = field(default_factory=dict)
 
 
 _TEXTS: Final = {"name", "title", "robot", "slot", "default_url", "options", "scan", "trace", "on_robot"}
@@ -166,6 +168,10 @@ def _value(key: str, value: Any) -> Any:
         return _system(value)
     if key == "limits":
         return _limits(value)
+    if key == "joints":
+        if not isinstance(value, dict) or not all(isinstance(number, int) for number in value.values()):
+            raise BadManifest(f"joints must be a table such as elbow = 3, not {value!r}")
+        return value
     return tuple(_usb(row) for row in value) if isinstance(value, list) else _usb(value)
 
 

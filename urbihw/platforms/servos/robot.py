@@ -299,6 +299,11 @@ class ServoRobot(MotionRobot):
         """Return the servos as ``motor1`` to ``motorN``."""
         return {f"motor{number}": each for number, each in self.devices.items() if isinstance(each, Servo)}
 
+    def joint_names(self) -> Mapping[str, str]:
+        """Return the joints of the settings, or of the arm, by their names."""
+        servos = ((number, each) for number, each in self.devices.items() if isinstance(each, Servo))
+        return {each.frame.name: f"motor{number}" for number, each in servos if each.frame.name}
+
     def on_threshold_crossed(self, message: m.ThresholdCrossed) -> None:
         """Also show the torque of a servo that a threshold has released as off."""
         super().on_threshold_crossed(message)

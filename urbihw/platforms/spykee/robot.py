@@ -164,7 +164,7 @@ class Spykee(WiredRobot):
             if self.limits.device(name).speed < 1:
                 self.log.warning(
                     "%s = %g is percent of full power, so %s does not run; for a third of full power write 33",
-                    self.limits.named(name, "speed"), self.limits.device(name).speed, name,
+                    self.limits.named("speed", name), self.limits.device(name).speed, name,
                 )  # fmt: skip
 
     # ---------------------------------------------------------------- what the worker says
