@@ -222,3 +222,11 @@ def test_a_raw_write_that_began_before_a_stop_does_not_move(lab: Lab) -> None:
     lab.run(2)
     assert "was stopped after this statement had begun" in lab.heard()
     assert lab.place(3) == pytest.approx(0, abs=0.02)
+
+
+@pytest.mark.parametrize("before", ["load = 1", "val = 0"])
+def test_a_mode_written_behind_what_switches_it_on_is_selected(before: str) -> None:
+    lab = Lab.ready("XL330-M288:1")
+    answer = lab.say(f'motor1.{before}|; motor1.mode = "velocity"|; motor1.speed = 1|;', 1.5)
+    assert (answer, lab.look("motor1.mode")) == ("", '"velocity"')
+    assert lab.pace(1) == pytest.approx(1, abs=0.05)

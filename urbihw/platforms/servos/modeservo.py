@@ -152,9 +152,11 @@ class ModeServo(Servo):
         return self.raw.get(bound, self.table.item(item).high) if bound in self.table.items else 0
 
     def _with_torque_off(self, steps: list[Step]) -> list[Step]:
-        if not steps or self.raw.get("torque_enable") == 0:
-            return steps
-        return [("torque_enable", 0), *steps, ("torque_enable", 1)]
+        if not steps:
+            return []
+        # A goal of this round may be about to switch it on, so that what was read last does not count.
+        on = [] if self.raw.get("torque_enable") == 0 else [("torque_enable", 1)]
+        return [("torque_enable", 0), *steps, *on]
 
     # ---------------------------------------------------------------- efforts
 

@@ -75,6 +75,7 @@ class Servo(Joint, EffectorDevice):
         self._deferred_writes: dict[str, Origin] = {}
         self._limits_wanted: dict[str, float] = {}
         self._mode_wanted: Mode | None = None
+        self._settle_origin = self.motion.own()
         self._goal_guard = self.guard(self.motion, self.number, self.val)
         self._speed_guard = self.guard(self.motion, self.number, self.speed)
         self.notify_change(self.val, lambda: self._write_val(self._goal_guard.origin))
@@ -257,6 +258,7 @@ class Servo(Joint, EffectorDevice):
         # As a change of the limits, it may move the servo slightly.
         self.motion.check()
         self._mode_wanted = mode
+        self._settle_origin = self.motion.origin()
         self.mode.sense(mode.name)
         # What is written after it refers to that mode.
         set_range(self.val, *self._range_in(mode))
@@ -290,12 +292,16 @@ class Servo(Joint, EffectorDevice):
         self.load.sense(0.0 if off else 1.0)
         self.write_steps([("torque_enable", 0)] if self._off else self.plan_on(), "load")
 
-    def write_steps(self, steps: list[Step], slot: str) -> None:
-        """Execute several writes without interruption; writes to val and speed are deferred meanwhile."""
+    def write_steps(self, steps: list[Step], slot: str, origin: Origin | None = None) -> None:
+        """Execute several writes without interruption; writes to val and speed are deferred meanwhile.
+
+        ``origin`` is who has asked for them, None for the running job.
+        """
         if not steps:
             self._send_deferred_writes()
             return
         self._switches += 1
+        asked = self.motion.origin() if origin is None else origin
 
         def replied(reply: Reply) -> None:
             self._switches -= 1
@@ -303,6 +309,7 @@ class Servo(Joint, EffectorDevice):
                 self.update_values(dict(reply.value), self.host.now())
             else:
                 self.refused(slot, self.explain_error(reply.error))
+                self.motion.warn(asked, f"{slot} of motor {self.number} not written: {self.explain_error(reply.error)}")
                 # A motor that could not be switched on stays off until ``load`` is written again.
                 self._off = self._off or slot == "load"
                 if slot == "mode":
@@ -312,9 +319,12 @@ class Servo(Joint, EffectorDevice):
                 for item, _ in steps:
                     self.channel.read(self.number, item, lambda read, item=item: self._store_reading(item, read))  # type: ignore[misc]
                 self._show_known()
+            if not self._switches and self.switching:
+                # The mode was changed meanwhile; how, depends on the registers as they are now.
+                self.channel.settle_later(self)
             self._send_deferred_writes()
 
-        self.channel.write_all(self.number, steps, replied, self.motion.origin())
+        self.channel.write_all(self.number, steps, replied, asked)
 
     def _show_known(self) -> None:
         """Show the limits and the power as last read: what was wanted has not been done."""
@@ -341,6 +351,7 @@ class Servo(Joint, EffectorDevice):
         # A change of mode may move it slightly, so a statement that was stopped must not cause one.
         self.motion.check()
         self._limits_wanted[var.name] = number(var)
+        self._settle_origin = self.motion.origin()
         var.sense(number(var))
         least, most = self._wanted_limits()
         # A speed that is written after the limits refers to the mode that they select, whatever was selected before.
@@ -355,14 +366,16 @@ class Servo(Joint, EffectorDevice):
 
     def settle(self) -> None:
         """End of a round in which the mode or limits were written: select the mode, or write the limits."""
+        if self._switches:
+            return
         mode, self._mode_wanted = self._mode_wanted, None
         if mode is not None:
             self._limits_wanted = {}
-            self.write_steps(self.plan_mode(mode), "mode")
+            self.write_steps(self.plan_mode(mode), "mode", self._settle_origin)
             return
         least, most = self._wanted_limits()
         self._limits_wanted = {}
-        self.write_steps(self.plan_limits(least == most == 0, least, most), "cwLimit, ccwLimit")
+        self.write_steps(self.plan_limits(least == most == 0, least, most), "cwLimit, ccwLimit", self._settle_origin)
 
     @property
     def switching(self) -> bool:
