@@ -74,6 +74,7 @@ class Servo(Joint, EffectorDevice):
         self._fastest = math.inf, ""
         self._deferred_writes: dict[str, Origin] = {}
         self._limits_wanted: dict[str, float] = {}
+        self._limits_planned: dict[str, float] = {}
         self._mode_wanted: Mode | None = None
         self._settle_origin = self.motion.own()
         self._goal_guard = self.guard(self.motion, self.number, self.val)
@@ -319,6 +320,8 @@ class Servo(Joint, EffectorDevice):
                 for item, _ in steps:
                     self.channel.read(self.number, item, lambda read, item=item: self._store_reading(item, read))  # type: ignore[misc]
                 self._show_known()
+            if not self._switches and self._limits_wanted == self._limits_planned:
+                self._limits_wanted = {}
             if not self._switches and self.switching:
                 # The mode was changed meanwhile; how, depends on the registers as they are now.
                 self.channel.settle_later(self)
@@ -374,8 +377,12 @@ class Servo(Joint, EffectorDevice):
             self.write_steps(self.plan_mode(mode), "mode", self._settle_origin)
             return
         least, most = self._wanted_limits()
-        self._limits_wanted = {}
-        self.write_steps(self.plan_limits(least == most == 0, least, most), "cwLimit, ccwLimit", self._settle_origin)
+        steps = self.plan_limits(least == most == 0, least, most)
+        # They count until they are written: the second one of ``cwLimit = ccwLimit = 0`` may come in a later round.
+        self._limits_planned = dict(self._limits_wanted) if steps else {}
+        if not steps:
+            self._limits_wanted = {}
+        self.write_steps(steps, "cwLimit, ccwLimit", self._settle_origin)
 
     @property
     def switching(self) -> bool:
