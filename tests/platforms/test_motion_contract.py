@@ -24,6 +24,8 @@ LOST = 1.0
 FASTER = 1.1
 """How much faster than itself a movement may be that goes on after a lost link."""
 _ENDED = re.compile(r"!!! .* was stopped after this statement had begun: (.*)")
+_UNWRITTEN = re.compile(r"warning: \w+(, \w+)* of motor \d+ not written: ")
+"""A write that a switch of the mode was waiting for is refused: the client is told, beside the reason for the end."""
 _HELD = re.compile(r"!!! .* is held by an emergency stop \(.+\): release it first")
 
 
@@ -71,7 +73,7 @@ def complains(scene: Scene, reason: str) -> None:
     if scene.kind.complains:
         assert len(ended) == 1 and reason in ended[0], errors
     else:
-        assert errors == []
+        assert [line for line in errors if not _UNWRITTEN.search(line)] == []
 
 
 def goes_again(scene: Scene) -> None:
