@@ -386,8 +386,18 @@ def test_who_asks_is_one_short_line(desk: Desk, call: Callable[[], Caller]) -> N
     caller.say("stop", "\x1b[2Jme\ud800")
     (_, first), (_, second), (_, third) = desk.serve()
     assert first == ("a b " + "x" * 500)[:100]
-    assert second == "{'a': [1]}"
+    assert second == "control socket"
     assert third == "?[2Jme?"
+
+
+def test_who_must_be_a_text_and_a_stop_is_obeyed_all_the_same(desk: Desk, call: Callable[[], Caller]) -> None:
+    caller = call()
+    caller.send(b'{"do": "estop", "who": ["x"]}\n')
+    assert desk.serve() == [("estop", "control socket")]
+    assert [line["ok"] for line in caller.hear()] == [True]
+    caller.send(b'{"do": "release", "who": ["x"]}\n')
+    assert desk.serve() == []
+    assert caller.hear() == [{"ok": False, "error": '"who" must be a text'}]
 
 
 def test_a_line_without_end_is_refused_and_its_writer_let_go(desk: Desk, call: Callable[[], Caller]) -> None:
@@ -414,7 +424,10 @@ def test_of_too_many_clients_the_oldest_go_and_the_newest_is_heard(desk: Desk, c
     for caller in callers[-MAX_CLIENTS:]:
         caller.say("state")
     assert len(desk.serve()) == MAX_CLIENTS
-    assert [bool(caller.hear()) for caller in callers] == [False] * 4 + [True] * MAX_CLIENTS
+    heard = [caller.hear() for caller in callers]
+    refusal = {"ok": False, "error": "16 clients at most: this one was the oldest"}
+    assert heard[:4] == [[refusal]] * 4
+    assert all(line["ok"] for lines in heard[4:] for line in lines)
     assert [caller.ended for caller in callers] == [True] * 4 + [False] * MAX_CLIENTS
 
 

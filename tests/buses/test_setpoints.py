@@ -241,3 +241,69 @@ def test_the_rate_of_the_settings_counts_on_the_way_back_too(rig: Rig) -> None:
         given.append(rig.step())
         rig.take(512)
     assert given[-1] == pytest.approx(350, abs=1)
+
+
+# ---------------------------------------------------------------- positions that are not known yet
+
+
+def test_a_way_waits_for_the_position_and_then_leads_to_the_newest_target(rig: Rig) -> None:
+    rig.places[KEY] = math.nan
+    rig.points.set_limits({KEY: Limit(300, 700, 1000.0)})
+    assert rig.take(800) is None
+    assert rig.steps(0.5) == []
+    assert rig.take(550) is None
+    assert rig.steps(0.1) == []
+    rig.places[KEY] = 512
+    given = rig.steps(0.2)
+    assert given == [522, 532, 542, 550]
+
+
+def test_a_single_write_waits_for_the_position_too_and_a_stop_ends_the_wait(rig: Rig) -> None:
+    rig.places[KEY] = math.nan
+    rig.points.set_limits({KEY: Limit(rate=1000.0)})
+    assert rig.points.start_ramp(*KEY, 532, rig.now) == 532
+    assert rig.steps(0.1) == []
+    rig.points.drop_courses()
+    rig.places[KEY] = 512
+    assert rig.steps(0.1) == []
+    assert rig.points.start_ramp(*KEY, 532, rig.now) == 532
+    assert rig.steps(0.1) == [522, 532]
+
+
+def test_a_movement_whose_device_is_back_waits_for_its_position(rig: Rig) -> None:
+    rig.points.set_limits({KEY: Limit(rate=1000.0)})
+    rig.take(700)
+    rig.steps(0.05)
+    rig.places[KEY] = math.nan
+    rig.points.resume_courses(KEY[0], rig.now)
+    assert rig.steps(0.1) == []
+    rig.places[KEY] = 400
+    assert rig.take(420) is None
+    given = rig.steps(0.2)
+    assert min(given) >= 400 and max(given) == 420 == given[-1]
+
+
+def test_a_wait_for_a_position_ends_with_its_writer_when_the_device_comes_back(rig: Rig) -> None:
+    rig.places[KEY] = math.nan
+    rig.points.set_limits({KEY: Limit(rate=1000.0)})
+    rig.take(700)
+    rig.steps(1.0)
+    rig.points.resume_courses(KEY[0], rig.now)
+    rig.places[KEY] = 512
+    assert rig.steps(0.5) == []
+
+
+def test_what_is_not_a_number_is_left_to_the_driver_to_refuse(rig: Rig) -> None:
+    rig.points.set_limits({KEY: Limit(300, 700, 1000.0)})
+    rig.take(600)
+    assert math.isnan(rig.take(math.nan))
+    assert rig.steps(0.2)[-1] == 600
+
+
+def test_two_ticks_at_one_time_after_the_limits_have_gone(rig: Rig) -> None:
+    rig.points.set_limits({KEY: Limit(rate=1000.0)})
+    rig.take(600)
+    rig.step()
+    rig.points.set_limits({})
+    assert rig.points.next_targets(rig.now) == {KEY: 522}
+    assert rig.steps(0.1) == [600]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import math
 import threading
 from collections.abc import Callable, Iterator
@@ -15,9 +16,9 @@ from urbihw import buses
 from urbihw.buses import messages as m
 from urbihw.buses.clock import SimClock
 from urbihw.buses.driver import driver_of
-from urbihw.buses.engine import HEARTBEAT_ALLOWANCE_S, Engine
+from urbihw.buses.engine import HEARTBEAT_ALLOWANCE_S, SLOW_ALLOWANCE_S, Engine
 from urbihw.buses.errors import BadUrl, BadValue, LinkGone
-from urbihw.buses.link import Context, Port
+from urbihw.buses.link import Context, Link, Port
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import FromWorker, ToWorker
 from urbihw.buses.servos.device import DeviceInfo
@@ -33,7 +34,7 @@ ITEMS = ("present_position", "present_speed")
 class Bench:
     """An engine that is stepped by hand, and the parent's end of its pipe."""
 
-    def __init__(self, rig: Rig, settings: m.Configure | None = None) -> None:
+    def __init__(self, rig: Rig, settings: m.Configure | None = None, begin: m.Begin | None = None) -> None:
         rig.link.close()
         self.rig = rig
         self.pipe, theirs = Pipe()
@@ -43,7 +44,7 @@ class Bench:
             rig.url,
             driver_of("servos"),
             self.mailbox,
-            m.Begin(settings or m.Configure(dead_man=0)),
+            begin or m.Begin(settings or m.Configure(dead_man=0)),
             rig.context,
             lambda: self.asked_to_end,
         )
@@ -175,6 +176,44 @@ def test_a_tick_that_waits_for_many_silent_devices_is_no_silence_of_the_worker(
     bench.rig.kit.faults.start("silence")
     bench.run(3.0)
     assert max(gaps(beats)) < HEARTBEAT_ALLOWANCE_S
+
+
+def test_a_worker_that_waits_for_slow_devices_is_not_silent(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    beats: list[tuple[float, float]] = []
+    post = bench.mailbox.post
+
+    def note(message: FromWorker) -> None:
+        if isinstance(message, m.WorkerHeartbeat):
+            beats.append((bench.rig.clock.now(), message.allowance))
+        post(message)
+
+    bench.run(0.6)
+    bench.tell(*(m.Watch(number, ITEMS) for number in range(1, 19)))
+    bench.tell(m.Targets({(number, "goal_position"): 900 for number in range(1, 7)}))
+    monkeypatch.setattr(bench.mailbox, "post", note)
+    bench.rig.kit.faults.start("late", amount=0.05)
+    bench.run(4.0)
+    bench.tell(m.Stop(1, "a test"))
+    bench.run(4.0)
+    bench.rig.kit.faults.stop()
+    bench.run(2.0)
+    late = [after - before - allowance for (before, allowance), (after, _) in itertools.pairwise(beats)]
+    assert max(late) < 0
+    assert [number for number in range(1, 7) if bench.rig.kit.servo(number).speed] == []
+
+
+def test_a_driver_that_never_ends_to_ask_is_silent(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench.run(0.6)
+    beats: list[float] = []
+    monkeypatch.setattr(bench.mailbox, "post", lambda message: beats.append(bench.rig.clock.now()))
+    link, begun = bench.rig.link, bench.rig.clock.now()
+    engine_link = bench.engine._link
+    assert isinstance(engine_link, Link) and engine_link is not link
+    for _ in range(1000):
+        engine_link.read(1, bench.rig.clock.now() + 0.05)
+    assert max(beats) - begun <= SLOW_ALLOWANCE_S
 
 
 def test_a_robot_that_is_switched_on_later_is_found(rig: Rig) -> None:

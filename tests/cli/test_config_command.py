@@ -174,3 +174,20 @@ def test_a_password_is_not_shown(capsys: Capture, file: Path) -> None:
     assert main(["config", "show", str(file), "--json"]) == 0
     shown = capsys.readouterr().out
     assert "hunter2" not in shown and json.loads(shown)["options.password"]["value"] is None
+
+
+@pytest.mark.parametrize(("platform", "row"), [("chain", "calibration"), ("so101", "leader_calibration")])
+def test_a_calibration_that_is_missing_or_wrong_is_a_mistake(
+    capsys: Capture, file: Path, platform: str, row: str
+) -> None:
+    named = file.absolute().with_name("nope.json")
+    file.write_text(f'platform = "{platform}"\n[options]\n{row} = "nope.json"\n')
+    assert main(["config", "check", str(file)]) == 78
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"urbihw: {file}: options.{row}: {named}")
+    named.write_text('{"hip": {"id": 3}}')
+    assert main(["config", "check", str(file)]) == 78
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "joint 'hip' lacks drive_mode" in line
+    named.write_text("{}")
+    assert main(["config", "check", str(file)]) == 0

@@ -22,11 +22,11 @@ from urbihw.cli.console.help import described
 from urbihw.cli.console.lexer import UrbiscriptLexer
 from urbihw.cli.console.screen import depth, history, is_command, lacks_separator
 from urbihw.cli.console.session import Session
-from urbihw.cli.console.subject import Subject, subject, whole_path
 from urbihw.cli.main import main
 from urbihw.cli.options import Refused
 from urbihw.client.credentials import Credentials
 from urbihw.client.lines import Line, Lines
+from urbihw.client.subject import Subject, subject, whole_path
 from urbihw.client.where import Where
 
 T = TypeVar("T")

@@ -178,3 +178,24 @@ def test_without_a_program_beside_python_it_has_to_be_named(
     monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
     assert main(["install-service", "bio", "--platform", "bioloid", "--root", str(tmp_path)]) == 78
     assert "--program PATH" in capsys.readouterr().err
+
+
+def test_a_settings_file_without_a_port_gets_the_first_free_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    install(tmp_path, "bio", "--platform", "bioloid")
+    file = tmp_path / "humanoid.toml"
+    file.write_text('# ours\nplatform = "bioloid"\nfake = true\n[limits.motor1]\nspeed = 1\n')
+    assert install(tmp_path, "hum", "--config", str(file)) == 0
+    made = configure(tmp_path / "etc" / "urbihw" / "hum.toml")
+    assert (made.port, made.platform, made.limits) == (54001, "bioloid", {"motor1": {"speed": 1}})
+    assert "54001" in (tmp_path / UNITS / "urbihw@hum.socket.d" / "50-port.conf").read_text()
+    assert install(tmp_path, "hub", "--config", str(file), "--port", "6001") == 0
+    assert configure(tmp_path / "etc" / "urbihw" / "hub.toml").port == 6001
+    file.write_text('platform = "bioloid"\nfake = true\nport = 54000\n')
+    capsys.readouterr()
+    assert install(tmp_path, "huc", "--config", str(file), "--port", "6002") == 78
+    assert f"the port is that of {file}: change it there" in capsys.readouterr().err
+    assert install(tmp_path, "huc", "--config", str(file)) == 78
+    assert "port 54000 is that of" in capsys.readouterr().err
+    assert install(tmp_path, "hum") == 0

@@ -12,7 +12,7 @@ from kernel_socket import serve
 
 from urbihw.cli import main as urbihw
 from urbihw.cli import teach
-from urbihw.exitcodes import EX_OK, EX_RUNTIME, EX_UNAVAILABLE
+from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_RUNTIME, EX_UNAVAILABLE
 
 ROBOT = """
 var Global.told = []|;
@@ -28,7 +28,7 @@ class Global.robot
   function teach(name, joints, rate)
   {
     told << ["teach", name, joints, rate];
-    if (name == "a b") throw Exception.new("a bad name");
+    if (name == "bad") throw Exception.new("a bad name");
     teaching = [name, [["joint[1]", 0.5]]];
     waituntil (ending?);
     teaching = nil
@@ -137,5 +137,15 @@ def test_a_lesson_that_cannot_begin(
     server: Any, type_keys: Callable[[bytes], None], capsys: pytest.CaptureFixture[str]
 ) -> None:
     type_keys(b"")
-    assert urbihw.main(["teach", "a b"]) == EX_RUNTIME
+    assert urbihw.main(["teach", "bad"]) == EX_RUNTIME
     assert capsys.readouterr().err == "urbihw teach: a bad name\n"
+
+
+@pytest.mark.parametrize("name", ["../../evil", "", "a b", "x" * 65])
+def test_a_name_that_no_motion_can_have_is_refused_as_a_wrong_option(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        urbihw.main(["teach", name])
+    assert ended.value.code == EX_CONFIG
+    assert "the name of a motion has 1 to 64 letters, digits, _ or -" in capsys.readouterr().err

@@ -9,7 +9,7 @@ import pytest
 from paths import put_on_map
 from segway_lab import Lab
 
-PROGRAM = files("urbihw.cli").joinpath("drive.u").read_text()
+PROGRAM = files("urbihw.client").joinpath("drive.u").read_text()
 
 
 @pytest.fixture

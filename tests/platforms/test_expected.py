@@ -49,6 +49,8 @@ def test_the_worker_gets_what_it_can_compare() -> None:
         ({"a": {"id": 3, "limits": [1, -1]}}, "a.limits: wants 2 rising numbers, such as [-1.0, 1.0], not [1, -1]"),
         ({"a": {"id": 3, "groups": ["if"]}}, 'a.groups: "if" cannot be the name of a group'),
         ({"a": {"id": 3, "groups": ["bioloid"]}}, 'a.groups: "bioloid" cannot be the name of a group'),
+        ({"a" * 65: 3}, "a" * 65 + ": is longer than 64 characters"),
+        ({"a": {"id": 3, "groups": ["b" * 65]}}, 'a.groups: "' + "b" * 65 + '" cannot be the name of a group'),
         ({"a": {"id": 3, "groups": ["motor4"]}}, 'a.groups: "motor4" cannot be the name of a group'),
         ({"a": {"id": 3, "groups": ["b"]}, "b": 4}, "b: is the name of a device and of a group; rename one of them"),
     ],

@@ -7,6 +7,8 @@ import math
 import pytest
 from bioloid_lab import BAUD, Lab
 
+from urbihw.buses.engine import Engine
+from urbihw.buses.verdict import judge
 from urbihw_fakes.bioloid import Bioloid as Kit
 from urbihw_fakes.dynamixel.ax12 import Ax12
 from urbihw_fakes.dynamixel.xseries import XSeries
@@ -16,6 +18,19 @@ Caplog = pytest.LogCaptureFixture
 
 def kit(*ids: int) -> Kit:
     return Kit(units=[Ax12(number) for number in ids], baud=BAUD)
+
+
+def engine_of(lab: Lab) -> Engine:
+    """The engine of its worker."""
+    assert lab.worker is not None
+    return lab.worker._engine
+
+
+def judge_health(lab: Lab) -> list[str]:
+    """What the verdict of the worker's health says of the devices."""
+    engine = engine_of(lab)
+    told = engine._health.fields(lab.bus_clock.now(), lab.bus_clock.now(), True) | {"link": True}
+    return [str(finding) for finding in judge(told) if finding.device]
 
 
 def warnings(caplog: Caplog) -> list[str]:
@@ -91,10 +106,16 @@ def test_a_kit_with_other_servos_under_the_same_ids_is_left_alone(caplog: Caplog
     put_in_place(lab, Kit(units=[new, Ax12(4)], baud=BAUD))
     _stays_blocked(lab, new, "motor 3 is lost: XL430-W250 answers to this id, not AX-12A", caplog)
     assert math.isfinite(lab.number("motor4.val"))
+    caplog.clear()
     put_in_place(lab, kit(3, 4))
     lab.run(3)
     assert lab.say("motor3.state;") == '"ok"'
     assert math.isfinite(lab.number("motor3.val"))
+    assert "motor 3 is back" in warnings(caplog)
+    assert lab.say("bioloid.problems;") == "[]"
+    assert judge_health(lab) == []
+    lab.say("motor3.load = 1; motor3.val = 0.3;", 2)
+    assert lab.number("motor3.val") == pytest.approx(0.3, abs=0.05)
 
 
 def test_a_servo_replaced_by_another_model_on_the_live_bus_is_left_alone(caplog: Caplog) -> None:
@@ -132,6 +153,10 @@ def test_another_model_is_told_in_one_line(caplog: Caplog, is_live: bool) -> Non
 
 def _stays_blocked(lab: Lab, new: XSeries, line: str, caplog: Caplog) -> None:
     lab.run(4)
+    reason = line.partition(": ")[2]
+    assert reason in lab.say("bioloid.problems;")
+    assert any(reason in finding for finding in judge_health(lab))
+    assert "answers to this id" in lab.say("motor3.val = 0.4;")  # a warning
     lab.say("motor3.load = 1; motor3.val = 1;", 1)
     assert new.motor.position == XSeries().motor.position and not new.registers.get("torque_enable")
     assert any(line in text for text in warnings(caplog))
@@ -146,3 +171,35 @@ def test_a_new_difference_does_not_tell_the_others_again(caplog: Caplog) -> None
     told = warnings(caplog)
     assert [line for line in told if "unexpected: id 9" in line]
     assert sum("missing: knee (id 4)" in line for line in told) == 1
+
+
+def test_devices_of_another_robot_are_dropped_when_the_own_one_is_back(caplog: Caplog) -> None:
+    lab = Lab.ready(kit(3, 4))
+    for _ in range(2):
+        put_in_place(lab, kit(13, 14))
+        lab.run(3)
+        assert lab.say("motors.keys;").endswith("[3, 4, 13, 14]")
+        caplog.clear()
+        put_in_place(lab, kit(3, 4))
+        lab.run(3)
+        assert lab.say("motors.keys;") == "[3, 4]"
+        assert judge_health(lab) == []
+        assert engine_of(lab)._driver.errors()["timeouts"] == 0
+        left = "2 devices belong to another robot, which is gone: they are no longer looked for: motor 13-14"
+        assert left in warnings(caplog)
+        assert "belongs to another robot" in lab.say("motor13.val = 0.2;")
+        assert lab.say("motor13.state;") == '"lost"'
+        assert lab.say("motors.load = 1|; motors.val = 0.2;").endswith("[0.2, 0.2]")
+        lab.run(2)
+        assert lab.number("motor3.val") == pytest.approx(0.2, abs=0.05)
+
+
+def test_a_device_that_joins_the_own_robot_stays_when_it_is_lost() -> None:
+    lab = Lab.ready(kit(3, 4))
+    put_in_place(lab, kit(3, 4, 13))
+    lab.run(1)
+    lab.say("bioloid.scan;", 3)
+    put_in_place(lab, kit(3, 4))
+    lab.run(3)
+    assert lab.say("motors.keys;") == "[3, 4, 13]"
+    assert lab.say("motor13.state;") == '"lost"'

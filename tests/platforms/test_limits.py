@@ -14,7 +14,8 @@ from p3dx_lab import Lab as Pioneer
 from segway_lab import Lab as Segway
 from spykee_lab import Lab as Spykee
 
-from urbihw.kernel.uobject import BadConfig
+from urbihw.buses import messages as m
+from urbihw.kernel.uobject import BadConfig, RobotSettings
 from urbihw.platforms.limits import LimitSettings
 
 COUNT = math.radians(300 / 1023)
@@ -130,6 +131,59 @@ def test_heat_warns_then_halves_the_torque_then_lets_go_with_hysteresis() -> Non
     assert lab.register(6, "torque_enable") == 0
 
 
+def reload(lab: Bioloid, limits: dict[str, Any]) -> None:
+    """Read the settings again, with other limits."""
+    lab.robot.configure(RobotSettings(lab.url, 1 / lab.tick, dead_man=0, limits=limits))
+    lab.run(0.1)
+
+
+@pytest.mark.parametrize("limits", [{}, {"temperature": [55, 65, 75]}])
+def test_a_temperature_limit_that_is_corrected_frees_the_motor_at_once(limits: dict[str, Any]) -> None:
+    lab = Bioloid.ready(limits={"temperature": [20, 25, 30]})
+    lab.run(1.5)
+    assert "is held by limits.temperature (release)" in lab.say("motor6.load = 1|;", 0.3)
+    assert lab.register(6, "torque_limit") == 511
+    reload(lab, limits)
+    assert lab.register(6, "torque_limit") == 1023
+    lab.say("motor6.load = 1|; sleep(200ms); motor6.val = 0.5|;", 2.0)
+    assert lab.register(6, "torque_enable") == 1
+    assert lab.number("motor6.val") == pytest.approx(0.5, abs=0.02)
+
+
+def test_a_temperature_limit_that_is_lowered_acts_at_once_and_keeps_its_hysteresis() -> None:
+    lab = Bioloid.ready(limits={"temperature": [50, 60, 70]})
+    lab.kit.servo(6).heat(45)
+    lab.say("motor6.load = 1|; motor6.val = 0.5|;", 2.0)
+    reload(lab, {"temperature": [20, 30, 44]})
+    assert lab.register(6, "torque_enable") == 0
+    reload(lab, {"temperature": [20, 30, 49]})
+    assert "is held by limits.temperature (release)" in lab.say("motor6.load = 1|;", 0.3)
+    assert lab.register(6, "torque_enable") == 0
+    reload(lab, {"temperature": [20, 30, 55]})
+    lab.say("motor6.load = 1|;", 0.5)
+    assert lab.register(6, "torque_enable") == 1
+    assert lab.register(6, "torque_limit") == 511
+
+
+def test_a_torque_that_heat_had_halved_is_restored_within_the_limits_of_now() -> None:
+    lab = Bioloid.ready(limits={"temperature": [20, 25, 75]})
+    lab.run(1.5)
+    assert lab.register(6, "torque_limit") == 511
+    reload(lab, {"torque": 0.3})
+    assert lab.register(6, "torque_limit") < 400
+
+
+def test_what_a_worker_that_is_gone_held_is_forgotten() -> None:
+    lab = Bioloid.ready(limits={"temperature": [20, 25, 30]})
+    lab.run(1.5)
+    assert lab.robot.motion.held
+    lab.robot.limits = LimitSettings.of({})
+    assert lab.worker is not None
+    lab.worker._post(m.Held({}))
+    lab.say("1;", 0.1)
+    assert not lab.robot.motion.held
+
+
 def test_torque_is_limited_from_the_start() -> None:
     lab = Bioloid.ready(limits={"torque": 0.75})
     lab.run(0.2)
@@ -202,6 +256,8 @@ def test_what_is_applied_is_right_behind_the_write(
         ({"sped": 1.0}, "limits.sped: no such limit; did you mean speed?"),
         ({"speed": 0}, "limits.speed: wants a number above 0, not 0"),
         ({"motor6": {"position": [1, -1]}}, "limits.motor6.position: wants 2 rising numbers"),
+        ({"temperature": [-300, 0, 1]}, "limits.temperature: wants 3 rising numbers from -40 to 200"),
+        ({"temperature": [50, 60, 201]}, "limits.temperature: wants 3 rising numbers from -40 to 200"),
         ({"temperature": [50, 60]}, "limits.temperature: wants 3 rising numbers"),
         ({"speed": float("nan")}, "limits.speed: wants a number above 0"),
     ],

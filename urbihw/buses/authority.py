@@ -2,17 +2,21 @@
 
 Every write that may move the robot carries the epoch in which it was made.  Each stop advances the epoch; writes of an
 older epoch are refused from then on, whoever sends them.  An emergency stop also latches: until its release every write
-that may move the robot is refused.  The latch is stored in a file, so that a replacement worker finds it.
+that may move the robot is refused.  The latch is stored in a file, so that a replacement worker finds it.  A file that
+is there holds, whatever it contains and even if it cannot be read: nobody has released the robot.
 """
 
 from __future__ import annotations
 
-import contextlib
+import errno
+import os
 from pathlib import Path
 from typing import Final
 
 STALE: Final = "the robot was stopped after this was asked for"
 _MOST: Final = 200
+_ABSENT: Final = frozenset({errno.ENOENT, errno.ENOTDIR, errno.ENAMETOOLONG})
+"""Failures to open a file that cannot be there."""
 
 
 class MotionAuthority:
@@ -21,12 +25,14 @@ class MotionAuthority:
     Attributes:
         epoch: the current motion epoch.
         latched: the reason of the emergency stop that holds, "" if none does.
+        unreadable: why the latch file could not be read, although it is there; "" if it could.
     """
 
     def __init__(self, epoch: int = 0, file: Path | None = None) -> None:
         """``file`` stores the latch; with None the latch ends with this worker."""
         self.epoch = epoch
         self._file = file
+        self.unreadable = ""
         self.latched = self._read_latch()
 
     def advance(self, epoch: int | None = None) -> None:
@@ -39,17 +45,25 @@ class MotionAuthority:
         if self._file is None:
             return ""
         try:
-            self._file.write_text(self.latched + "\n", "utf-8")
+            # Never blocking: a pipe in place of the file must not hold up the stop.
+            flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NONBLOCK | os.O_CLOEXEC
+            with os.fdopen(os.open(self._file, flags, 0o666), "wb") as file:
+                file.write(self.latched.encode() + b"\n")
         except (OSError, ValueError) as error:
             return f"the emergency stop holds, but is not kept in {self._file}: {error}"
         return ""
 
-    def release(self) -> None:
-        """Allow motion again and remove the latch file."""
+    def release(self) -> str:
+        """Allow motion again and remove the latch file; return why it could not be removed, or ""."""
         self.latched = ""
-        if self._file is not None:
-            with contextlib.suppress(OSError):
-                self._file.unlink()
+        if self._file is None:
+            return ""
+        try:
+            _remove(self._file)
+        except OSError as error:
+            why = error.strerror or error
+            return f"released, but {self._file} cannot be removed ({why}), so it holds at the next start: remove it"
+        return ""
 
     def refusal(self, epoch: int) -> str:
         """Return why a write of this epoch may not move the robot, "" if it may."""
@@ -58,8 +72,30 @@ class MotionAuthority:
         return STALE if epoch < self.epoch else ""
 
     def _read_latch(self) -> str:
+        """Return the reason in the latch file, "" if there is no file."""
         if self._file is None:
             return ""
-        with contextlib.suppress(OSError, UnicodeDecodeError), self._file.open(encoding="utf-8") as file:
-            return file.read(_MOST).strip() or "emergency stop"
-        return ""
+        try:
+            # Never blocking: it may be a pipe.
+            with os.fdopen(os.open(self._file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
+                data = file.read(4 * _MOST) or b""
+        except OSError as error:
+            if error.errno in _ABSENT:
+                return ""
+            self.unreadable = self._explain_unreadable(error.strerror or str(error))
+            return "emergency stop"
+        text = data.decode("utf-8", "replace")[:_MOST]
+        if "\ufffd" in text:
+            self.unreadable = self._explain_unreadable("it is not UTF-8 text")
+        return " ".join("".join(each if each.isprintable() else " " for each in text).split()) or "emergency stop"
+
+    def _explain_unreadable(self, why: str) -> str:
+        return f"{self._file} cannot be read ({why}): an emergency stop holds, release it"
+
+
+def _remove(file: Path) -> None:
+    """Remove a latch file, or the folder that lies in its place if that is empty.  Raises OSError."""
+    try:
+        file.unlink(missing_ok=True)
+    except IsADirectoryError:
+        file.rmdir()

@@ -26,9 +26,14 @@ from urbihw.buses.messages import DeviceState, FromWorker, Happened, Latched, Li
 
 STOP, ESTOP, RELEASE, STATE, SUBSCRIBE, HEALTH = "stop", "estop", "release", "state", "subscribe", "health"
 TRACE: Final = "trace"
-VERBS: Final = (STOP, ESTOP, RELEASE, STATE, SUBSCRIBE, HEALTH, TRACE)
+VALUES: Final = "values"
+VERBS: Final = (STOP, ESTOP, RELEASE, STATE, SUBSCRIBE, HEALTH, TRACE, VALUES)
 MAX_CLIENTS: Final = 16
 """Connections at a time; one more ends the oldest."""
+BACKLOG: Final = 128
+"""Connections that may wait for the next look at the socket; one more would be refused by the system without a word."""
+NAMELESS: Final = "control socket"
+"""Who asks, where a command does not say."""
 MAX_LINE_BYTES: Final = 4096
 REST_S: Final = 0.05
 """Seconds for which a client is not read after a question whose answer takes about a millisecond to make."""
@@ -36,16 +41,23 @@ _COSTLY: Final = (STATE, HEALTH, TRACE)
 _URGENT: Final = (STOP, ESTOP)
 MAX_QUEUED_LINES: Final = 256
 """Lines that wait for a subscriber; older telemetry is dropped for newer."""
+MIN_VALUES_HZ: Final = 0.1
+MAX_VALUES_HZ: Final = 50.0
+MAX_WAITING_VALUES: Final = 4
+"""Lines that wait for a client from which on values are left out: a plot wants the newest ones."""
 _EVENTS: Final = (Samples, DeviceState, LinkState, Happened, Stopped, Latched, Statistics)
 
 
 @dataclass(frozen=True, slots=True)
 class ControlCommand:
-    """A command of a client: `verb` of VERBS, `who` asked, and the `client` that gets the answer."""
+    """A command of a client: `verb` of VERBS, `who` asked, and the `client` that gets the answer.  `rate` is that of
+    VALUES, in Hz; 0 ends them.
+    """
 
     verb: str
     who: str
     client: _Client
+    rate: float = 0.0
 
     def answer(self, state: Mapping[str, Any]) -> None:
         """Send the client the state after the command."""
@@ -60,6 +72,8 @@ class _Client:
         self.socket = connection
         self.subscribed = False
         self.traces = False
+        self.values_rate = 0.0
+        self.values_due = 0.0
         self.closed = False
         self.rests_until = 0.0
         self._line = b""
@@ -107,9 +121,21 @@ class _Client:
         if verb not in VERBS:
             self._send_error(f'"do" must be one of {", ".join(VERBS)}')
             return None
-        who = " ".join(str(wanted.get("who", "control socket")).split())[:100]
+        who = wanted.get("who", NAMELESS)
+        if not isinstance(who, str):
+            if verb not in _URGENT:
+                self._send_error('"who" must be a text')
+                return None
+            # Whoever calls itself what, it wants the robot to stand.
+            who = NAMELESS
+        who = " ".join(who.split())[:100]
         # The name goes into logs, which are read in terminals, and into a file: no control characters, no surrogates.
-        return ControlCommand(verb, "".join(each if each.isprintable() else "?" for each in who), self)
+        who = "".join(each if each.isprintable() else "?" for each in who)
+        rate = wanted.get("hz", 0.0)
+        if verb == VALUES and not (_is_number(rate) and (rate == 0 or MIN_VALUES_HZ <= rate <= MAX_VALUES_HZ)):
+            self._send_error(f'"hz" must be 0 or from {MIN_VALUES_HZ:g} to {MAX_VALUES_HZ:g}')
+            return None
+        return ControlCommand(verb, who, self, rate if verb == VALUES else 0.0)
 
     def _send_error(self, why: str) -> None:
         self.send_line({"ok": False, "error": why})
@@ -132,6 +158,18 @@ class _Client:
             self._dropped = 0
         self.send_line(message)
 
+    def send_values_at(self, rate: float, now: float) -> None:
+        """Send values at a rate in Hz from now on; 0 for none."""
+        self.values_rate, self.values_due = rate, now
+
+    def send_values(self, message: Mapping[str, Any]) -> None:
+        """Send telemetry of which only the newest is of use; it is left out while older lines wait."""
+        self.flush()
+        if len(self._waiting) >= MAX_WAITING_VALUES:
+            self._dropped += 1
+        else:
+            self.send_telemetry(message)
+
     def flush(self) -> None:
         """Send what the socket takes."""
         while not self.closed and (self._rest or self._waiting):
@@ -144,6 +182,12 @@ class _Client:
                 self.close()
                 return
             self._rest = self._rest[sent:]
+
+    def dismiss(self, why: str) -> None:
+        """Send the reason, if the socket takes it, and close the connection."""
+        if not self.closed:
+            self._send_error(why)
+        self.close()
 
     def close(self) -> None:
         """Close the connection and drop its queue."""
@@ -172,7 +216,7 @@ class ControlSocket:
                 os.umask(before)
             made = path.lstat()
             self._file = made.st_dev, made.st_ino
-            self._listener.listen(MAX_CLIENTS)
+            self._listener.listen(BACKLOG)
         except OSError as error:
             self._listener.close()
             raise Unavailable(error.errno or 0, f"there is none: {error.strerror or error}") from error
@@ -207,6 +251,18 @@ class ControlSocket:
             for client in listeners:
                 client.send_telemetry(line)
 
+    def publish_values(self, values: Callable[[], Mapping[str, Any]]) -> None:
+        """Send the event of `values()` to the clients whose time has come; it is made only if there is one."""
+        now = self._now()
+        due = [each for each in self._clients if each.values_rate and each.values_due <= now and not each.closed]
+        if not due:
+            return
+        line = {"event": "Values", "time": round(now, 4), "values": values()}
+        for client in due:
+            period = 1 / client.values_rate
+            client.values_due = max(client.values_due, now - period) + period
+            client.send_values(line)
+
     @property
     def is_traced(self) -> bool:
         """Whether a client wants the bytes on the wire."""
@@ -238,10 +294,14 @@ class ControlSocket:
             return []
         if len(self._clients) >= MAX_CLIENTS:
             # Whoever comes now may want to stop the robot; whoever came first has had the time to.
-            self._clients.pop(0).close()
+            self._clients.pop(0).dismiss(f"{MAX_CLIENTS} clients at most: this one was the oldest")
         client = _Client(connection)
         self._clients.append(client)
         return client.read_command()
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _as_json(message: FromWorker) -> dict[str, Any]:

@@ -101,9 +101,14 @@ class Driver:
         """Stop the robot, or these devices, and drop their targets.  Raises LinkGone."""
         raise NotImplementedError
 
-    def stop_on_reconnect(self) -> None:
-        """Called after each `attach` but the first: stop the devices that this driver has moved.  Raises LinkGone."""
+    def stop_on_reconnect(self) -> tuple[Any, ...]:
+        """Called after each `attach` but the first: stop the devices that this driver has moved, and others that move.
+
+        Returns the devices that moved though this driver had not moved them, as far as it can tell: another robot may
+        have been plugged in. Raises LinkGone.
+        """
         self.safe_stop()
+        return ()
 
     def stop_what_moves(self) -> tuple[Any, ...]:
         """Called after the first `attach`: stop devices that already move; return which ones these were.
@@ -137,7 +142,10 @@ class Driver:
         return False
 
     def pose(self, device: Any, item: str) -> float | None:
-        """Return the position of a device in the unit of the target `item`; None if unknown or not a position."""
+        """Return the position of a device in the unit of the target `item`, nan while it is unknown.
+
+        None for an item that is not a position.  A target that may change only slowly waits until it is known.
+        """
         return None
 
     def signed(self, device: Any, item: str, raw: Any) -> float:

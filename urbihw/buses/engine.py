@@ -2,7 +2,8 @@
 
 The same code runs in a thread and in a process.  One step of the loop:
   1. receive messages of the parent and commands of the control socket; stops are executed first;
-  2. if the parent has been silent for too long, stop the robot, once;
+  2. if the parent has been silent for too long, stop the robot, once; this is judged by the messages that were read, so
+     a worker that was itself held up for as long stops the robot too;
   3. if the link is down, try to open it, with back-off;
   4. one tick of the driver, then the pending requests;
   5. statistics once a second, a heartbeat ten times a second;
@@ -18,17 +19,18 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 from urbihw import buses
 from urbihw.backoff import BackOff
 from urbihw.buses.authority import MotionAuthority
-from urbihw.buses.control import ESTOP, HEALTH, RELEASE, STATE, SUBSCRIBE, TRACE, ControlSocket
+from urbihw.buses.control import ESTOP, HEALTH, RELEASE, STATE, SUBSCRIBE, TRACE, VALUES, ControlSocket
 from urbihw.buses.counter import StatisticsCounter
 from urbihw.buses.driver import Driver
 from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
-from urbihw.buses.gate import Gate
+from urbihw.buses.gate import Gate, ThresholdActions
 from urbihw.buses.health import HealthRecord
 from urbihw.buses.inbox import Inbox
 from urbihw.buses.inventory import Inventory
@@ -54,6 +56,7 @@ from urbihw.buses.messages import (
     Stopped,
     Targets,
     ToWorker,
+    Unusable,
     Watch,
     WorkerHeartbeat,
     Writers,
@@ -109,7 +112,7 @@ class Engine:
         self._tick_messages: list[FromWorker] = []
         self._ticker = Ticker(1 / begin.settings.rate, now)
         self._tally = StatisticsCounter(now)
-        self._pulse_at = now
+        self._pulse_at = self._allowed_until = self._step_begun_at = now
         control = Path(begin.control) if begin.control else None
         self._authority = MotionAuthority(begin.epoch, control.with_suffix(".estop") if control is not None else None)
         self._gate = Gate(driver, self._authority)
@@ -126,6 +129,8 @@ class Engine:
             self._post_all([Stopped(begin.instead, begin.epoch)])
         if self._authority.latched:
             self._post_all([Latched(self._authority.latched)])
+        if self._authority.unreadable:
+            self._post_all([Refused("emergency stop", "latch", self._authority.unreadable)])
 
     def _open_control_socket(self, path: Path) -> ControlSocket | None:
         """Open the control socket; without it the worker still works, and reports the error."""
@@ -155,21 +160,26 @@ class Engine:
 
     def step(self) -> bool:
         """Do one tick and wait until the next; False when it is time to end."""
-        now = self._clock.now()
+        now = self._step_begun_at = self._clock.now()
         self._inbox.receive(now)
         self._execute_urgent()
+        # Before the messages: they may be targets of before the silence.
+        self._check_master(now)
         while self._inbox.messages:
             self._execute_message(self._inbox.messages.popleft(), now)
         if self._mailbox.ended or self._asked_to_end():
             return False
-        self._check_master(now)
-        if self._link is None:
-            self._try_open_link(now)
+        if self._link is None and now >= self._retry_at:
+            self._post_slow_heartbeat()
+            self._try_open_link()
+            self._end_slow_work()
         self._run_guarded(self._tick)
         self._execute_urgent()
         self._execute_requests()
         self._execute_commands()
         self._share_traffic()
+        if self._control is not None:
+            self._control.publish_values(partial(self._health.values, self._link is not None))
         self._tally.ticks += 1
         now = self._clock.now()
         self._post_statistics(now)
@@ -200,11 +210,14 @@ class Engine:
     def _check_thresholds(self, samples: Samples) -> None:
         """Execute the reactions to thresholds that these samples crossed."""
         measures = self._gate.check_samples(samples)
-        if measures is None:
-            return
+        if measures is not None:
+            self._execute_threshold_actions(measures)
+
+    def _execute_threshold_actions(self, measures: ThresholdActions) -> None:
         if measures.stopped:
             self._run_guarded(lambda: self._driver.safe_stop(measures.stopped))
-        self._run_guarded(lambda: self._post_all(self._driver.targets(Targets(measures.targets))))
+        if measures.targets:
+            self._run_guarded(lambda: self._post_all(self._driver.targets(Targets(measures.targets))))
         self._post_all(measures.news)
 
     def _handle_device_return(self, device: Any) -> None:
@@ -284,9 +297,11 @@ class Engine:
             case Release():
                 self._release(message.who)
             case Limits():
-                self._gate.set_limits(message)
+                self._execute_threshold_actions(self._gate.set_limits(message))
             case Writers():
                 self._health.writers.update(message.names)
+            case Unusable():
+                self._health.record_unusable(message)
             case Configure():
                 self._settings = self._health.settings = message
                 self._driver.configure(message)
@@ -311,9 +326,10 @@ class Engine:
             self._requests.append(request)
 
     def _check_master(self, now: float) -> None:
-        timeout, heard_at = self._settings.dead_man, self._inbox.heard_at
-        if timeout and now - heard_at > timeout and self._stopped_for_silence_since != heard_at:
-            self._stopped_for_silence_since = heard_at
+        timeout = self._settings.dead_man
+        since = self._inbox.find_silence(timeout, now)
+        if timeout and since is not None and self._stopped_for_silence_since != since:
+            self._stopped_for_silence_since = since
             self._stop_robot(f"no sign of life from the master for {timeout:g} s")
 
     # Stopping.
@@ -327,6 +343,7 @@ class Engine:
             self._accept_request(request)
         if self._link is None or not self._run_guarded(self._driver.safe_stop):
             self._pending_stop_reason = reason
+        self._inbox.excuse_pause()
         self._post_all([Stopped(reason, self._authority.epoch)])
 
     def _stop_devices(self, message: Stop) -> None:
@@ -345,8 +362,10 @@ class Engine:
 
     def _release(self, who: str) -> None:
         if self._authority.latched:
-            self._authority.release()
+            problem = self._authority.release()
             self._post_all([Latched("", who)])
+            if problem:
+                self._post_all([Refused("emergency stop", "latch", problem)])
 
     def _execute_commands(self) -> None:
         """Execute the commands of the control socket other than stops."""
@@ -358,6 +377,8 @@ class Engine:
                 command.client.subscribed = True
             elif command.verb == TRACE:
                 command.client.traces = True
+            elif command.verb == VALUES:
+                command.client.send_values_at(command.rate, self._clock.now())
             told = self._state_fields()
             if command.verb == TRACE:
                 told |= self._traffic.fields(self._link)
@@ -383,10 +404,11 @@ class Engine:
                 self._post_all([Reply(request.reply_id, False, error=unheld)])
                 continue
             if request.verb in self._driver.slow_verbs:
-                self._post_all([WorkerHeartbeat(SLOW_ALLOWANCE_S)])
+                self._post_slow_heartbeat()
             if not self._run_guarded(lambda request=request: self._post_all(self._driver.request(request))):  # type: ignore[misc]
                 self._post_all([Reply(request.reply_id, False, error="the link went down")])
             if request.verb in self._driver.slow_verbs:
+                self._end_slow_work()
                 # The ticks during a slow request were skipped on purpose; they do not count as late.
                 self._ticker = Ticker(self._ticker.period, self._clock.now())
             if self._inbox.is_urgent():
@@ -394,10 +416,7 @@ class Engine:
 
     # The link.
 
-    def _try_open_link(self, now: float) -> None:
-        if now < self._retry_at:
-            return
-        self._post_all([WorkerHeartbeat(SLOW_ALLOWANCE_S)])
+    def _try_open_link(self) -> None:
         try:
             link = buses.open(self._url, self._context)
         except (BadUrl, Unavailable) as error:
@@ -412,6 +431,7 @@ class Engine:
         except (BadUrl, Unavailable) as error:
             self._close_link(str(error))
             return
+        link.before_wait = self._post_heartbeat_before_wait
         self._back_off.reset()
         self._announced = True
         self._stop_on_link_up()
@@ -426,9 +446,9 @@ class Engine:
     def _stop_on_link_up(self) -> None:
         """Stop the robot before anything else on a link that was just opened.
 
-        On the first link only devices that move are stopped.  Later, those that this worker has moved: the fate of the
-        last writes is unknown.  If a stop is pending, or if it is another robot than the last one, all of them; nothing
-        that was begun on the last one goes on.
+        On the first link only devices that move are stopped.  Later, those that this worker has moved, since the fate
+        of the last writes is unknown, and those that move without it.  If a stop is pending, or if it is another robot
+        than the last one, all of them; nothing that was begun on the last one goes on.
         """
         last, self._identity = self._identity, self._driver.identity or self._identity
         if last not in ("", self._identity):
@@ -436,17 +456,21 @@ class Engine:
             self._pending_stop_reason = ""
             self._stop_robot(f"another robot answers: {self._identity}, not {last}; it is told to stop")
             return
-        if not self._first_link or self._pending_stop_reason:
-            stop = self._driver.safe_stop if self._pending_stop_reason else self._driver.stop_on_reconnect
-            if self._run_guarded(stop):
+        if self._pending_stop_reason:
+            if self._run_guarded(self._driver.safe_stop):
                 self._pending_stop_reason = ""
             return
-        self._first_link = False
-        self._run_guarded(self._stop_what_moves)
+        first, self._first_link = self._first_link, False
+        if first:
+            self._run_guarded(self._stop_what_moves)
+        else:
+            self._run_guarded(lambda: self._tell_what_moved(self._driver.stop_on_reconnect()))
 
     def _stop_what_moves(self) -> None:
         """Raises LinkGone."""
-        moved = self._driver.stop_what_moves()
+        self._tell_what_moved(self._driver.stop_what_moves())
+
+    def _tell_what_moved(self, moved: tuple[Any, ...]) -> None:
         if moved:
             self._authority.advance()
             which = ", ".join(map(str, moved))
@@ -487,10 +511,30 @@ class Engine:
             if event is not None:
                 self._control.publish_traffic(event)
 
-    def _post_heartbeat(self, now: float) -> None:
-        if now >= self._pulse_at:
-            self._pulse_at = now + HEARTBEAT_PERIOD_S
-            self._mailbox.post(WorkerHeartbeat(HEARTBEAT_ALLOWANCE_S))
+    def _post_heartbeat(self, now: float, pause: float = 0.0) -> None:
+        """Post a heartbeat if it is time, or if the last one does not allow a pause of so many seconds."""
+        allowance = HEARTBEAT_ALLOWANCE_S + pause
+        if now >= self._pulse_at or now + pause > self._allowed_until:
+            self._pulse_at, self._allowed_until = now + HEARTBEAT_PERIOD_S, now + allowance
+            self._mailbox.post(WorkerHeartbeat(allowance))
+
+    def _post_heartbeat_before_wait(self, deadline: float) -> None:
+        """The link waits for a device: that is no silence of this worker, however often it happens in one step.
+
+        Unless the step lasts longer than anything slow: a driver that never ends to ask hangs, too.
+        """
+        now = self._clock.now()
+        if now - self._step_begun_at < SLOW_ALLOWANCE_S:
+            self._post_heartbeat(now, min(max(deadline - now, 0.0), SLOW_ALLOWANCE_S))
+
+    def _post_slow_heartbeat(self) -> None:
+        """Announce work during which nothing may be heard for long; `_end_slow_work` ends it."""
+        self._post_all([WorkerHeartbeat(SLOW_ALLOWANCE_S)])
+        self._pulse_at = self._allowed_until = self._clock.now() + SLOW_ALLOWANCE_S
+
+    def _end_slow_work(self) -> None:
+        self._inbox.excuse_pause()
+        self._pulse_at = self._clock.now()
 
     def _post_statistics(self, now: float) -> None:
         self._post_heartbeat(now)

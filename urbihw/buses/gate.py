@@ -13,7 +13,18 @@ from typing import Any
 from urbihw.buses.authority import STALE, MotionAuthority
 from urbihw.buses.driver import Driver
 from urbihw.buses.guards import ThresholdMonitor
-from urbihw.buses.messages import FromWorker, Limits, Refused, Reply, Request, Samples, Targets
+from urbihw.buses.messages import (
+    FromWorker,
+    Held,
+    Limit,
+    Limits,
+    Refused,
+    Reply,
+    Request,
+    Samples,
+    Targets,
+    ThresholdCrossed,
+)
 from urbihw.buses.setpoints import Key, SetPoints
 
 
@@ -40,10 +51,18 @@ class Gate:
         self._driver = driver
         self._guards = ThresholdMonitor()
 
-    def set_limits(self, message: Limits) -> None:
-        """Replace all limits and thresholds."""
+    def set_limits(self, message: Limits) -> ThresholdActions:
+        """Replace all limits and thresholds; the last measured values are judged by the new ones."""
         self.set_points.set_limits(message.table)
-        self._guards.set_thresholds(message.thresholds)
+        targets, news = self._guards.set_thresholds(message.thresholds)
+        # What a threshold of before had changed is restored within the limits of now.
+        within = {key: self._within_limit(key, raw, message.table.get(key)) for key, raw in targets.items()}
+        return self._threshold_actions(within, [*news, Held(self._guards.held)])
+
+    def _within_limit(self, key: Key, raw: Any, limit: Limit | None) -> Any:
+        if limit is None:
+            return raw
+        return self._driver.raw_of(*key, min(max(self._driver.signed(*key, raw), limit.low), limit.high))
 
     def filter_targets(self, message: Targets, now: float) -> tuple[dict[Key, Any], list[FromWorker]]:
         """Return the targets that the driver gets at once, after the limits, and the messages to post."""
@@ -104,11 +123,13 @@ class Gate:
     def check_samples(self, samples: Samples) -> ThresholdActions | None:
         """Compare measured values with the thresholds; None if none was crossed."""
         targets, news = self._guards.check_samples(samples)
-        if not news:
-            return None
-        stopped = tuple({one.device: None for one in news if one.device in self._guards.held})
+        return self._threshold_actions(targets, [*news]) if news else None
+
+    def _threshold_actions(self, targets: Mapping[Key, Any], news: list[FromWorker]) -> ThresholdActions:
+        crossed = (one.device for one in news if isinstance(one, ThresholdCrossed))
+        stopped = tuple(dict.fromkeys(device for device in crossed if device in self._guards.held))
         self.set_points.drop_courses(stopped)
-        return ThresholdActions(stopped, targets, [*news])
+        return ThresholdActions(stopped, targets, news)
 
     def _holding_threshold(self, device: Any) -> str:
         name = self._guards.held.get(device)

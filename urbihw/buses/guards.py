@@ -22,28 +22,59 @@ class ThresholdMonitor:
         self.held: dict[Any, str] = {}
         self._thresholds: dict[Any, list[Threshold]] = {}
         self._passed: set[Threshold] = set()
+        self._values: dict[Any, dict[str, Any]] = {}
 
-    def set_thresholds(self, thresholds: tuple[Threshold, ...]) -> None:
-        """Replace all thresholds; a passed one stays passed if the new list still has it."""
+    def set_thresholds(
+        self, thresholds: tuple[Threshold, ...]
+    ) -> tuple[dict[tuple[Any, str], Any], list[ThresholdCrossed]]:
+        """Replace all thresholds and judge the last values by the new ones; returns as `check_samples`.
+
+        A passed one that the new list does not have, by its name, is left. One that it has, with whatever level, stays
+        passed until the value is back from the new level by the hysteresis.
+        """
+        before = {_identity_of(threshold): threshold for threshold in self._passed}
+        now = {_identity_of(threshold): threshold for threshold in thresholds}
         self._thresholds = {}
         for threshold in thresholds:
             self._thresholds.setdefault(threshold.device, []).append(threshold)
-        self._passed &= {*thresholds}
+        self._passed = {now[each] for each in before if each in now}
+        targets: dict[tuple[Any, str], Any] = {}
+        news: list[ThresholdCrossed] = []
+        for identity, last in before.items():
+            present = now.get(identity)
+            if present is None:
+                value = self._values[last.device][last.item]
+                targets.update({(last.device, item): raw for item, raw in last.restored})
+                news.append(ThresholdCrossed(last.device, last.name, last.item, value, False, last.holds))
+            elif present.targets != last.targets:
+                # Its device has changed its mode.
+                targets.update({(last.device, item): raw for item, raw in present.targets})
+        self._check_values(self._values, targets, news)
         self._update_held()
+        return targets, news
 
     def check_samples(self, samples: Samples) -> tuple[dict[tuple[Any, str], Any], list[ThresholdCrossed]]:
         """Return the targets to set for thresholds that were passed or left, and a message for each."""
         targets: dict[tuple[Any, str], Any] = {}
         news: list[ThresholdCrossed] = []
-        if not self._thresholds:
-            return targets, news
         for device, values in samples.values.items():
-            for threshold in self._thresholds.get(device, ()):
-                if threshold.item in values:
-                    self._check_threshold(threshold, values, targets, news)
+            self._values.setdefault(device, {}).update(values)
+        if self._thresholds:
+            self._check_values(samples.values, targets, news)
         if news:
             self._update_held()
         return targets, news
+
+    def _check_values(
+        self,
+        sampled: Mapping[Any, Mapping[str, Any]],
+        targets: dict[tuple[Any, str], Any],
+        news: list[ThresholdCrossed],
+    ) -> None:
+        for device, values in sampled.items():
+            for threshold in self._thresholds.get(device, ()):
+                if threshold.item in values:
+                    self._check_threshold(threshold, values, targets, news)
 
     def _check_threshold(
         self,
@@ -69,3 +100,8 @@ class ThresholdMonitor:
 
     def _update_held(self) -> None:
         self.held = {threshold.device: threshold.name for threshold in self._passed if threshold.holds}
+
+
+def _identity_of(threshold: Threshold) -> tuple[Any, str, str, bool]:
+    """What makes it the same threshold with another level: the lowest and the highest voltage have one name."""
+    return threshold.device, threshold.item, threshold.name, threshold.above

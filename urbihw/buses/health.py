@@ -18,11 +18,13 @@ from urbihw.buses.messages import (
     DeviceState,
     Found,
     FromWorker,
+    Gone,
     LinkState,
     Samples,
     Statistics,
     Stopped,
     ThresholdCrossed,
+    Unusable,
     Watch,
 )
 from urbihw.buses.readings import ALARM, Reading
@@ -59,6 +61,7 @@ class HealthRecord:
         self._heard_at: dict[Any, float] = {}
         self._requested: dict[Key, Any] = {}
         self._applied: dict[Key, Any] = {}
+        self._unusable: dict[Any, str] = {}
         self._passed: dict[Any, dict[str, bool]] = {}
         self._periods: dict[Any, dict[str, float]] = {}
         self._link_reason = ""
@@ -90,6 +93,11 @@ class HealthRecord:
                 for each in message.devices:
                     number = getattr(each, "id", "")
                     self._models[number] = str(getattr(each, "name", "") or getattr(each, "model", ""))
+            case Gone():
+                for device in message.devices:
+                    for table in (self._models, self._states, self._values, self._heard_at, self._unusable):
+                        table.pop(device, None)
+                self._clear_targets(message.devices)
             case LinkState():
                 self._link_reason = message.reason
                 self._clear_targets(None)
@@ -106,6 +114,12 @@ class HealthRecord:
     def record_requested(self, values: Mapping[Key, Any]) -> None:
         """Record targets that were asked for and may be executed."""
         self._requested.update(values)
+
+    def record_unusable(self, message: Unusable) -> None:
+        """Record that a device which answers counts as lost, or does no longer."""
+        self._unusable.pop(message.device, None)
+        if message.reason:
+            self._unusable[message.device] = message.reason
 
     def record_watch(self, watch: Watch) -> None:
         """Record how often a device is to be read."""
@@ -161,6 +175,15 @@ class HealthRecord:
             "devices": [self._device_fields(device, now, link) for device in self._devices()[:MAX_DEVICES]],
         }  # fmt: skip
 
+    def values(self, link: bool) -> dict[str, dict[str, float | None]]:
+        """The last measured values of the devices that answer, in SI units; none without a link."""
+        return {
+            str(device): {name: _number(each.value) for name, each in self._readings(device, values).items()
+                          if name != ALARM}
+            for device, values in self._values.items()
+            if link and self._states.get(device, ("ok",))[0] != "lost"
+        }
+
     def _bus_fields(self) -> dict[str, Any]:
         """The wire: the last second, the last minute, and counters since the worker began."""
         last = self._seconds[-1] if self._seconds else Statistics(0.0, 0.0, 0)
@@ -191,6 +214,8 @@ class HealthRecord:
 
     def _device_fields(self, device: Any, now: float, link: bool) -> dict[str, Any]:
         state, reason = self._states.get(device, ("ok" if device in self._heard_at else "unknown", ""))
+        if device in self._unusable:
+            state, reason = "lost", self._unusable[device]
         heard_at = self._heard_at.get(device)
         readings = self._readings(device, self._values.get(device, {}))
         limits = {

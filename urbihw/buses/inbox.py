@@ -23,7 +23,7 @@ class Inbox:
         urgent: stops of the whole robot, in order of arrival.
         messages: the other messages of the parent.
         commands: the other commands of the control socket.
-        heard_at: when the parent last sent a message, in seconds of the worker's clock.
+        heard_at: when a message of the parent was last read, in seconds of the worker's clock.
     """
 
     def __init__(
@@ -32,7 +32,8 @@ class Inbox:
         self.urgent: deque[Stop | EmergencyStop | ControlCommand] = deque()
         self.messages: deque[ToWorker] = deque()
         self.commands: deque[ControlCommand] = deque()
-        self.heard_at = clock.now()
+        self.heard_at = self._excused_at = clock.now()
+        self._longest_silence = (0.0, 0.0)
         self._mailbox = mailbox
         self._control = control
         self._clock = clock
@@ -54,13 +55,34 @@ class Inbox:
         self.receive(0.0)
         return bool(self.urgent)
 
+    def find_silence(self, bound: float, now: float) -> float | None:
+        """Return since when the parent was silent for longer than `bound` seconds, None if it was not.
+
+        This also counts the silence that ended since the last call.  It is judged before the messages that end it are
+        read: when this process was held up too, they are the first it sees after the pause.
+        """
+        (silence, since), self._longest_silence = self._longest_silence, (0.0, 0.0)
+        if silence > bound:
+            return since
+        return self.heard_at if now - self.heard_at > bound else None
+
+    def excuse_pause(self) -> None:
+        """Do not count until now: the worker did not read, since it executed something that takes long."""
+        self._excused_at = self._clock.now()
+        self._longest_silence = (0.0, 0.0)
+
     def _descriptors(self) -> list[int]:
         mine = [] if self._mailbox.ended else [self._mailbox.fd]
         return mine if self._control is None else mine + self._control.descriptors()
 
     def _receive_messages(self) -> None:
-        for message in self._mailbox.receive_messages():
-            self.heard_at = self._clock.now()
+        messages = self._mailbox.receive_messages()
+        if messages:
+            now = self._clock.now()
+            silence = now - max(self.heard_at, self._excused_at)
+            self._longest_silence = max(self._longest_silence, (silence, self.heard_at))
+            self.heard_at = now
+        for message in messages:
             if isinstance(message, EmergencyStop):
                 self._drop_releases()
                 self.urgent.append(message)

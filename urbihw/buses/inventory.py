@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from urbihw.buses.messages import DeviceState, Difference, Differences, ExpectedDevice, Found, FromWorker
+from urbihw.buses.messages import DeviceState, Difference, Differences, ExpectedDevice, Found, FromWorker, Gone
 
 
 class Inventory:
@@ -33,6 +33,9 @@ class Inventory:
                 for each in message.devices:
                     self._found[each.id] = each.name, str(each.firmware)
                     self._lost.discard(each.id)
+            case Gone():
+                for number in message.devices:
+                    self._found.pop(number, None)
             case DeviceState(new="lost"):
                 self._lost.add(message.device)
             case DeviceState(new="back"):

@@ -65,6 +65,17 @@ class Url:
         return cls(text, scheme, target, _pairs(text, query))
 
 
+def serial_path(url: str) -> str:
+    """Return the path of the serial device that a url names, also behind `spy://`; "" if it names none.
+
+    Raises BadUrl.
+    """
+    parsed = Url.parse(url)
+    if parsed.scheme == "spy":
+        return serial_path(parsed.target)
+    return parsed.target if parsed.scheme == "serial" else ""
+
+
 def split_parameters(url: str, names: Collection[str]) -> tuple[str, dict[str, str]]:
     """Split the parameters `names` off a url: those are meant for the robot, the rest for its port.
 
@@ -121,6 +132,8 @@ class Port(ABC):
         self.bytes_written = 0
         self.observer: Callable[[str, bytes], None] | None = None
         """Called with ">" or "<" and what was written or read; None, the usual case, for nobody."""
+        self.before_wait: Callable[[float], None] | None = None
+        """Called with the deadline before each wait for input: the worker gives its sign of life."""
         self._is_open = False
 
     @classmethod
@@ -197,6 +210,8 @@ class Link(Port):
         """
         if not self._is_open:
             raise LinkGone(f"{self.url.text} is closed")
+        if self.before_wait is not None:
+            self.before_wait(deadline)
         data = self._read(size, deadline)
         self.bytes_read += len(data)
         if self.observer is not None and data:

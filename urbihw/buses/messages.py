@@ -1,9 +1,10 @@
 """The messages between a bus worker and its parent: frozen, and picklable for a pipe between processes.
 
-To the worker: Begin first; then Targets, Writers, Watch, Request, Stop, EmergencyStop, Release, Limits, Heartbeat,
-Configure.
-From the worker: Found, Differences, Samples, Happened, DeviceState, LinkState, Reply, Refused, Limited,
-ThresholdCrossed, Stopped, Latched, Statistics, WorkerHeartbeat, Ended.  From the worker's supervisor: WorkerState.
+To the worker: Begin first; then Targets, Writers, Unusable, Watch, Request, Stop, EmergencyStop, Release, Limits,
+Heartbeat, Configure.
+From the worker: Found, Gone, Differences, Samples, Happened, DeviceState, LinkState, Reply, Refused, Limited,
+ThresholdCrossed, Held, Stopped, Latched, Statistics, WorkerHeartbeat, Ended.  From the worker's supervisor:
+WorkerState.
 
 They are the same for all protocol families; the names of devices (a number, a name, a port), their items, and the verbs
 of requests are defined by the driver of the family. Values are raw counts, converted to SI and back by the platform;
@@ -157,6 +158,19 @@ class Writers:
 
 
 @dataclass(frozen=True, slots=True)
+class Unusable:
+    """The parent does not use a device, although it answers: another model has its id, say.  Its health tells it.
+
+    Attributes:
+        device: which one.
+        reason: why; "" when it is used again.
+    """
+
+    device: Any
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
 class ExpectedDevice:
     """A device that the settings expect: its id and name; `model` and `firmware` as text, "" for any."""
 
@@ -229,6 +243,13 @@ class Difference:
     name: str = ""
     expected: str = ""
     found: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Gone:
+    """Devices of another robot that was on the wire for a while: this one is back, and they are not looked for."""
+
+    devices: tuple[Any, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -329,6 +350,13 @@ class ThresholdCrossed:
 
 
 @dataclass(frozen=True, slots=True)
+class Held:
+    """All devices that thresholds forbid to move, with the names of these; posted when `Limits` have been taken."""
+
+    devices: Mapping[Any, str]
+
+
+@dataclass(frozen=True, slots=True)
 class Stopped:
     """The worker executed the safe stop, for a reason; all targets are dropped.
 
@@ -390,9 +418,12 @@ class Ended:
     reason: str = ""
 
 
-ToWorker = Targets | Writers | Watch | Request | Stop | EmergencyStop | Release | Limits | Heartbeat | Configure
+ToWorker = (
+    Targets | Writers | Unusable | Watch | Request | Stop | EmergencyStop | Release | Limits | Heartbeat | Configure
+)
 FromWorker = (
     Found
+    | Gone
     | Differences
     | Samples
     | Happened
@@ -402,6 +433,7 @@ FromWorker = (
     | Refused
     | Limited
     | ThresholdCrossed
+    | Held
     | Stopped
     | Latched
     | Statistics

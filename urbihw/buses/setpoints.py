@@ -2,7 +2,8 @@
 
 A writer may request targets at any rate.  The driver's targets stay within the limits of the settings and change no
 faster than the rate limits allow.  A device that was lost and comes back is where it stopped, not where its movement
-has got to meanwhile: the set point starts at its position and catches up, no faster than the movement itself.
+has got to meanwhile: the set point starts at its position and catches up, no faster than the movement itself.  While
+that position is unknown nothing is written: the target waits, and its newest value counts.
 
     asked    .-'-.     .-'-.        the requested course of the movement
     given    .-'--------'/..-'-.    constant while the device is lost, then led to the course at the course's own speed
@@ -79,7 +80,10 @@ class TargetConverter(Protocol):
     """The part of a driver that set points use: positions, and conversion of targets."""
 
     def pose(self, device: Any, item: str) -> float | None:
-        """Return the position of the device in the unit of the target; None for an item that is not a position."""
+        """Return the position of the device in the unit of the target, nan while it is unknown.
+
+        None for an item that is not a position.
+        """
         ...
 
     def signed(self, device: Any, item: str, raw: Any) -> float:
@@ -131,7 +135,7 @@ class SetPoints:
         """
         given: dict[Key, Any] = {}
         for key, raw in values.items():
-            if raw.__class__ is bool or not isinstance(raw, int | float):
+            if raw.__class__ is bool or not isinstance(raw, int | float) or math.isnan(raw):
                 given[key] = raw
                 continue
             course = self._courses.get(key)
@@ -209,11 +213,13 @@ class SetPoints:
                 # Its writer has ended while it caught up: it stays at the last set point.
                 del self._courses[key], self._under_way[key]
                 continue
+            if math.isnan(course.given) and not self._begin_at_position(key, course):
+                continue
             way = course.asked - course.given
             pace = self.limits.get(key, _NO_LIMIT).rate
             if course.returning:
                 pace = min(pace, course.speed() or abs(way) / CATCH_UP_S)
-            reach = pace * elapsed
+            reach = pace * elapsed if elapsed else 0.0
             course.given = course.asked if abs(way) <= reach else course.given + math.copysign(reach, way)
             given[key] = self._converter.raw_of(*key, course.given)
             if course.given == course.asked:
@@ -240,7 +246,10 @@ class SetPoints:
         return raw if self._converter.signed(*key, raw) == wanted else self._converter.raw_of(*key, wanted)
 
     def _start_catch_up(self, key: Key, course: _Course, now: float) -> None:
-        """Lead a device from its position to its course, no faster than the course itself moves."""
+        """Lead a device from its position to its course, no faster than the course itself moves.
+
+        An unknown position (nan) is looked up by ``next_targets``, as often as it takes.
+        """
         place = self._converter.pose(*key)
         if place is None:
             return
@@ -249,10 +258,17 @@ class SetPoints:
             self._stepped_at = now
         self._under_way[key] = None
 
+    def _begin_at_position(self, key: Key, course: _Course) -> bool:
+        """Begin a course whose position was unknown at the position; False if that is still unknown."""
+        place = self._converter.pose(*key)
+        course.given = 0.0 if place is None else place
+        return not math.isnan(course.given)
+
     def _start_ramp(self, key: Key, course: _Course, now: float) -> bool:
         """Start a ramp to a target; False if it is reached already."""
         place = self._converter.pose(*key)
-        if math.isnan(course.given):
+        if math.isnan(course.given) or (place is not None and math.isnan(place)):
+            # A speed begins at rest.
             course.given = 0.0 if place is None else place
         elif place is not None and abs(place - course.given) > self.limits[key].rate * LIVE_TIMEOUT_S:
             # It was moved by something else: a ramp that began at the last target would send it there at full speed.

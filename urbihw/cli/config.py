@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from urbihw.cli import serve
-from urbihw.daemon.config import Entry, entries, load
+from urbihw.daemon.config import Entry, entries, load, unusable_files
 from urbihw.daemon.schema import schema
 from urbihw.exitcodes import EX_CONFIG
 from urbihw.kernel.uobject import BadConfig
@@ -19,7 +19,7 @@ from urbihw.kernel.uobject import BadConfig
 def options(parser: argparse.ArgumentParser) -> None:
     """The options of ``urbihw config``."""
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB", parser_class=type(parser))
-    check = verbs.add_parser("check", help="report all mistakes of a file; nothing is opened")
+    check = verbs.add_parser("check", help="report all mistakes of a file; no port is opened")
     check.add_argument("--config", type=Path, metavar="FILE", help="the same as FILE, as for serve")
     check.add_argument("--platform", metavar="NAME", help="the robot, if the file does not name it")
     show = verbs.add_parser("show", help="show every setting, its value and its source")
@@ -47,8 +47,9 @@ def run(options: argparse.Namespace) -> int:
         loaded = load(file, {"platform": options.platform})
     else:
         loaded = load(file, serve.flags(options))
-    if loaded.mistakes:
-        return _complain(each.line for each in loaded.mistakes)
+    mistakes = [*loaded.mistakes, *(unusable_files(loaded) if options.verb == "check" else ())]
+    if mistakes:
+        return _complain(each.line for each in mistakes)
     if options.verb == "check":
         _print(f"{file}: nothing wrong")
     elif options.json:

@@ -13,12 +13,13 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Final
 
 from urbihw import platforms
 from urbihw.cli.options import DEFAULT_PORT, Refused, port
-from urbihw.daemon.config import Config, configure
+from urbihw.daemon.config import Config, configure, load
 from urbihw.daemon.units import (
     NAME,
     PACKAGED_UNITS,
@@ -113,17 +114,13 @@ def _robot(options: argparse.Namespace) -> tuple[Manifest, Config, str]:
     """The platform and the settings of the robot, and the text of new settings; "" to leave those there are."""
     path = _below(options.root, settings_file(options.name))
     file = options.config or (path if options.platform is None and path.exists() else None)
-    if file is not None and (options.platform or options.url or options.fake or options.port):
-        raise Refused(f"platform, url, fake and port are those of {file}: change them there", EX_CONFIG)
+    if file is not None and (options.platform or options.url or options.fake):
+        raise Refused(f"platform, url and fake are those of {file}: change them there", EX_CONFIG)
     if path.exists() and file != path:
         raise Refused(f"{path} is there already and is not overwritten: edit it, or remove it; without --platform and "
                       "--config only the other files are written anew", EX_CONFIG)
     if file is not None:
-        config = configure(file)
-        if not config.platform:
-            raise Refused(f"{file}: platform is missing", EX_CONFIG)
-        _check_port(options, config.port)
-        return platforms.find(config.platform), config, "" if file == path else file.read_text("utf-8")
+        return _robot_of_file(options, file, installed=file == path)
     if options.platform is None:
         raise Refused("which robot? Give --platform NAME (urbihw platforms lists them), or --config FILE", EX_CONFIG)
     manifest = platforms.find(options.platform)
@@ -134,6 +131,23 @@ def _robot(options: argparse.Namespace) -> tuple[Manifest, Config, str]:
     _check_port(options, number)
     config = configure(None, {"platform": manifest.name, "url": url or None, "fake": options.fake, "port": number})
     return manifest, config, settings_text(manifest.name, url, number)
+
+
+def _robot_of_file(options: argparse.Namespace, file: Path, *, installed: bool) -> tuple[Manifest, Config, str]:
+    """The robot of a settings file; new settings that name no port get one."""
+    config = configure(file)
+    if not config.platform:
+        raise Refused(f"{file}: platform is missing", EX_CONFIG)
+    has_port = installed or "port" in load(file).in_file
+    if options.port and has_port:
+        raise Refused(f"the port is that of {file}: change it there", EX_CONFIG)
+    number = config.port if has_port else options.port or _free_port(options.root)
+    _check_port(options, number)
+    text = "" if installed else file.read_text("utf-8")
+    if number != config.port:
+        # Keys of the whole file stand before the first table.
+        text = f"port = {number}\n{text}"
+    return platforms.find(config.platform), replace(config, port=number), text
 
 
 def _default_url(manifest: Manifest) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 
 from urbihw.buses.errors import Unavailable
-from urbihw.buses.link import Url
+from urbihw.buses.link import serial_path
 from urbihw.buses.servos.line import Line
 from urbihw.buses.servos.quiet import check_quiet
 from urbihw.daemon.holders import daemon_of_file, holder_of_file
@@ -20,10 +20,10 @@ def open_line(url: str, baud: int | None = None) -> Line:
     try:
         line = Line.open(url, baud)
     except Unavailable as error:
-        target = Url.parse(url)
-        if error.errno != errno.EBUSY or target.scheme != "serial":
+        path = serial_path(url)
+        if error.errno != errno.EBUSY or not path:
             raise
-        raise Unavailable(errno.EBUSY, in_use(target.target)) from error
+        raise Unavailable(errno.EBUSY, in_use(path)) from error
     try:
         check_quiet(line)
     except BaseException:

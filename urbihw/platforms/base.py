@@ -35,7 +35,10 @@ from urbihw.platforms.words import ROBOT
 from urbihw.settings import BadSetting
 
 HEARTBEAT_PERIOD_S: Final = 0.5
-"""Seconds between heartbeats to the worker."""
+"""Seconds between heartbeats to the worker, at most."""
+MIN_HEARTBEAT_PERIOD_S: Final = 0.01
+HEARTBEATS: Final = 4
+"""Heartbeats that are sent while the worker waits for one before it stops the robot."""
 FIRST_READING_TIMEOUT_S: Final = 2.0
 """Seconds to wait for the first reading of all devices before ``open`` is answered."""
 SILENCE_TIMEOUT_S: Final = 3.0
@@ -106,6 +109,8 @@ class WiredRobot(GuardedRobot):
         self._had_link_loss = False
         self._resume = True
         self._heard_at = 0.0
+        self._heartbeat: int | None = None
+        self._differences: list[str] = []
 
     # ---------------------------------------------------------------- what the daemon calls
 
@@ -132,7 +137,7 @@ class WiredRobot(GuardedRobot):
         except BadUrl as error:
             raise BadConfig(str(error)) from error
         self.host.each_round(self.channel.flush)
-        self.set_timer(HEARTBEAT_PERIOD_S, self._send_heartbeat)
+        self._begin_heartbeats(settings.dead_man)
 
     def configure(self, settings: RobotSettings) -> None:
         """Apply new settings and limits.  Raises BadConfig."""
@@ -145,6 +150,7 @@ class WiredRobot(GuardedRobot):
         self.limits = limits
         self._resume = settings.resume
         self.send_message(message)
+        self._begin_heartbeats(settings.dead_man)
         self.send_limits()
 
     def close(self) -> None:
@@ -223,6 +229,10 @@ class WiredRobot(GuardedRobot):
         else:
             self.answer_open(None)
 
+    def show_problems(self) -> None:
+        """Show what differs from the expected devices, and which devices cannot be used."""
+        self.problems.sense([*self._differences, *self.unusable_devices()])
+
     def rate_words(self) -> str:
         """Return the rate of the bus for ``status``, "" before it is known."""
         return f", {self.rate.sensed:.0f} Hz" if self.rate.sensed else ""
@@ -251,6 +261,13 @@ class WiredRobot(GuardedRobot):
         """Pass a message to the kernel's thread; called in the thread of the worker's handle."""
         self.host.post(lambda: self._handle_message(message))
 
+    def _begin_heartbeats(self, dead_man: float) -> None:
+        """Send heartbeats from now on, several in the time after which the worker stops the robot."""
+        if self._heartbeat is not None:
+            self.remove_timer(self._heartbeat)
+        period = min(HEARTBEAT_PERIOD_S, dead_man / HEARTBEATS) if dead_man else HEARTBEAT_PERIOD_S
+        self._heartbeat = self.set_timer(max(period, MIN_HEARTBEAT_PERIOD_S), self._send_heartbeat)
+
     def _send_heartbeat(self) -> None:
         self.send_message(m.Heartbeat())
 
@@ -268,6 +285,9 @@ class WiredRobot(GuardedRobot):
                 self.on_happened(message)
             case m.Found():
                 self._handle_found(message)
+            case m.Gone():
+                self.device_memory.drop(message.devices)
+                self.on_gone(message)
             case m.Differences():
                 self._show_differences(message)
             case m.DeviceState():
@@ -290,6 +310,9 @@ class WiredRobot(GuardedRobot):
                     self.on_limited(message)
             case m.ThresholdCrossed():
                 self.on_threshold_crossed(message)
+            case m.Held():
+                # A worker that was replaced knows nothing of what its predecessor held.
+                self.motion.held = dict(message.devices)
             case m.WorkerState():
                 self._handle_worker_state(message)
             case m.Ended():
@@ -316,14 +339,15 @@ class WiredRobot(GuardedRobot):
         missing = [f"{each.name} (id {each.id})" for each in message.missing]
         unexpected = [f"id {each.id} ({each.found})" for each in message.unexpected]
         other = [f"{each.name} (id {each.id}) is {each.found}, not {each.expected}" for each in message.other]
-        before = {*map(str, self.problems.sensed)}
+        before = {*self._differences}
         shown = {
             "missing": [f"{each} missing" for each in missing],
             "unexpected": [f"{each} unexpected" for each in unexpected],
             "of another kind": other,
         }
         texts = [text for kind in shown.values() for text in kind]
-        self.problems.sense(texts)
+        self._differences = texts
+        self.show_problems()
         if before and not texts:
             self.log.info("all expected devices are there, and no others")
         for kind, devices in zip(shown, (missing, unexpected, other), strict=True):
@@ -356,6 +380,8 @@ class WiredRobot(GuardedRobot):
         if bool(self.link.sensed) == message.up or (self.opening and message.up):
             return
         self._show_link(message.up)
+        # Again when it is up: what was ordered meanwhile has not reached the robot.
+        self.count_standstill()
         if message.up:
             if self._had_link_loss:
                 self.log.warning("link to %s is back", self.url.sensed, event="link-back")

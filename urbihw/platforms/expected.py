@@ -33,6 +33,8 @@ from urbihw.settings import TEXT, TEXTS, Mistake, Rule, Table, checked, choice, 
 
 MAX_ID: Final = 253
 """The last id of any servo protocol."""
+MAX_NAME: Final = 64
+"""Characters of the name of a device or a group: it stands in messages and tables."""
 MAX_ANGLE: Final = 1000.0
 """Maximum offset in rad: an arm of many turns has less."""
 _NUMBERED: Final = re.compile(r"(?:motor|sensor|device)([0-9]+)")
@@ -132,6 +134,8 @@ def mistake_in_name(name: str, id_: Any, taken: Collection[str] = ()) -> str:
 
     Everything of urbiscript inherits the slots of Global, and a named device gets one: it must hide none.
     """
+    if len(name) > MAX_NAME:
+        return f"is longer than {MAX_NAME} characters"
     if not is_identifier(name):
         return "is no name in urbiscript: letters, digits and _ only, and no keyword"
     if name in TAKEN or name in taken:

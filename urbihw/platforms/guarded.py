@@ -40,6 +40,7 @@ class GuardedRobot(RobotHooks):
         self.motion = Motion(self.host, self.robot_name, self._stop_released)
         self.channel = DeviceChannel(self.send_message, self.motion)
         self.limits = LimitSettings({}, {})
+        self._standstills = 0
         self._target_limits = TargetLimits(self, self.on_limited)
         self._stop_asked_at = -math.inf
         self._unknown_limits: set[str] = set()
@@ -123,7 +124,13 @@ class GuardedRobot(RobotHooks):
 
     def _publish_stops(self) -> None:
         self.epoch.sense(float(self.motion.epoch))
-        self.stops.sense(float(self.motion.stops))
+        self.stops.sense(float(self.motion.stops + self._standstills))
+
+    def count_standstill(self) -> None:
+        """The robot has stood, or was stopped at its return, because it could not be reached: orders of speeds that
+        were given before are no longer in force, although running movements go on."""
+        self._standstills += 1
+        self._publish_stops()
 
     def _stop_released(self, devices: tuple[Hashable, ...], reason: str) -> None:
         """Stop the devices that a client moved whose connection has ended."""
@@ -195,6 +202,9 @@ class GuardedRobot(RobotHooks):
     # ---------------------------------------------------------------- messages of the worker
 
     def _show_absence(self, message: m.DeviceState) -> None:
+        if message.device in self.channel.blocked:
+            # It answers, and remains absent for other reasons.
+            return
         if message.new == "lost":
             name = f"the {message.device}" if isinstance(message.device, str) else f"device {message.device}"
             self.motion.set_absent(message.device, f"{name} is lost: {message.reason}")

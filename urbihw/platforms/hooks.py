@@ -59,6 +59,9 @@ class RobotHooks(IdentifiedRobot):
         """Handle the devices found after the link came up: the first time and after each loss."""
         raise NotImplementedError
 
+    def on_gone(self, message: m.Gone) -> None:
+        """Handle devices that were found on another robot, which is gone."""
+
     def on_samples(self, message: m.Samples) -> None:
         """Handle measured values; add ``offset`` to their times."""
         raise NotImplementedError
@@ -72,6 +75,10 @@ class RobotHooks(IdentifiedRobot):
 
     def on_device_state(self, message: m.DeviceState) -> None:
         """Handle the loss or return of a device."""
+
+    def unusable_devices(self) -> list[str]:
+        """Return a line for each device that answers and is not used; ``show_problems`` is called when one changes."""
+        return []
 
     def on_link_down(self, reason: str) -> None:
         """The link is down: measured values are stale from now on."""

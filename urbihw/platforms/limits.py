@@ -23,13 +23,17 @@ import math
 import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, Final, Self
 
 from urbihw.kernel.uobject import BadConfig
 from urbihw.settings import Mistake, Table, checked, guess, positive, rising, setting
 
 Devices = Mapping[str, Collection[str]]
 """The devices of a platform -> their kinds of limits; ``#`` in a name stands for a number."""
+
+
+TEMPERATURES: Final = (-40.0, 200.0)
+"""Lowest and highest temperature in degrees C that is of use as a limit: no motor is colder or hotter."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,9 @@ class DeviceLimits(Table):
     turn: float = setting(math.inf, positive())
     acceleration: float = setting(math.inf, positive())
     torque: float = setting(math.inf, positive())
-    temperature: tuple[float, float, float] = setting((math.inf, math.inf, math.inf), rising(3, "[55, 65, 75]"))
+    temperature: tuple[float, float, float] = setting(
+        (math.inf, math.inf, math.inf), rising(3, "[55, 65, 75]", *TEMPERATURES)
+    )
     voltage: tuple[float, float] = setting((-math.inf, math.inf), rising(2, "[9.5, 12.6]"))
 
 

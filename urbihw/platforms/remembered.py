@@ -62,7 +62,17 @@ class DeviceMemory:
         """Keep the devices that were found for the next run, if they are others than before."""
         before = dict(self.found)
         self.found |= {getattr(each, "id", ""): each for each in devices}
-        if self.file is None or self.found == before:
+        if self.found != before:
+            self._save()
+
+    def drop(self, devices: Iterable[Hashable]) -> None:
+        """Forget devices by their ids: they are not of this robot."""
+        for device in devices:
+            self.found.pop(device, None)
+        self._save()
+
+    def _save(self) -> None:
+        if self.file is None:
             return
         try:
             save(self.file, self._url, self.found.values())

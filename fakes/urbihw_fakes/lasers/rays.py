@@ -13,8 +13,8 @@ LASER_X = 0.021
 class Walls(Protocol):
     """The room."""
 
-    def ray(self, x: float, y: float, angle: float, limit: float) -> float:
-        """Return the distance in m of the first wall along a ray; at most ``limit``."""
+    def rays(self, x: float, y: float, angles: Sequence[float], limit: float) -> list[float]:
+        """Return the distance in m of the first wall along each ray; at most ``limit``."""
         ...
 
 
@@ -40,5 +40,4 @@ def distances(body: Carrier, angles: Sequence[float], farthest: float) -> list[f
     """Distances in m from the laser in these directions, rad to the left of the robot's front."""
     x, y, heading = body.pose
     lx, ly = x + LASER_X * math.cos(heading), y + LASER_X * math.sin(heading)
-    ray = body.world.ray
-    return [ray(lx, ly, heading + angle, farthest) for angle in angles]
+    return body.world.rays(lx, ly, [heading + angle for angle in angles], farthest)

@@ -6,7 +6,7 @@ All in m and rad, x to the right, y up, angles counterclockwise.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -72,18 +72,27 @@ class World:
 
     def ray(self, x: float, y: float, angle: float, limit: float) -> float:
         """Return the distance in m of the first wall along a ray; at most ``limit``."""
-        dx, dy = math.cos(angle), math.sin(angle)
-        nearest = limit
+        return self.rays(x, y, (angle,), limit)[0]
+
+    def rays(self, x: float, y: float, angles: Sequence[float], limit: float) -> list[float]:
+        """Return the same of several rays from one point."""
+        walls = []
         for x1, y1, x2, y2 in self.walls:
-            wx, wy = x2 - x1, y2 - y1
-            cross = dx * wy - dy * wx
-            if -1e-12 < cross < 1e-12:
-                continue
-            qx, qy = x1 - x, y1 - y
-            distance = (qx * wy - qy * wx) / cross
-            if 0.0 <= distance < nearest and 0.0 <= (qx * dy - qy * dx) / cross <= 1.0:
-                nearest = distance
-        return nearest
+            wx, wy, qx, qy = x2 - x1, y2 - y1, x1 - x, y1 - y
+            walls.append((wx, wy, qx, qy, qx * wy - qy * wx))
+        found = []
+        for angle in angles:
+            dx, dy = math.cos(angle), math.sin(angle)
+            nearest = limit
+            for wx, wy, qx, qy, across in walls:
+                cross = dx * wy - dy * wx
+                if -1e-12 < cross < 1e-12:
+                    continue
+                distance = across / cross
+                if 0.0 <= distance < nearest and 0.0 <= (qx * dy - qy * dx) / cross <= 1.0:
+                    nearest = distance
+            found.append(nearest)
+        return found
 
     def nearest(self, x: float, y: float) -> tuple[float, float]:
         """Distance of the nearest wall and the direction to it."""

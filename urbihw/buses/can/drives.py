@@ -215,9 +215,11 @@ class DrivesDriver(Driver):
         return request.verb in ("enable", "home", "write")
 
     def pose(self, device: Any, item: str) -> float | None:
-        """The position in increments, for the target position."""
+        """The position in increments, for the target position; nan before the drive was heard."""
+        if item != "position":
+            return None
         drive = self._drives.get(device)
-        return drive.values()["position"] if drive is not None and item == "position" and drive.heard else None
+        return drive.values()["position"] if drive is not None and drive.heard else math.nan
 
     def reading(self, device: Any, item: str, raw: Any) -> Reading | None:
         """Return position, speed and torque of the motor's shaft in rad, rad/s and N m; a fault is an alarm."""

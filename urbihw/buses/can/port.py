@@ -111,6 +111,8 @@ class CanPort(Port):
 
         A deadline in the past still collects what has arrived. Raises LinkGone.
         """
+        if self.before_wait is not None:
+            self.before_wait(deadline)
         pause = max(0.0, deadline - self.clock.now())
         frames = self._receive_text(limit, pause) if self._text is not None else self._receive(limit, pause)
         self._show("<", frames)

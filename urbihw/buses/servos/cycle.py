@@ -18,6 +18,7 @@ next one. A lost device costs only its pings: a cycle with 5 of 18 lost spends 2
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
@@ -288,6 +289,8 @@ class Cycle:
             tick.changes.append((member.device.id, change))
             if change.new == "lost":
                 member.drop_targets()
+                # It may be moved by hand meanwhile.
+                member.place, member.place_at = None, -math.inf
 
     # The lost.
 

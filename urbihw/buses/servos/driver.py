@@ -6,6 +6,7 @@ targets are dropped, so that nothing moves by itself when it returns.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
 from typing import Any
@@ -18,6 +19,7 @@ from urbihw.buses.messages import (
     DeviceState,
     Found,
     FromWorker,
+    Gone,
     Limit,
     Refused,
     Reply,
@@ -79,6 +81,7 @@ class ServoDriver(Driver):
         self._watches: dict[tuple[int, str], float] = {}
         self._next_scan_at = 0.0
         self._told: dict[int, DeviceInfo] = {}
+        self._guests: set[int] = set()
         """The devices as the last `Found` described them."""
 
     def configure(self, settings: Configure) -> None:
@@ -108,7 +111,29 @@ class ServoDriver(Driver):
             # Another robot may have been plugged in.
             outcome = self._scan_bus(bus, self._ids)
         self._identify_robot([_info_of(device) for device in outcome.devices])
-        return self._start_cycle(bus, outcome, self._absent_devices(bus, outcome))
+        gone = self._sort_out_guests(outcome)
+        return [*gone, *self._start_cycle(bus, outcome, self._absent_devices(bus, outcome))]
+
+    def _sort_out_guests(self, outcome: Scan) -> list[FromWorker]:
+        """Return `Gone` for the devices of another robot, if the own one is back without them.
+
+        Devices are those of another robot if they were found while nothing of the own one answered.
+        """
+        present = {device.id for device in outcome.devices}
+        expected = {*self._options.ids, *(each.id for each in self._settings.expected)}
+        own = (self._told.keys() | expected) - self._guests
+        if not self._told or not present:
+            return []
+        if not present & own:
+            self._guests |= present
+            return []
+        gone, self._guests = self._guests, self._guests & present
+        gone = gone - present
+        for number in gone:
+            self._known.pop(number, None)
+            self._told.pop(number, None)
+        self._moved -= gone
+        return [Gone(tuple(sorted(gone)))] if gone else []
 
     def _absent_devices(self, bus: ServoBus, outcome: Scan) -> list[Device]:
         """Return the devices that are known or expected and did not answer to a scan."""
@@ -242,9 +267,11 @@ class ServoDriver(Driver):
         return None if member is None or member.device.table is None else member
 
     def pose(self, device: Any, item: str) -> float | None:
-        """The present position as last read, for the goal position."""
+        """The present position as last read, for the goal position; nan before that."""
+        if item != GOAL:
+            return None
         member = None if self._cycle is None else self._cycle.members.get(device)
-        return None if member is None or item != GOAL else member.place
+        return math.nan if member is None or member.place is None else member.place
 
     def signed(self, device: Any, item: str, raw: Any) -> float:
         """The speed of an AX wheel has its direction in a bit."""
@@ -287,6 +314,9 @@ class ServoDriver(Driver):
         for number in self._moved & cycle.members.keys():
             cycle.members[number].moved = True
         for (device_id, item), period in list(self._watches.items()):
+            if device_id not in cycle.members:
+                # It may come back with the robot that it belongs to.
+                continue
             messages += self.watch(Watch(device_id, (item,), period), now)
         return messages
 
@@ -356,7 +386,8 @@ class ServoDriver(Driver):
             raise
         self.detach()
         self._known = {}
-        return self._start_cycle(cycle.bus, outcome, self._absent_devices(cycle.bus, outcome))
+        gone = self._sort_out_guests(outcome)
+        return [*gone, *self._start_cycle(cycle.bus, outcome, self._absent_devices(cycle.bus, outcome))]
 
     def _execute_request(self, cycle: Cycle, message: Request) -> Any:
         bus = cycle.bus

@@ -333,11 +333,7 @@ class Motion:
 
 def _client(lease: Any) -> str:
     """The name of a client."""
-    tag = getattr(lease, "tag", None)
-    if tag is None:
-        return ROBOT
-    who = ", ".join(text for text in (getattr(lease, "user", ""), getattr(lease, "peer", None)) if text)
-    return str(tag.tag.name) + (f" ({who})" if who else "")
+    return str(getattr(lease, "title", ROBOT))
 
 
 def _tag(job: Job) -> str:

@@ -171,8 +171,9 @@ class LaserDriver(Driver):
         """Ignore requests: a laser has none."""
         return [Reply(message.reply_id, False, error=f"a laser knows no request {message.verb}")]
 
-    def stop_on_reconnect(self) -> None:
+    def stop_on_reconnect(self) -> tuple[Any, ...]:
         """Do nothing: a laser that is back goes on scanning."""
+        return ()
 
     def moves(self, device: Any, item: str, value: Any) -> bool:
         """False: a laser moves nothing."""

@@ -27,6 +27,7 @@ manager of NAOqi is never switched off here.
 from __future__ import annotations
 
 import errno
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
@@ -264,7 +265,7 @@ class NaoDriver(Driver):
 
     def pose(self, device: Any, item: str) -> float | None:
         """See ``Driver``."""
-        return self._orders.where.get(device) if item == "angle" else None
+        return self._orders.where.get(device, math.nan) if item == "angle" else None
 
     def raw_of(self, device: Any, item: str, signed: float) -> Any:
         """See ``Driver``: targets are SI, and no counts."""

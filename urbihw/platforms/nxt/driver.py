@@ -12,6 +12,7 @@ without a reply; (port, "i2c", (data, count)) returns the bytes read; (motor, "r
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -184,10 +185,12 @@ class NxtDriver(Driver):
             raise LinkGone(f"{exchange.link.url.text}: the brick did not confirm that it stopped ({error})") from error
         self._moved -= {*ports}
 
-    def stop_on_reconnect(self) -> None:
-        """Stop the brick if one of its motors was moved.  Raises LinkGone."""
+    def stop_on_reconnect(self) -> tuple[Any, ...]:
+        """Stop the motors if one was moved; else those that run: another brick may be at the link.  Raises LinkGone."""
         if self._moved:
             self.safe_stop()
+            return ()
+        return self.stop_what_moves()
 
     def stop_what_moves(self) -> tuple[Any, ...]:
         """Stop the motors that already run, and return their ports.  Raises LinkGone."""
@@ -223,8 +226,8 @@ class NxtDriver(Driver):
         return [ImpliedTarget(port, "power", power) for port in p.outputs_of(b"\x00" + telegram)]
 
     def pose(self, device: Any, item: str) -> float | None:
-        """Return the rotation count as last read, in degrees, for the goal of a motor."""
-        return self._rotations.get(device) if item == "goal" else None
+        """Return the rotation count as last read, in degrees, for the goal of a motor; nan before that."""
+        return self._rotations.get(device, math.nan) if item == "goal" else None
 
     def raw_of(self, device: Any, item: str, signed: float) -> Any:
         """Return a goal unrounded: it may be a fraction of a degree."""

@@ -27,8 +27,6 @@ from urbihw.platforms.segway.rmp import RMP
 
 DEAD_MAN: Final = 0.4
 """Maximum silence of the kernel in seconds before the base is stopped: the base's own time-out."""
-ALIVE: Final = 0.1
-"""Seconds between heartbeats."""
 SHORTEST: Final = 1 / FASTEST
 """Minimum seconds between two readings: two cycles of the base."""
 LONGEST: Final = 60.0
@@ -71,14 +69,13 @@ class Segway(WiredRobot):
     # ---------------------------------------------------------------- what the daemon calls
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
-        """Start the worker at a safe rate and dead-man time, and the faster heartbeat of this robot."""
+        """Start the worker at a safe rate and dead-man time."""
         self._wanted = _safe(settings)
         super().open(self._wanted, opened)
         self.options = Options.of(settings.options)
         self.rmpModel.sense(self.options.model)
         self.identify(model=f"{self.model_name} {self.options.model}")
         self.channel.watch(BASE, (), 1 / self._wanted.rate)
-        self.set_timer(ALIVE, self._send_heartbeat)
 
     def configure(self, settings: RobotSettings) -> None:
         """Apply new settings; the rate remains the one that the RMPs requested."""
@@ -241,11 +238,13 @@ class Segway(WiredRobot):
                 self.answer_open(NotReady(_nobody(self.url.sensed, message.reason)))
                 return
             self.log.warning("the base is lost: %s; its motion is zero until it is driven again", message.reason)
+            self.count_standstill()
             self._changed("lost")
             self._drop_path(f"the base is lost: {message.reason}")
             self.lost.emit(message.reason)
         elif message.new == "back":
             self.log.warning("the base is back")
+            self.count_standstill()
             self._changed("ok")
             self.back.emit()
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from urbihw.buses.servos import calibration
+from urbihw.buses.servos.calibration import BadCalibration
 from urbihw.buses.servos.options import Options
-from urbihw.settings import TEXT, setting
+from urbihw.settings import TEXT, Mistake, setting
 
 CALIBRATION: Final = "calibration"
 
@@ -21,6 +23,19 @@ class ServoOptions(Options):
     """
 
     calibration: str = setting("", TEXT, file=True)
+
+    def unusable_files(self) -> Iterator[Mistake]:
+        """See ``Table``: the calibration."""
+        yield from check_calibration(CALIBRATION, self.calibration)
+
+
+def check_calibration(key: str, path: str) -> Iterator[Mistake]:
+    """Yield what is wrong with a calibration file that a row names; "" names none."""
+    if path:
+        try:
+            calibration.load(path)
+        except BadCalibration as error:
+            yield Mistake(key, str(error))
 
 
 def for_driver(options: Mapping[str, Any]) -> dict[str, Any]:

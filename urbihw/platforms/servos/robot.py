@@ -24,6 +24,12 @@ from urbihw.platforms.servos.options import CALIBRATION, for_driver
 from urbihw.platforms.servos.registers import RegisterDevice
 from urbihw.platforms.teach.robot import MotionRobot
 
+_OF_ANOTHER: Final = "it belongs to another robot, which is gone"
+LEFT: Final = DeviceEvent(
+    "{who} belongs to another robot, which is gone: it is no longer looked for",
+    "{count} devices belong to another robot, which is gone: they are no longer looked for: {who}",
+    "left",
+)
 MISSING: Final = DeviceEvent(
     "no answer from {who}, which the settings expect: it joins when it answers",
     "no answer from {count} devices, which the settings expect: they join when they answer: {who}",
@@ -267,6 +273,7 @@ class ServoRobot(MotionRobot):
             if device is None:
                 self._add_device(info)
             elif self._has_known_registers(device, info):
+                self.tables[device.kind_of_device].members[info.id] = device
                 device.link_changed(True)
         grow = f"{self.robot_name}.grow"
         self.host.run(f"{grow};", grow, self._on_tree_built)
@@ -289,6 +296,24 @@ class ServoRobot(MotionRobot):
             self.log.warning("%s", others)
         if self.opening:
             self.wait_for_readings()
+
+    def on_gone(self, message: m.Gone) -> None:
+        """Take the devices of another robot out of the tables; a program that has one finds it lost."""
+        for number in message.devices:
+            device = self.devices.get(number)
+            if device is not None:
+                self.channel.blocked.pop(number, None)
+                self.tables[device.kind_of_device].members.pop(number, None)
+                device.changed_state("lost", _OF_ANOTHER)
+                self.motion.set_absent(number, f"device {number} is lost: {_OF_ANOTHER}")
+                self.log.log_event(LEFT, f"{device.kind_of_device} {number}")
+                group = f"{self.robot_name}.{device.kind_of_device}s"
+                self.host.run(f"{group}.remove({device.kind_of_device}{number});", group, self._on_left_group)
+        self.show_problems()
+
+    def _on_left_group(self, problem: str) -> None:
+        if problem:
+            self.log.error("a device of another robot stays in its group: %s", problem)
 
     def has_limits(self) -> bool:
         """Joints may have a range by ``[devices]`` or by their calibration."""
@@ -362,18 +387,40 @@ class ServoRobot(MotionRobot):
     def _has_known_registers(self, device: Device, info: DeviceInfo) -> bool:
         """Return whether a device that answers again has the registers of its object; another one is blocked."""
         blocked, before = self.channel.blocked, self._infos[info.id]
+        name = f"{device.kind_of_device} {info.id}"
         if info.family == before.family:
             if blocked.pop(info.id, ""):
+                self._show_unusable(info.id, "")
                 device.changed_state("back", "")
                 device.changed_state("ok", "")
+                self.log.log_event(BACK, name)
+                self.back.emit(device)
             return True
         reason = f"{info.name} answers to this id, not {before.name}: start urbihw again to use it"
-        if blocked.get(info.id) != reason:
-            blocked[info.id] = reason
-            self.log.log_event(LOST, f"{device.kind_of_device} {info.id}", reason)
+        changed = blocked.get(info.id) != reason
+        blocked[info.id] = reason
+        # Each time: a lost link, and another worker, forget it.
+        self._show_unusable(info.id, reason)
+        if changed:
+            self.log.log_event(LOST, name, reason)
             device.changed_state("lost", reason)
             self.lost.emit(device)
         return False
+
+    def _show_unusable(self, number: int, reason: str) -> None:
+        """Tell clients that write to a device, the health and ``problems`` why it is not used; "" when it is again."""
+        text = reason and f"device {number} is lost: {reason}"
+        if self.motion.absent.get(number, ("", 0))[0] != text:
+            # It may have been silent before, which was another reason.
+            self.motion.set_absent(number, "")
+            self.motion.set_absent(number, text)
+        self.send_message(m.Unusable(number, reason))
+        self.show_problems()
+
+    def unusable_devices(self) -> list[str]:
+        """See ``RobotHooks``: another model under the id of a device."""
+        return [f"{self.devices[number].kind_of_device} {number}: {reason}"
+                for number, reason in self.channel.blocked.items() if number in self.devices]
 
     def on_refused(self, message: m.Refused) -> None:
         """Log a refusal; not that another model under a known id lacks registers, since that is told already."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from urbihw.platforms.servos.options import ServoOptions
-from urbihw.settings import TEXT, setting
+from urbihw.platforms.servos.options import ServoOptions, check_calibration
+from urbihw.settings import TEXT, Mistake, setting
 
 LEADER: Final = "leader"
 LEADER_CALIBRATION: Final = "leader_calibration"
@@ -23,3 +24,8 @@ class Options(ServoOptions):
 
     leader: str = setting("", TEXT)
     leader_calibration: str = setting("", TEXT, file=True)
+
+    def unusable_files(self) -> Iterator[Mistake]:
+        """See ``Table``: the calibrations of both arms."""
+        yield from super().unusable_files()
+        yield from check_calibration(LEADER_CALIBRATION, self.leader_calibration)

@@ -311,9 +311,10 @@ class SpykeeDriver(Driver):
         self._stop_all()
         return ()
 
-    def stop_on_reconnect(self) -> None:
+    def stop_on_reconnect(self) -> tuple[Any, ...]:
         """Stop the robot: it may have moved on during the loss of the link.  Raises LinkGone."""
         self._stop_all()
+        return ()
 
     def _stop_all(self) -> None:
         # An earlier client may have sent it to its dock.

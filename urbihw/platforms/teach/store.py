@@ -20,6 +20,12 @@ MTN: Final = ".mtn"
 _NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,64}", re.ASCII)
 
 
+def check_name(name: str, what: str) -> None:
+    """Raise BadMotion for a name that no motion or pose can have; ``what`` is the word for one of them."""
+    if not _NAME.fullmatch(name):
+        raise BadMotion(f"{name!r}: the name of a {what} has 1 to 64 letters, digits, _ or -")
+
+
 class Store:
     """A folder of motions, or of poses; ``what`` is the word for one of them."""
 
@@ -68,8 +74,7 @@ class Store:
         self._file(name, SUFFIX)
 
     def _file(self, name: str, suffix: str) -> Path:
-        if not _NAME.fullmatch(name):
-            raise BadMotion(f"{name!r}: the name of a {self._what} has 1 to 64 letters, digits, _ or -")
+        check_name(name, self._what)
         if self._folder is None:
             raise BadMotion(f"there is no folder for a {self._what}: name one in the setting motions")
         return self._folder / f"{name}{suffix}"
