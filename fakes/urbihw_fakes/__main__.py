@@ -1,7 +1,8 @@
 """Run a simulated robot: `python -m urbihw_fakes bioloid --pty [PATH]` or `--tcp PORT`.
 
 The first line printed is the url to give the gateway. Then it serves until SIGTERM, SIGINT or, with --until-eof, the
-end of its input, and carries out what is typed (say `help`).
+end of its input, and carries out what is typed (say `help`). With --json it talks to a program: the second line tells
+its words, and each line of input is answered by one line of JSON.
 
 A robot is a package here with a module `start`: a line of help, its options, and how it is started from them.
 """
@@ -9,6 +10,7 @@ A robot is a package here with a module `start`: a line of help, its options, an
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import signal
 import sys
@@ -54,9 +56,12 @@ def main(arguments: list[str] | None = None) -> int:
     with endpoint:
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: endpoint.stop())
-        _listen(endpoint, Console(endpoint, words), options.until_eof)
+        console = Console(endpoint, words)
+        _listen(endpoint, console, options)
         try:
             print(endpoint.url, flush=True)
+            if options.json:
+                print(json.dumps(console.words()), flush=True)
         except BrokenPipeError:  # who started it has ended meanwhile
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 0
@@ -71,10 +76,11 @@ def _parser(known: Mapping[str, Start]) -> argparse.ArgumentParser:
         own = parsers.add_parser(name, help=robot.HELP)
         robot.options(own)
         own.add_argument("--until-eof", action="store_true", help="end when standard input ends")
+        own.add_argument("--json", action="store_true", help="answer each line of input with one line of JSON")
     return parser
 
 
-def _listen(endpoint: Endpoint, console: Console, until_eof: bool) -> None:
+def _listen(endpoint: Endpoint, console: Console, options: argparse.Namespace) -> None:
     """Carry out the lines of standard input between requests."""
     source = sys.stdin.fileno()
     rest = b""
@@ -84,12 +90,14 @@ def _listen(endpoint: Endpoint, console: Console, until_eof: bool) -> None:
         data = os.read(source, 4096)
         if not data:
             endpoint.unwatch(source)
-            if until_eof:
+            if options.until_eof:
                 endpoint.stop()
         *lines, rest = (rest + data).split(b"\n")
         for line in lines:
             answer = console.line(line.decode(errors="replace"))
-            if answer:
+            if options.json:
+                print(json.dumps(answer), flush=True)
+            elif answer:
                 print(answer, flush=True)
 
     endpoint.watch(source, ready)

@@ -54,6 +54,13 @@ class Console:
         except (ValueError, IndexError, TypeError):
             return f"error: usage: {words[0]} {command.usage}"
 
+    def words(self) -> list[dict[str, str]]:
+        """The words, for programs: name, parameters and meaning of each."""
+        return [
+            {"name": word, "parameters": command.usage, "meaning": command.help}
+            for word, command in self._commands.items()
+        ]
+
     def _fault(self, word: str) -> Command:
         def run(words: list[str]) -> str:
             who = int(words[0]) if words and words[0] != "all" else None

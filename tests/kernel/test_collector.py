@@ -29,6 +29,7 @@ def time(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[float]]:
         return now[0]
 
     monkeypatch.setattr("urbihw.kernel.sched.collector.time.monotonic", monotonic)
+    gc.unfreeze()  # what lives as long as all tests
     gc.collect()
     yield now
     assert gc.get_freeze_count() == 0

@@ -62,6 +62,7 @@ SAMPLES: dict[str, str] = {
     "StackFrame": "{function f () { throw Exception.new(\"x\") } | "
     "try { [1].map(closure (v) { f() }); nil } catch (var e) { e.backtrace[0] }}",
     "String": '"text"',
+    "Subscription": 'Subscription.new("S", [], 1)',
     "System": "System",
     "System.PackageInfo": "System.PackageInfo",
     "System.Platform": "System.Platform",

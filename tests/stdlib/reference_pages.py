@@ -27,8 +27,8 @@ CLASSES = (
     "Kernel1", "Lazy", "List", "Loadable", "Lobby", "Location", "Math", "Mutex", "nil", "Object", "Orderable",
     "OutputStream", "Pair", "Path", "Pattern", "Position", "Primitive", "Process", "Profiling", "PseudoLazy", "PubSub",
     "PubSub.Subscriber", "RangeIterable", "Regexp", "Semaphore", "Server", "Singleton", "Socket", "StackFrame",
-    "String", "System", "System.PackageInfo", "System.Platform", "Tag", "Timeout", "Traceable", "TrajectoryGenerator",
-    "Triplet", "Tuple", "UObject", "UValue", "UVar", "void", "WeakDictionary", "WeakPointer",
+    "String", "Subscription", "System", "System.PackageInfo", "System.Platform", "Tag", "Timeout", "Traceable",
+    "TrajectoryGenerator", "Triplet", "Tuple", "UObject", "UValue", "UVar", "void", "WeakDictionary", "WeakPointer",
 )  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from library_samples import SAMPLES
 from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.runtime.code import Primitive
+from urbihw.kernel.stdlib.sampling import feeds_of
 
 LEFT_OUT = {
     ("System", "_exit"): "does not return",
@@ -94,6 +95,8 @@ class Bench:
         assert made, f"{this} failed: {words[0]}"
         if isinstance(made[0], Lobby) and made[0] is not self.lobby:
             made[0].close()
+        for feed in feeds_of(self.lobby):  # it would go on for ever
+            feed.close()
         return words[0] + self.lobby.output.take_bytes().decode("latin-1")
 
 

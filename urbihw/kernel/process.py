@@ -38,6 +38,7 @@ from urbihw.kernel.server.bounds import NONE, Bounds
 from urbihw.kernel.server.exit_watchdog import END_TIMEOUT_S, ExitWatchdog
 from urbihw.kernel.server.handshake import HandshakeFactory, PlainHandshake
 from urbihw.kernel.server.interrupt import Interrupter
+from urbihw.kernel.server.log_tap import LogTap
 from urbihw.kernel.server.loop import Driver
 from urbihw.kernel.server.tcp import MAX_CLIENTS, OpenLobby, Server
 
@@ -93,6 +94,7 @@ class KernelProcess:
         self._bound: list[socket.socket] = []
         self._bound_unix: list[socket.socket] = []
         self._port_file: Path | None = None
+        self._log_tap: LogTap | None = None
         self.stopped: asyncio.Future[None] = self._loop.create_future()
         self.driver: Driver | None = None
         self.server: Server | None = None
@@ -175,6 +177,8 @@ class KernelProcess:
         self.kernel = Kernel(fast=fast, process=HostProcess(name, arguments, self.stop, reboot))
         self.driver = Driver(self.kernel.scheduler, limits)
         self.interrupter = Interrupter(self.kernel.scheduler, self.stop, second_is_fatal=self._second_is_fatal)
+        self._log_tap = LogTap(self.kernel.post, self.kernel.programs.log.add)
+        self._log_tap.attach()
         self._interrupt_programs()
         return self.kernel
 
@@ -269,6 +273,8 @@ class KernelProcess:
     async def close(self) -> None:
         """Send the remaining output, disconnect the clients, and free everything.  A second call does nothing."""
         self.extend_deadline()
+        if self._log_tap is not None:
+            self._log_tap.detach()
         if self.server is not None:
             await self.server.close()
         for one in (*self._bound, *self._bound_unix):

@@ -33,8 +33,8 @@ class Lobby(Obj):
 
     is_per_connection = True
     __slots__ = (
-        "connected", "holdings", "in_command", "input_handler", "maker", "on_quit", "output", "peer", "programs",
-        "received", "shell", "tag", "user",
+        "connected", "holdings", "in_command", "input_handler", "label", "maker", "on_quit", "output", "peer",
+        "programs", "received", "shell", "tag", "user",
     )  # fmt: skip
 
     def __init__(
@@ -64,6 +64,8 @@ class Lobby(Obj):
         """The lobby whose program opened this connection, if any."""
         self.user = ""
         """The name of the user who presented a token, "" without access control."""
+        self.label = ""
+        """The name that the client has given to the connection, "" for none."""
         name = programs.lobby_name()
         self.tag = ConnectionTag(world, name)
         self.slots["connectionTag"] = self.tag
@@ -80,6 +82,12 @@ class Lobby(Obj):
             self.world.invoke(self.world.record.original(self.world.lobby_proto, "banner"), self)
         except Exception as error:
             self.report(error)
+
+    @property
+    def title(self) -> str:
+        """The name of the connection for ``why``, the log and the list of jobs, with its user and its address."""
+        who = ", ".join(text for text in (self.user, self.peer) if text)
+        return (self.label or str(self.tag.tag.name)) + (f" ({who})" if who else "")
 
     def set_maker(self, maker: Lobby) -> None:
         """Make this lobby belong to another one, whose program opened it: it ends with that lobby and shares the limits

@@ -83,6 +83,11 @@ class Output:
             self._writers.wake_all()
 
     @property
+    def backlog(self) -> int:
+        """The number of unread bytes now; 0 in a kernel without a server."""
+        return 0 if self.give_up is None else self._gathered + self.unread()
+
+    @property
     def low_mark(self) -> int:
         """The number of unread bytes at which waiting writers go on."""
         return self.limit // 4

@@ -17,6 +17,7 @@ from urbihw.kernel.lobby.host_process import HostProcess
 from urbihw.kernel.lobby.long_work import MAX_SHORT_TEXT, LongWork, end_of_slice
 from urbihw.kernel.lobby.printing import show
 from urbihw.kernel.lobby.program_files import compiled_file, is_kept
+from urbihw.kernel.lobby.server_log import ServerLog
 from urbihw.kernel.lobby.templates import MAX_TEMPLATES, TemplateCache, TemplateUse
 from urbihw.kernel.runtime.backtrace import current_stack
 from urbihw.kernel.sched.collector import COLLECTOR
@@ -44,12 +45,14 @@ class Programs:
         exit_status: the exit code that a program requests, None for that of the process.
         listen_port: the TCP port for clients, -1 for none.
         quiet: whether a new connection gets no banner.
+        log: the last lines of the process's log.
     """
 
     def __init__(self, world: World, ops: dict[str, Any], process: HostProcess) -> None:
         self.world = world
         self.ops = ops
         self.process = process
+        self.log = ServerLog(world)
         self.read = TemplateCache()
         self.units = UnitCache(MAX_TEMPLATES)
         self.long_work = LongWork(world.scheduler)

@@ -25,12 +25,16 @@ class Accessor(Protocol):
 
 
 class SlotMeta:
-    """The optional parts of one slot of one object."""
+    """The optional parts of one slot of one object.
 
-    __slots__ = ("accessor", "blender", "changed", "constant", "properties", "watchers")
+    ``getter``: whether a function in the slot is its getter, which is called by a read, and not a method.
+    """
+
+    __slots__ = ("accessor", "blender", "changed", "constant", "getter", "properties", "watchers")
 
     def __init__(self) -> None:
         self.constant = False
+        self.getter = False
         self.properties: dict[str, Any] | None = None
         self.changed: Any = None
         self.watchers: dict[Watch, None] | None = None

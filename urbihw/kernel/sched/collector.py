@@ -34,6 +34,7 @@ class Collector:
     def __init__(self) -> None:
         self._working = 0
         self._guards = 0
+        self._froze = False
         self._began = 0.0
         self._thawed = 0.0
 
@@ -43,7 +44,8 @@ class Collector:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
         self._working -= 1
-        if not self._working and not self._guards:
+        if self._froze and not self._working and not self._guards:
+            self._froze = False
             gc.unfreeze()
 
     def is_busy(self) -> bool:
@@ -52,6 +54,7 @@ class Collector:
 
     def freeze_existing(self) -> None:
         """Freeze all existing objects; to be called between two steps of long work."""
+        self._froze = True
         gc.freeze()
 
     def guard(self) -> None:

@@ -125,7 +125,7 @@ class Tag:
     def stop(self, value: Any) -> None:
         """Stop all code under this tag and its children, with a value; the running job last, if it is under the tag."""
         mine: StopTag | None = None
-        for tag in self._descendants():
+        for tag in self.descendants():
             for entry in list(tag.live):
                 for job in list(entry.jobs):
                     outer = _outermost(job, self)
@@ -166,14 +166,15 @@ class Tag:
         self.blocked = False
         self.block_value = None
 
-    def _descendants(self) -> list[Tag]:
+    def descendants(self) -> list[Tag]:
+        """This tag and all that derive from it."""
         family = [self]
         for tag in family:
             family.extend(child for child in (ref() for ref in tag._children) if child is not None)
         return family
 
     def _update_jobs(self) -> None:
-        for tag in self._descendants():
+        for tag in self.descendants():
             for entry in list(tag.live):
                 for job in list(entry.jobs):
                     job.update_frozen()

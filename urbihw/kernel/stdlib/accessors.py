@@ -48,6 +48,7 @@ def set_getter(world: World, this: Value, slot: str, function: Value) -> None:
     obj = world.as_obj(this)
     _check(obj, slot)
     world.ops.put_slot(obj, slot, function)
+    meta_of(obj, slot).getter = True
 
 
 def set_setter(world: World, this: Value, slot: str, function: Value) -> None:

@@ -37,10 +37,29 @@ class Row(NamedTuple):
 
 def rows_of(world: World, this: Obj) -> list[Row]:
     """The slots that a device does not share with every object, in alphabetical order."""
-    return [Row(name, _shown(world, _present(world, this, name))) for name in sorted({*_names(world, this)})]
+    return [Row(name, _shown(world, _present(world, this, name))) for name in sorted({*names_of(world, this)})]
 
 
-def _names(world: World, this: Obj) -> Iterator[str]:
+def find_property(this: Obj, name: str, wanted: str) -> Value:
+    """A property of a slot, or of the slot of that name in the first prototype that has the property; None if there is
+    none.
+    """
+    seen: dict[int, Obj] = {}
+    waiting = [this]
+    while waiting:
+        one = waiting.pop()
+        if id(one) in seen:
+            continue
+        seen[id(one)] = one
+        meta = peek_meta(one, name)
+        if meta is not None and meta.properties and wanted in meta.properties:
+            return meta.properties[wanted]
+        waiting += [proto for proto in reversed(one.protos) if isinstance(proto, Obj)]
+    return None
+
+
+def names_of(world: World, this: Obj) -> Iterator[str]:
+    """The names of the slots that a device does not share with every object; some may come twice."""
     seen = {id(one) for one in (world.object, world.global_, world.uobject_proto)}
     seen |= {id(prototype(world, name)) for name in ("Interface", "Component", "Localizer")}
     waiting = [this]

@@ -9,7 +9,6 @@ import inspect
 import math
 import re
 from collections.abc import Iterator
-from functools import cache
 from importlib import import_module
 from importlib.resources import files
 from typing import Any
@@ -17,11 +16,10 @@ from typing import Any
 from urbihw.kernel.runtime.code import Executable, Primitive
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
-from urbihw.kernel.runtime.slot import peek_meta
 from urbihw.kernel.runtime.values import String
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib import MODULES, prototype
-from urbihw.kernel.stdlib.device_slots import Row, rows_of
+from urbihw.kernel.stdlib.device_slots import Row, find_property, rows_of
 from urbihw.kernel.stdlib.interface import kinds_of
 from urbihw.kernel.value import Value
 
@@ -100,12 +98,12 @@ class Docstrings:
 
     def unit(self, this: Obj, name: str) -> str:
         """The unit of a slot, from the properties of the slot or of the interfaces of its object."""
-        unit = self._property(this, name, "unit")
+        unit = find_property(this, name, "unit")
         return unit.s if isinstance(unit, String) else ""
 
     def range(self, this: Obj, name: str) -> str:
         """The range of a slot."""
-        least, most = (self._property(this, name, end) for end in ("rangemin", "rangemax"))
+        least, most = (find_property(this, name, end) for end in ("rangemin", "rangemax"))
         if least.__class__ is float and most.__class__ is float and (math.isfinite(least) or math.isfinite(most)):
             return f"{least:g} to {most:g}"
         return ""
@@ -115,28 +113,15 @@ class Docstrings:
         obj = self._world.peek_obj(this)
         rows = []
         for row in rows_of(self._world, obj):
-            holder = obj.find(row.name)
-            text = "" if holder is None else inspect.cleandoc(self._of_slot(obj, holder, row.name))
-            meaning = text.partition("\n\n")[0].replace("\n", " ").replace("``", "")
+            meaning = self.meaning(obj, row.name)
             rows.append(row._replace(unit=self.unit(obj, row.name), range=self.range(obj, row.name), meaning=meaning))
         return rows
 
-    def _property(self, this: Obj, name: str, wanted: str) -> Value:
-        """A property of a slot, or of the slot of that name in the first prototype that has the property; None if there
-        is none.
-        """
-        seen: dict[int, Obj] = {}
-        waiting = [this]
-        while waiting:
-            one = waiting.pop()
-            if id(one) in seen:
-                continue
-            seen[id(one)] = one
-            meta = peek_meta(one, name)
-            if meta is not None and meta.properties and wanted in meta.properties:
-                return meta.properties[wanted]
-            waiting += [proto for proto in reversed(one.protos) if isinstance(proto, Obj)]
-        return None
+    def meaning(self, this: Obj, name: str) -> str:
+        """What is said of a slot, in one line: the first paragraph."""
+        holder = this.find(name)
+        text = "" if holder is None else inspect.cleandoc(self._of_slot(this, holder, name))
+        return text.partition("\n\n")[0].replace("\n", " ").replace("``", "")
 
     def noted(self, prototype: Value) -> set[str]:
         """The slots with an entry in ``NOTES``; some of them are slots of instances and not of the class."""
@@ -202,21 +187,27 @@ def _of_device_function(holder: Value, name: str) -> str:
     return ""
 
 
+def docstrings_of(world: World) -> Docstrings:
+    """The docstrings of a world, collected at the first call."""
+    if not world.has_part(Docstrings):
+        world.install_part(Docstrings(world))
+    return world.part(Docstrings)
+
+
 def install(world: World, programs: Any) -> None:
     """Install ``documentation`` in System."""
     table = Table("System")
-    docstrings = cache(lambda: Docstrings(world))
 
     @table.primitive("documentation")
     def documentation(world: World, this: Value, holder: Value, name: str) -> str:
         """The description of a slot of an object, as a String; empty if there is none."""
-        return docstrings().of(holder, name)
+        return docstrings_of(world).of(holder, name)
 
     @table.primitive("slotTable")
     def slot_table(world: World, this: Value, device: Any) -> Value:
         """The slots of a device, in alphabetical order: a List of [name, present value, unit, range, meaning] for each,
         all Strings; the value of a function and of an event is empty."""
-        rows = docstrings().table(device)
+        rows = docstrings_of(world).table(device)
         return world.new_list([world.new_list([world.string(word) for word in row]) for row in rows])
 
     table.install(world, prototype(world, "System"))

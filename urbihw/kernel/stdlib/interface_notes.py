@@ -140,3 +140,15 @@ NOTES: Final = {
     "Interface.Battery.current": "current drawn, nil where it is not measured",
     "Interface.Battery.voltage": "voltage of the battery",
 }
+
+TOLD: Final = {
+    "AudioOut.playing": "truth",
+    "Mobile.position": "dictionary",
+    "Mobile.speed": "list",
+    "Mobile.moving": "truth",
+    "Mobile.aborted": "event",
+    "Mobile.finished": "event",
+    "Mobile.unreachable": "event",
+}
+"""The promised slots without a unit that are values, although a function may tell them: the kind of each value.  Any
+other function without a unit, such as go, does something."""

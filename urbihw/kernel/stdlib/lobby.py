@@ -27,6 +27,9 @@ MAX_UNREAD_SIZE: Final = 8 * 1024 * 1024
 MAX_CREATED_LOBBIES: Final = 64
 """Maximum number of lobbies made by ``Lobby.create`` per connection."""
 
+MAX_LABEL_LENGTH: Final = 80
+"""Maximum length of the name that a client gives to its connection."""
+
 NOTES = {
     "Lobby.connectionTag": "The tag of all jobs of the connection; after it is stopped, the connection remains usable.",
     "Lobby.remoteIP": "The address of the client; only for a TCP connection.",
@@ -40,6 +43,11 @@ class Output(Protocol):
 
     sent: int
     root: Any
+
+    @property
+    def backlog(self) -> int:
+        """The number of bytes that the client has not read."""
+        ...
 
     def line(self, text: str, channel: str = "") -> None:
         """Send one line."""
@@ -63,6 +71,7 @@ class Lobby(Protocol):
     programs: Any
     shell: Any
     holdings: Holdings
+    label: str
 
     def feed(self, data: bytes) -> None:
         """Add bytes to the input, as if the client had sent them."""
@@ -101,6 +110,18 @@ def own_lobby(world: World, this: Value) -> Lobby:
 def echo_to(world: World, lobby: Lobby, value: Value, channel: str) -> None:
     """Send one line after three stars."""
     lobby.output.line(starred(world.text(value)), channel)
+
+
+@TABLE.primitive("introduce")
+def introduce(world: World, this: Value, name: str) -> None:
+    """Give one's own connection a name, which ``why`` of a device, the log and the list of jobs show instead of
+    ``Lobby_7``.  Not in the manual.
+
+    At most 80 characters that can be printed; the address of the client is shown behind it.
+    """
+    if not 0 < len(name) <= MAX_LABEL_LENGTH or not name.isprintable():
+        raise errors.primitive(f"a name of a connection has 1 to {MAX_LABEL_LENGTH} characters that can be printed")
+    own_lobby(world, this).label = name
 
 
 # ---------------------------------------------------------------- saying
@@ -270,6 +291,11 @@ class Relay:
         self.root = output.root
         self.sent = 0
         self.open = True
+
+    @property
+    def backlog(self) -> int:
+        """The number of bytes that the client of the other output has not read."""
+        return self._output.backlog
 
     def line(self, text: str, channel: str = "") -> None:
         """Send one line."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 import logging
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Collection, Hashable
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
@@ -36,7 +36,10 @@ def bound_functions(kind: type[UObject]) -> dict[str, str]:
 
 def arity(method: Method) -> tuple[int, int]:
     """The minimum and the maximum number of arguments of a bound method or function; -1 stands for no limit."""
-    parameters = list(inspect.signature(method).parameters.values())
+    return _arity_of(inspect.signature(method).parameters.values())
+
+
+def _arity_of(parameters: Collection[inspect.Parameter]) -> tuple[int, int]:
     places = [one for one in parameters if one.kind in (one.POSITIONAL_ONLY, one.POSITIONAL_OR_KEYWORD)]
     least = sum(1 for one in places if one.default is one.empty)
     variadic = any(one.kind is one.VAR_POSITIONAL for one in parameters)
@@ -71,8 +74,8 @@ def _function(
     registry = registry_of(world)
     hints = hints_of(method)
     parameters = list(inspect.signature(method).parameters.values())
+    least, most = _arity_of(parameters)
     convert = [converter(world, hints.get(one.name, inspect.Parameter.empty)) for one in parameters]
-    least, most = arity(method)
 
     def run(this: Any, *args: Any) -> Any:
         call = find(this)

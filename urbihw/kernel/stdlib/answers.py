@@ -1,0 +1,265 @@
+"""Answers to programs, on a channel that the program has chosen: for client libraries.  Not in the manual.
+
+An answer is one line, a List that begins with a String, its kind.  Unlike printed values, numbers have all digits::
+
+    ["", VALUE]                               a Float, String, List, Dictionary, Binary, true, false, nil
+    ["object", "motor6", ["AX12", ...]]       another object: how it is printed, the names of its class and prototypes
+    ["function", "robot.stop"]                a function, which a reading does not call
+    ["error", KIND, ["1.1-3: lookup failed: foo", "   called from: ..."]]
+    ["stopped"]                               the statement was ended by a tag
+
+Objects inside of lists are printed by their names.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any, Final
+
+from urbihw.kernel import errors
+from urbihw.kernel.runtime.binary import BinaryObject
+from urbihw.kernel.runtime.event import Emission, Event
+from urbihw.kernel.runtime.object import Nil, Obj, Truth, Void
+from urbihw.kernel.runtime.plain import escaped
+from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.values import Dictionary, FloatObject, List, String, Tuple
+from urbihw.kernel.runtime.world import World
+from urbihw.kernel.stdlib import prototype
+from urbihw.kernel.stdlib.lobby import own_lobby
+from urbihw.kernel.stdlib.slot_reading import Unreadable, make_reader, parse_path
+from urbihw.kernel.value import Value
+
+TABLE = Table("Lobby")
+TABLES = [TABLE]
+
+MAX_DEPTH: Final = 20
+"""Maximum nesting of lists and dictionaries."""
+MAX_LENGTH: Final = 16 * 1024 * 1024
+"""Maximum length of an answer in characters, without the data of Binaries."""
+MAX_BACKLOG: Final = 256 * 1024
+"""Number of bytes that the client has not read from which on events are left out and counted."""
+MAX_FOLLOWED: Final = 64
+"""Maximum number of events that are sent to a connection."""
+MAX_ASSIGNMENTS: Final = 1000
+"""Maximum number of compiled assignments."""
+KIND: Final = "followed events"
+_WORD: Final = re.compile(r"[A-Za-z_][\w.]*", re.ASCII)
+
+
+@TABLE.primitive("answer")
+def answer(world: World, this: Value, channel: str, statement: Value) -> None:
+    """Call a closure, and send its result or its error as one line on a channel."""
+    text = '["stopped"]'
+    try:
+        text = _kind_text(world, world.invoke(statement, this))
+    except Exception as error:
+        text = _error_text(world, error)
+    finally:
+        _send(world, this, channel, text)
+
+
+@TABLE.primitive("answerBegun")
+def answer_begun(world: World, this: Value, channel: str, statement: Value) -> None:
+    """Call a closure in a new job, and send one line on a channel as soon as the job waits or ends: ``["", nil]``, or
+    its error.  A later error is reported like that of any background job.
+    """
+    lobby = own_lobby(world, this)
+    errors_before: list[str] = []
+    answered = False
+
+    def run() -> None:
+        try:
+            world.invoke(statement, this)
+        except Exception as error:
+            if answered:
+                raise
+            errors_before.append(_error_text(world, error))
+
+    maker = world.scheduler.running()
+    job = world.scheduler.spawn(run, lobby.shell.next_name(), maker.context, entries=maker.entries)
+    job.epoch = maker.epoch
+    world.scheduler.run_first(job)
+    answered = True
+    _send(world, this, channel, errors_before[0] if errors_before else '["", nil]')
+
+
+@TABLE.primitive("answerSlot")
+def answer_slot(world: World, this: Value, channel: str, path: str) -> None:
+    """Read a slot by its path, such as ``motor6.val``, and send its value on a channel.  No function is called."""
+    text = '["stopped"]'
+    try:
+        text = _slot_text(world, this, path)
+    except Exception as error:
+        text = _error_text(world, error)
+    finally:
+        _send(world, this, channel, text)
+
+
+@TABLE.primitive("answerEvents")
+def answer_events(world: World, this: Value, channel: str, event: Event) -> None:
+    """Send each emission of an event from now on as a line on a channel: ``[time in s, lost, [payload]]``."""
+    _Followed(world, own_lobby(world, this), channel, event)
+
+
+@TABLE.primitive("endAnswers")
+def end_answers(world: World, this: Value, channel: str) -> None:
+    """Send the events of a channel no more; does nothing for another channel."""
+    for one in own_lobby(world, this).holdings.held():
+        if isinstance(one, _Followed) and one.channel == channel:
+            one.close()
+
+
+class _Followed:
+    """Sends the emissions of an event, until the connection ends."""
+
+    def __init__(self, world: World, lobby: Any, channel: str, event: Event) -> None:
+        self.channel = channel
+        self._world = world
+        self._lobby = lobby
+        self._event = event
+        self._lost = 0
+        lobby.holdings.register(self, KIND, MAX_FOLLOWED)
+        event.subscribe(self)
+
+    def offer(self, emission: Emission) -> None:
+        """The event is emitted: send it, unless the client does not read."""
+        if self._lobby.output.backlog > MAX_BACKLOG:
+            self._lost += 1
+            return
+        payload = emission.payload
+        try:
+            values = _text(self._world, self._world.new_list(payload))
+        except Exception:
+            values = "[]"
+        self._lobby.output.line(f"[{self._world.scheduler.now:.4f}, {self._lost}, {values}]", self.channel)
+
+    def ended(self, emission: Emission, match: Any) -> None:
+        """An emission is over."""
+
+    def close(self) -> None:
+        """End it."""
+        self._event.subscriptions.pop(self, None)
+        self._lobby.holdings.unregister(self)
+
+
+def _send(world: World, this: Value, channel: str, text: str) -> None:
+    lobby = own_lobby(world, this)
+    if lobby.connected:
+        lobby.output.line(text, channel)
+
+
+def _slot_text(world: World, this: Value, path: str) -> str:
+    steps = parse_path(world, path)
+    try:
+        return _kind_text(world, make_reader(world, this, steps)())
+    except Unreadable as refusal:
+        holder = this if len(steps) == 1 else make_reader(world, this, steps[:-1])()
+        if steps[-1].index is None and world.peek_obj(holder).find(steps[-1].name) is not None:
+            return f'["function", {escaped(path)}]'
+        return _error_lines("Lookup", [str(refusal)])
+
+
+def _kind_text(world: World, value: Value) -> str:
+    if _is_plain(value):
+        return f'["", {_text(world, value)}]'
+    classes = [world.type_name(value)] + [world.type_name(proto) for proto in value.protos]
+    return f'["object", {escaped(world.printable(value))}, [{", ".join(map(escaped, dict.fromkeys(classes)))}]]'
+
+
+def _error_text(world: World, error: Exception) -> str:
+    if isinstance(error, Unreadable):
+        return _error_lines("Lookup", [str(error)])
+    kind = error.kind if isinstance(error, errors.Raised) else ""
+    return _error_lines(kind, world.describe(error))
+
+
+def _error_lines(kind: str, lines: list[str]) -> str:
+    return f'["error", {escaped(kind)}, [{", ".join(map(escaped, lines))}]]'
+
+
+def _is_plain(value: Value) -> bool:
+    return value is None or value.__class__ is float or isinstance(
+        value, FloatObject | String | Truth | Nil | Void | List | Tuple | Dictionary | BinaryObject
+    )
+
+
+def _text(world: World, value: Value) -> str:
+    """A value as a literal, with all digits of numbers."""
+    return _Writer(world).text(value, 0)
+
+
+class _Writer:
+    """Writes one value, and counts its characters: a list may contain another one many times."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._left = MAX_LENGTH
+
+    def text(self, value: Value, depth: int) -> str:
+        """The text of a value or of a member."""
+        if depth > MAX_DEPTH:
+            raise errors.primitive(f"the value nests deeper than {MAX_DEPTH}", None)
+        if isinstance(value, List | Tuple):
+            made = f"[{', '.join([self.text(member, depth + 1) for member in value.l])}]"
+            self._count(2 + 2 * len(value.l))
+        elif isinstance(value, Dictionary):
+            members = [f"{self._counted(escaped(key))} => {self.text(member, depth + 1)}"
+                       for key, member in value.d.items()]
+            made = f"[{', '.join(members) or '=>'}]"
+            self._count(2 + 6 * len(members))
+        elif isinstance(value, BinaryObject):
+            head = f" {value.keywords}" if value.keywords else ""
+            made = f"BIN {len(value.content)}{head}\n{value.data}"
+        else:
+            made = self._counted(self._plain(value))
+        return made
+
+    def _plain(self, value: Value) -> str:
+        if isinstance(value, FloatObject):
+            value = value.value
+        if value.__class__ is float:
+            return repr(value)
+        if isinstance(value, String):
+            return escaped(value.s)
+        if isinstance(value, Truth):
+            return "true" if value.value else "false"
+        if value is None or isinstance(value, Void | Nil):
+            return "nil"
+        shown = self._world.printable(value)
+        return shown if _WORD.fullmatch(shown) and isinstance(value, Obj) else escaped(shown)
+
+    def _counted(self, text: str) -> str:
+        self._count(len(text))
+        return text
+
+    def _count(self, length: int) -> None:
+        self._left -= length
+        if self._left < 0:
+            raise errors.primitive(f"the value is longer than {MAX_LENGTH} characters", None)
+
+
+def install(world: World, programs: Any) -> None:
+    """Install ``answerSet``, which keeps the compiled assignments."""
+    table = Table("Lobby")
+    assignments: dict[str, Value] = {}
+
+    @table.primitive("answerSet")
+    def answer_set(world: World, this: Value, channel: str, path: str, value: Value) -> None:
+        """Write a slot by its path, such as ``motor6.val``, and send ``["", nil]`` or the error on a channel."""
+        text = '["stopped"]'
+        try:
+            assign = assignments.get(path)
+            if assign is None:
+                parse_path(world, path)
+                assign = programs.evaluate(f"function (_value) {{ {path} = _value }}", this)
+                if len(assignments) >= MAX_ASSIGNMENTS:
+                    assignments.clear()
+                assignments[path] = assign
+            world.invoke(assign, this, (value,))
+            text = '["", nil]'
+        except Exception as error:
+            text = _error_text(world, error)
+        finally:
+            _send(world, this, channel, text)
+
+    table.install(world, prototype(world, "Lobby"))
