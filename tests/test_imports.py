@@ -158,8 +158,12 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.extras",
         "urbihw.files",
         "urbihw.backoff",
+        "urbihw.client",
+        "urbihw.buses.verdict",
     ),
     "urbihw.cli": (
+        # The rule for the names of motions, checked before a server is asked.
+        "urbihw.platforms.teach",
         "urbihw.kernel",
         "urbihw.kernel.process",
         "urbihw.kernel.stages",
@@ -178,16 +182,17 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.client",
         "urbihw.client.lines",
         "urbihw.client.values",
+        "urbihw.buses.verdict",
+        "urbihw.web",
     ),
+    # A client of the server and of the bus worker: never of the kernel or a platform.  Of the daemon it uses the state
+    # folder.
     "urbihw.web": (
-        "urbihw.kernel",
-        "urbihw.kernel.facade",
-        "urbihw.kernel.server",
-        "urbihw.kernel.lobby",
-        "urbihw.platforms",
-        "urbihw.buses",
-        "urbihw.daemon",
-    ),
+        "urbihw.client", "urbihw.client.lines", "urbihw.client.values", "urbihw.buses.verdict", "urbihw.daemon",
+        "urbihw.backoff",
+    ),  # fmt: skip
+    # The verdict on the health of a robot, for commands and browsers.
+    "urbihw.buses.verdict": (),
     # A process with devices of its own has a kernel, and a link to the kernel of a server.
     "urbihw.remote": (
         "urbihw.kernel.process", "urbihw.kernel.uobject", "urbihw.kernel.uremote", "urbihw.client",
@@ -197,7 +202,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.client": ("urbihw.client.lines", "urbihw.client.values"),
     "urbihw.client.lines": (),
     "urbihw.client.values": ("urbihw.client.lines",),
-    "urbihw": (),
+    # A program that uses a robot says urbihw.connect.
+    "urbihw": ("urbihw.client",),
     # Simulated robots: nothing of urbihw, so that driver and fake cannot share a mistake.
     "urbihw_fakes": (),
 }

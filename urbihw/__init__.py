@@ -1,6 +1,26 @@
 """urbihw: a gateway daemon that serves the hardware of robot kits as live urbiscript objects.
 
+``urbihw.connect("robot.local")`` is for programs that use a robot (``client``); it loads no kernel.
+
 What to read, in order: ``kernel`` (the language), ``buses`` (wires), ``navigation`` (maps and paths), ``platforms``
 (robots), ``daemon`` and ``cli`` (the programs that users start).  The simulated robots are beside this package, in
 ``urbihw_fakes``.
 """
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from urbihw.client.robot import connect
+
+__all__ = ["connect"]
+
+
+def __getattr__(name: str) -> Any:
+    """Load the client library when it is used: most of urbihw does not need it."""
+    if name == "connect":
+        from urbihw.client.robot import connect
+
+        return connect
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -17,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from urbihw.client.latch import write_latch
 from urbihw.daemon.runtime import SERVICE_FOLDER, control_sockets
 from urbihw.exitcodes import EX_CONFIG, EX_UNAVAILABLE
 
@@ -133,9 +134,7 @@ def _latch_replacement(path: Path, answer: Answer, who: str) -> Answer:
     """Set the latch of an emergency stop in its file: the worker that replaces a hanging one reads it first."""
     if not answer.problem or answer.gone:
         return answer
-    try:
-        path.with_suffix(".estop").write_text(f"{who}\n", "utf-8")
-    except OSError:
+    if not write_latch(path, who):
         return answer
     return answer._replace(problem=f"{answer.problem}; whatever serves it next will hold it until: urbihw release")
 

@@ -19,7 +19,6 @@ import time
 import tty
 from collections import deque
 from collections.abc import Callable, Iterator
-from importlib.resources import files
 from typing import Any, Final
 
 from urbihw.cli.console import address
@@ -28,6 +27,7 @@ from urbihw.cli.drivepad import Pad
 from urbihw.cli.lobby_client import LobbyClient
 from urbihw.cli.options import DEFAULT_PORT, Refused, complain, number
 from urbihw.cli.reach import add_access, credentials, resolve_server
+from urbihw.client.driving import PROGRAM, order_text, parse_answer
 from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_UNAVAILABLE
 from urbihw.settings import one_line
 
@@ -90,7 +90,7 @@ class Base:
         """Raises Refused if the server has no base."""
         self._link = link
         link.read_banner()
-        link.send(files("urbihw.cli").joinpath("drive.u").read_bytes())
+        link.send(PROGRAM.encode())
         found = self._ask("drive.check")
         if found == "none":
             raise Refused(f"{link.peer} has no robot that drives: robot is no Interface.Mobile", EX_UNAVAILABLE)
@@ -107,13 +107,12 @@ class Base:
     def order(self, x: float, yaw: float) -> None:
         """Order speeds, m/s and rad/s to the left.  Raises Refused: the order failed, or the server is gone."""
         made = self._server_ahead + time.monotonic()
-        deferred, late, *words = self._ask(f"drive.order({x:.4g}, {yaw:.4g}, {TIMEOUT_S}, {made:.3f})").split("|")
-        self.deferred, self.late = deferred == "true", late == "true"
-        now, ordered_x, ordered_yaw, *place = map(float, words)
-        self.ordered = ordered_x, ordered_yaw
-        self.position = (place[0], place[1], place[2])
-        self._set_time(now)
-        self._measure(now)
+        driven = parse_answer(self._ask(order_text(x, yaw, TIMEOUT_S, made)))
+        self.deferred, self.late = driven.deferred, driven.late
+        self.ordered = driven.x, driven.yaw
+        self.position = driven.position
+        self._set_time(driven.time)
+        self._measure(driven.time)
 
     def _set_time(self, now: float) -> None:
         """Take the server's time from its answer.  It is older by the way of the answer, so that orders never seem

@@ -35,6 +35,7 @@ COMMANDS: Final = {
     "calibrate": "calibrate the joints of a servo chain by hand",
     "console": "an interactive console of a server",
     "drive": "drive a robot by the keyboard or a gamepad",
+    "panel": "serve the panel for browsers; pair, list and remove browsers",
     "teach": "record a motion that is shown to a robot by hand",
     "play": "play recorded motions and poses",
     "access": "manage access from the network: make, list and remove tokens",

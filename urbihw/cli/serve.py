@@ -33,6 +33,8 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--port", type=partial(port, least=0), help="port to listen on, 0 for a free one (54000)")
     parser.add_argument("--port-file", metavar="FILE", help="write the port to FILE when clients can connect")
     parser.add_argument("--quiet", action="store_true", default=None, help="no banner for clients")
+    parser.add_argument("--web", action="store_true", default=None, help="serve the panel for browsers")
+    parser.add_argument("--panel-port", type=port, help="port for browsers (54080)")
     parser.add_argument("--config", type=Path, metavar="FILE", help="settings file (TOML)")
 
 

@@ -23,6 +23,7 @@ from urbihw.cli.options import Refused, complain, number
 from urbihw.cli.play import quoted, require_joints
 from urbihw.cli.reach import add_server, credentials, server
 from urbihw.exitcodes import EX_OK, EX_RUNTIME, INTERRUPTED
+from urbihw.platforms.teach.store import check_name
 from urbihw.settings import one_line
 
 PERIOD_S: Final = 0.2
@@ -32,13 +33,21 @@ _KEYS: Final = {"q": "end", "\x03": "end", "\x04": "end", "\n": "pose", "\r": "p
 
 def options(parser: argparse.ArgumentParser) -> None:
     """The options of ``urbihw teach``."""
-    parser.add_argument("name", metavar="NAME", help="name of the motion")
+    parser.add_argument("name", type=_motion_name, metavar="NAME", help="name of the motion")
     parser.add_argument("--joints", metavar="JOINT,...", default="", help="only these joints (default: all)")
     parser.add_argument("--rate", type=number(1, 100, "rate in Hz"), default=25.0, metavar="HZ",
                         help="poses in a second (%(default)g)")
     parser.add_argument("--key-poses", action="store_true",
                         help="record only the poses at which Enter is pressed")
     add_server(parser)
+
+
+def _motion_name(text: str) -> str:
+    try:
+        check_name(text, "motion")
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+    return text
 
 
 def run(options: argparse.Namespace) -> int:

@@ -1,8 +1,14 @@
-"""Connects a program to a server: by a UNIX socket, by plain TCP, or by TLS with a pinned certificate and a token.
+"""Connects a program to a server: by a UNIX socket, by plain TCP, or by TLS with a pinned certificate and a token; and
+the library for programs in Python, ``urbihw.connect``.
 
 Reading order: ``where`` (the address of a server), ``credentials`` (the files of fingerprints and tokens), ``login``
 (the first lines of a TLS connection), ``connect`` (blocking sockets), ``secure`` (a blocking TLS socket), ``dial``
 (asyncio).  Then the output of a server: ``lines`` (bytes to lines), ``values`` (lines to values).
+
+The library, from below: ``errors``, ``literals`` (Python values to urbiscript), ``media`` (pictures, sounds),
+``dialect`` (the statements that are sent), ``streams`` (samples, events), ``session`` (a connection without its
+socket), ``connection`` (blocking, for threads), ``iterators``, ``robot`` (what programs see), ``shown`` and
+``live_plot`` (notebooks), ``aio`` (the same for asyncio).
 
 May import nothing of urbihw: the commands and the remote devices both use it.
 """

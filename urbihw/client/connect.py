@@ -26,8 +26,20 @@ class ClientSocket(Protocol):
     def recv(self, size: int, /) -> bytes:
         """Receive at most ``size`` bytes; ``b""`` at the end of the connection."""
 
+    def shutdown(self, how: int, /) -> None:
+        """End the connection: who waits for bytes gets its end."""
+
+    def fileno(self) -> int:
+        """The descriptor, to wait for bytes."""
+
     def close(self) -> None:
         """Close the connection."""
+
+
+def has_unread(made: ClientSocket) -> bool:
+    """Whether ``recv`` would return at once, although the descriptor may have nothing to read (TLS)."""
+    found = getattr(made, "has_unread", None)
+    return found is not None and bool(found())
 
 
 def connect(where: Where, credentials: Credentials, timeout: float) -> ClientSocket:

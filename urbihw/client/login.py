@@ -35,24 +35,27 @@ def login_line(where: Where, credentials: Credentials) -> bytes:
     return b"token " + credentials.token(where).encode("ascii") + b"\n"
 
 
-def explain_close(where: Where, last: bytes, stamped: bool) -> Exception | None:
+def explain_close(where: Where, last: bytes, stamped: bool, option: str = "--tls") -> Exception | None:
     """The reason why a server closed a connection behind ``last``, its last line (b"" for none).
 
-    ``stamped``: one of its lines had a time stamp, as those of urbiscript have.  Returns Denied if to try again would
+    ``stamped``: one of its lines had a time stamp, as those of urbiscript have; ``option``: how the user of the caller
+    asks for TLS.  Returns Denied if to try again would
     not help, LoginInterrupted if it may, and None for the end of an ordinary connection.
     """
     if last.startswith(WANTS_TLS):
-        return Denied(f"{where} speaks TLS, and wants a token: --tls (urbihw access add NAME on the robot makes one)")
+        return Denied(f"{where} speaks TLS, and wants a token: {option} (urbihw access add NAME on the robot makes "
+                      "one)")
     if last.startswith(NOTICE):
         return LoginInterrupted(last.removeprefix(NOTICE).decode("utf-8", "replace"))
     if not last and not where.tls and where.path is None:
-        return LoginInterrupted("it closed the connection without a word; if it speaks TLS: --tls")
+        return LoginInterrupted(f"it closed the connection without a word; if it speaks TLS: {option}")
     if not last:
         return LoginInterrupted("it closed the connection")
     if stamped:
         return None
     words = last[:_MAX_QUOTED].decode("ascii", "backslashreplace").strip()
-    return LoginInterrupted(f"it is no urbiscript server, it said: {words!r}; is this its port?")
+    said = f", it said: {words!r}" if words else ""
+    return LoginInterrupted(f"it is no urbiscript server{said}; is this its port?")
 
 
 class LoginReply:

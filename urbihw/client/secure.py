@@ -98,6 +98,19 @@ class TlsSocket:
             except ssl.SSLError:  # the end of the connection, with or without a close_notify
                 return b""
 
+    def shutdown(self, how: int, /) -> None:
+        """End the connection, without the word of TLS for it."""
+        self._plain.shutdown(how)
+
+    def fileno(self) -> int:
+        """The descriptor of the socket, to wait for bytes."""
+        return self._plain.fileno()
+
+    def has_unread(self) -> bool:
+        """Whether bytes have come that were not received, so that there is nothing to wait for."""
+        with self._state:
+            return bool(self.unread) or self._tls.pending() > 0 or self._in.pending > 0
+
     def close(self) -> None:
         """Close the connection."""
         self._plain.close()

@@ -17,15 +17,13 @@ from typing import Final
 from urbihw.client.credentials import Credentials, Denied
 from urbihw.client.dial import open_streams
 from urbihw.client.lines import BadLine, Lines, guarded
+from urbihw.client.subject import Step
 from urbihw.client.where import Where
 
 CHANNEL: Final = "__urbihw_assistant"
 TIMEOUT_S: Final = 1.0
 """Maximum seconds for an answer; users do not wait longer for a completion."""
 CHUNK: Final = 256 * 1024
-
-Step = str | tuple[float | str]
-"""A name, or an index."""
 
 _STRING: Final = re.compile(r'"((?:[^"\\]|\\.)*)"', re.DOTALL)
 _ESCAPE: Final = re.compile(r"\\(x[0-9a-fA-F]{2}|.)", re.DOTALL)
@@ -90,7 +88,7 @@ class Assistant:
         if self._streams is None:
             self._streams = await open_streams(self._where, self._who)
             self._lines = Lines()
-            self._streams[1].write(files("urbihw.cli.console").joinpath("assistant.u").read_bytes())
+            self._streams[1].write(files("urbihw.client").joinpath("assistant.u").read_bytes())
         reader, writer = self._streams
         writer.write(guarded(f'Channel.new("{CHANNEL}") << {{ {expression} }}', CHANNEL).encode() + b";\n")
         while data := await reader.read(CHUNK):

@@ -11,7 +11,7 @@ from prompt_toolkit.document import Document
 
 from urbihw.cli.console.assistant import Assistant, NoAnswer
 from urbihw.cli.console.session import Session
-from urbihw.cli.console.subject import Subject, subject
+from urbihw.client.subject import Subject, subject
 from urbihw.kernel.stages import WORDS
 
 COMMANDS: Final = ("help",)

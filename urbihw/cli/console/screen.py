@@ -26,10 +26,10 @@ from urbihw.cli.console.help import KEYS, described
 from urbihw.cli.console.lexer import UrbiscriptLexer
 from urbihw.cli.console.prompt_printer import PromptPrinter
 from urbihw.cli.console.session import Session
-from urbihw.cli.console.subject import whole_path
 from urbihw.cli.options import Refused
 from urbihw.client.credentials import Credentials
 from urbihw.client.lines import Line
+from urbihw.client.subject import whole_path
 from urbihw.client.where import Where
 from urbihw.exitcodes import NO_SERVER
 from urbihw.kernel.stages import dump, unfinished

@@ -6,7 +6,8 @@ import re
 from dataclasses import dataclass
 from typing import Final
 
-from urbihw.cli.console.assistant import Step
+Step = str | tuple[float | str]
+"""A name, or an index."""
 
 _NAME: Final = r"[A-Za-z_]\w*"
 _INDEX: Final = r'\[\s*(?:-?\d+(?:\.\d+)?|"[^"\\]*")\s*\]'

@@ -1,0 +1,10 @@
+"""Lets the server react, which is faster than any client, and only listens to what it tells."""
+
+import urbihw
+
+with urbihw.connect() as robot:
+    robot.motor6.val = 0
+    robot.run("var raised = Event.new|; at (motor6.val > 0.2) raised!(motor6.val > 0.2),", tag="guard")
+    with robot.events("raised", timeout=10) as warnings:
+        robot.motor6.val = 0.5
+        print("raised:", next(warnings).args[0])

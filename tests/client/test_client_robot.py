@@ -1,0 +1,406 @@
+"""The client library against a server, over real sockets: what a program reads, writes, runs, watches and is told."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import select
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from lan_server import Lan
+
+import urbihw
+from urbihw.client import aio
+from urbihw.client.dialect import Plain
+from urbihw.client.errors import AccessDenied, CannotConnect, ConnectionLost, SlotMissing, TimedOut, UrbiError
+from urbihw.client.media import Picture
+from urbihw.client.robot import Robot, UrbiFunction, UrbiObject
+
+pytestmark = pytest.mark.e2e
+
+SETUP = """
+class Global.Motor { var val = 0; var age = 0.5; function turn(by) { val += by; "turned" }; var moved = Event.new; };
+var Global.motor6 = Motor.new;
+var Global.run = "a slot";
+var Global.photo = Binary.new("rgb 2 1", "abcdef");
+"""
+
+
+@pytest.fixture
+def lan(tmp_path: Path) -> Iterator[Lan]:
+    made = Lan(tmp_path)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def robot(lan: Lan) -> Iterator[Robot]:
+    with urbihw.connect("127.0.0.1", lan.plain_port, timeout=20) as made:
+        made.run(SETUP)
+        yield made
+
+
+@pytest.mark.parametrize("value", [
+    0.5, -1e-300, 0.1 + 0.2, math.inf, True, False, None, "", 'a "quoted" \\ word\n\té \x00', [], {},
+    [1.0, ["b", None]], {"k": [1.0], 'q"': {}},
+])  # fmt: skip
+def test_values_come_back_as_they_were_written(robot: Robot, value: object) -> None:
+    robot.motor6.val = value
+    assert robot.motor6.val == value
+    assert robot["motor6.val"] == value
+
+
+def test_nan_and_bytes(robot: Robot) -> None:
+    robot.motor6.val = math.nan
+    assert math.isnan(robot.motor6.val)
+    robot.motor6.val = b"a\xff\n"
+    assert robot.run("motor6.val.size") == 3
+
+
+def test_objects_have_slots_and_functions_are_only_called_by_a_call(robot: Robot) -> None:
+    motor = robot.motor6
+    assert isinstance(motor, UrbiObject)
+    assert isinstance(motor.turn, UrbiFunction)
+    robot.run("class Global.Interface { var Laser = 1; var load = 2; }; "
+              "motor6.addProto(Interface); var motor6.load = 3|;")
+    assert {"turn", "load"} <= set(dir(motor))
+    assert "Laser" not in dir(motor)
+    assert motor.val == 0
+    assert motor.turn(2) == "turned"
+    assert motor.val == 2
+    assert not hasattr(robot, "motor99")
+    assert robot.run("[motor6]")[0] == UrbiObject(motor._connection, motor._printed)
+
+
+def test_slots_named_like_methods(robot: Robot) -> None:
+    assert robot["run"] == robot.slot("run").get() == "a slot"
+    robot["run"] = "another"
+    assert robot.slot("run").get() == "another"
+    with pytest.raises(AttributeError, match="no slot"):
+        robot.run = "x"  # type: ignore[method-assign, assignment]
+
+
+def test_a_path_carries_no_statement(robot: Robot) -> None:
+    for path in ("motor6.val; shutdown", 'x")', "", "a..b"):
+        with pytest.raises(ValueError, match="no path"):
+            robot.slot(path)
+    with pytest.raises(ValueError, match="no name"):
+        robot.run("1", tag="a: b")
+
+
+def test_a_keyword_is_no_tag_and_a_quoted_name(robot: Robot) -> None:
+    for tag in ("if", "loop", "nil"):
+        with pytest.raises(ValueError, match="is a word of urbiscript"):
+            robot.run("1", tag=tag, timeout=20)
+    robot.run("var motor6.'if' = 4; function motor6.'loop'(x) { x + 1 }|;")
+    assert robot.motor6["if"] == 4
+    assert robot.motor6["loop"](1) == 2
+    robot.motor6.slot("if").set(5, timeout=20)
+    with robot.watch("motor6.if", hz=50, timeout=20) as samples:
+        assert next(samples).values == (5.0,)
+
+
+def test_what_is_no_text_is_told_so(robot: Robot) -> None:
+    for value in (5, None, b"1"):
+        with pytest.raises(TypeError, match=r"^a program is a str of urbiscript, not a Python \w+$"):
+            robot.run(value)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="^the path of a slot is a str such as 'motor6.val', not a Python list$"):
+        robot.watch(["motor6.val"])  # type: ignore[arg-type]
+    for rate in (-1, math.nan, math.inf):
+        with pytest.raises(ValueError, match="is no rate"):
+            robot.watch("motor6.val", hz=rate)
+        with pytest.raises(ValueError, match="is no rate"):
+            robot.pictures("photo", hz=rate)
+
+
+def test_constants_are_not_written(robot: Robot) -> None:
+    with pytest.raises(ValueError, match="^nil is a constant of urbiscript$"):
+        robot.nil = 3
+
+
+def test_the_location_of_an_error_is_in_the_text_or_there_is_none(robot: Robot) -> None:
+    with pytest.raises(UrbiError, match="^unexpected .*, expected a Tag$") as caught:
+        robot.run("1", tag="motor6")
+    assert caught.value.location == ""
+    with pytest.raises(SlotMissing) as missing:
+        robot.run("1;\n nowhere", tag="fine")
+    assert missing.value.location == "2.2-8"
+
+
+def test_a_slot_without_a_picture_says_so(robot: Robot) -> None:
+    pictures = robot.pictures("motor6.val", hz=50, timeout=0.3)
+    with pytest.raises(TimedOut, match="sent nothing for 0.3 s; motor6.val: this slot has no Binary"):
+        next(pictures)
+
+
+def test_the_timeout_holds_for_a_server_that_reads_nothing() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        thread = threading.Thread(target=greet_only, args=(server,))
+        thread.start()
+        with urbihw.connect("127.0.0.1", server.getsockname()[1], timeout=20, reconnect=False) as robot:
+            began = time.monotonic()
+            with pytest.raises((TimedOut, ConnectionLost), match="does not read what it is sent"):
+                robot.run(f'"{"x" * 20_000_000}"', timeout=0.2)
+            assert time.monotonic() - began < 5
+        thread.join(20)
+
+
+def greet_only(server: socket.socket) -> None:
+    """Answer the two first questions, read nothing more, and stay until the client has gone."""
+    made, _ = server.accept()
+    with made:
+        for number, answer in ((1, "[1.0, true, true]"), (1, '["", 1.0]')):
+            made.recv(4096)
+            made.sendall(f"[00001000:_client{number}] {answer}\n".encode())
+        hung_up = select.poll()
+        hung_up.register(made, select.POLLHUP | select.POLLRDHUP)
+        hung_up.poll(20000)
+
+
+def test_errors_have_text_and_location(robot: Robot) -> None:
+    with pytest.raises(SlotMissing) as caught:
+        robot.run("1;\n  nowhere")
+    error = caught.value
+    assert (error.location, error.text, error.kind) == ("2.3-9", "lookup failed: nowhere", "Lookup")
+    with pytest.raises(UrbiError, match="syntax error"):
+        robot.run("1 +")
+    with pytest.raises(UrbiError, match="syntax error"):
+        robot.run("1 +,")
+    with pytest.raises(UrbiError, match="^oops$"):
+        robot.run('throw "oops"')
+    with pytest.raises(SlotMissing, match="^lookup failed: nowhere"):
+        robot.nowhere = 1
+
+
+def test_a_program_runs_under_a_tag_until_it_is_stopped(robot: Robot) -> None:
+    assert robot.run("var x = 1; x + 1") == 2
+    robot.run("loop { motor6.val++; sleep(1ms) },", tag="swing")
+    before = robot.motor6.val
+    while robot.motor6.val == before:
+        pass
+    robot.stop("swing")
+    stood = robot.motor6.val
+    robot.run("sleep(20ms)")
+    assert robot.motor6.val == stood
+    with pytest.raises(SlotMissing):
+        robot.stop("nothing")
+
+
+def test_a_stopped_program_ends_its_run(robot: Robot) -> None:
+    done: list[object] = []
+    thread = threading.Thread(target=lambda: done.append(robot.run("sleep(inf)", tag="nap")))
+    thread.start()
+    while not robot.run("hasSlot(\"nap\")"):
+        pass
+    robot.stop("nap")
+    thread.join(20)
+    assert done == [None]
+
+
+def test_no_answer_in_time_leaves_the_connection_usable(robot: Robot) -> None:
+    with pytest.raises(TimedOut):
+        robot.run("sleep(0.2); 1", timeout=0.05)
+    assert [robot.run("2"), robot.run("sleep(0.3); 3")] == [2, 3]
+
+
+def test_samples_come_with_local_time_units_and_errors(robot: Robot) -> None:
+    with robot.watch("motor6.val", "motor6.nothing", hz=100) as samples:
+        robot.motor6.val = 7
+        t, values = next(sample for sample in samples if sample.values[0] == 7)
+        assert values == (7.0, None)
+        assert abs(t - time.time()) < 1
+        assert "lookup failed: nothing" in samples.errors["motor6.nothing"]
+    assert list(samples) == []
+    assert robot.run("lobby.subscriptions.size") == 0
+
+
+def test_a_slow_program_gets_the_newest_and_hears_how_many_it_missed(robot: Robot) -> None:
+    with robot.watch("motor6.val", hz=200) as samples:
+        samples._stream.size = 5
+        robot.run("sleep(0.3)")
+        next(samples)
+        assert samples.lost > 20
+
+
+def test_events_come_with_what_they_carry(robot: Robot) -> None:
+    with robot.events("motor6.moved", timeout=20) as moved:
+        robot.run('motor6.moved!(1, ["a"])')
+        assert next(moved).args == (1.0, ["a"])
+    with pytest.raises(SlotMissing):
+        robot.events("motor6.nothing")
+
+
+def test_pictures_are_arrays_where_numpy_is(robot: Robot) -> None:
+    numpy = pytest.importorskip("numpy")
+    assert numpy.asarray(robot.photo).tolist() == [[[97, 98, 99], [100, 101, 102]]]
+    with robot.pictures("photo", hz=50, timeout=20) as photos:
+        t, photo = next(photos)
+        assert isinstance(photo, Picture)
+        assert (photo.data, photo.width) == (b"abcdef", 2)
+        robot.run('photo = Binary.new("rgb 1 1", "xyz")|;')
+        assert next(photos).value.data == b"xyz"
+
+
+def test_what_is_said_by_itself_is_kept(robot: Robot) -> None:
+    robot.run('echo("hello")')
+    robot.run("nowhere2,")
+    robot.run("sleep(10ms)")
+    assert [message.text for message in robot.messages if not message.is_error] == ["*** hello"]
+    assert any("nowhere2" in message.text for message in robot.messages if message.is_error)
+
+
+def test_several_threads_share_a_connection(robot: Robot) -> None:
+    wrong: list[object] = []
+
+    def work(number: int) -> None:
+        for count in range(50):
+            if robot.run(f"{number} * 1000 + {count}") != number * 1000 + count:
+                wrong.append((number, count))
+
+    with robot.watch("motor6.val", hz=200) as samples:
+        threads = [threading.Thread(target=work, args=(number,)) for number in range(4)]
+        for thread in threads:
+            thread.start()
+        for _ in range(10):
+            next(samples)
+        for thread in threads:
+            thread.join(60)
+    assert wrong == []
+
+
+def test_a_closed_iterator_ends_in_another_thread(robot: Robot) -> None:
+    events = robot.events("motor6.moved")
+    got: list[object] = []
+    thread = threading.Thread(target=lambda: got.append(list(events)))
+    thread.start()
+    robot.run("sleep(20ms)")
+    events.close()
+    thread.join(20)
+    assert got == [[]]
+
+
+def cut(lan: Lan) -> None:
+    """The server closes all connections."""
+    def close_all() -> None:
+        for lobby in list(lan.kernel.programs.lobbies):
+            if lobby.connected:
+                lobby.quit()
+
+    lan.call(close_all)
+
+
+def test_a_lost_connection_is_made_again_with_what_was_watched(lan: Lan, robot: Robot) -> None:
+    samples = robot.watch("motor6.val", hz=100, timeout=20)
+    next(samples)
+    cut(lan)
+    for _ in range(200):  # those that had come before, then those of the new connection
+        next(samples)
+        if robot._connection.connects == 2:
+            break
+    assert robot._connection.connects == 2
+    next(samples)
+    assert robot.motor6.age == 0.5
+
+
+def test_a_command_is_never_carried_out_twice(lan: Lan, robot: Robot) -> None:
+    with pytest.raises(ConnectionLost):
+        robot.run("motor6.val += 1; lobby.quit; sleep(1)")
+    assert robot.motor6.val == 1
+
+
+def test_reasons_why_there_is_no_connection(lan: Lan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "home"))
+    with pytest.raises(CannotConnect, match="cannot connect to 127.0.0.1:1"):
+        urbihw.connect("127.0.0.1:1")
+    with pytest.raises(AccessDenied, match="not known yet"):
+        urbihw.connect("127.0.0.1", lan.port, tls=True)
+    with pytest.raises(AccessDenied, match="refused"):
+        urbihw.connect("127.0.0.1", lan.port, tls=True, trust=True, token="wrong")
+    with urbihw.connect("127.0.0.1", lan.port, tls=True, token=lan.tokens.add("anna"), timeout=20) as robot:
+        assert robot.run("1 + 1") == 2
+        assert len(robot.run('"x" * 300000')) == 300000
+    with pytest.raises(ConnectionLost, match="closed"):
+        robot.run("1")
+
+
+def test_a_server_without_our_extensions(robot: Robot) -> None:
+    """The other dialect, on our server: all of it is urbiscript 2."""
+    robot._connection._session.dialect = Plain()
+    robot.motor6.val = 3
+    assert robot.motor6.val == 3
+    assert robot.motor6.turn(1) == "turned"
+    assert robot.run("var y = 1; y + 1") == 2
+    assert not hasattr(robot, "motor99")
+    with robot.watch("motor6.val", "motor6.nothing", hz=50, timeout=20) as samples:
+        assert next(samples).values == (4.0, None)
+    with robot.events("motor6.moved", timeout=20) as moved:
+        robot.run("motor6.moved!(1)")
+        assert next(moved).args == ()
+
+
+def test_objects_show_themselves_in_a_notebook(robot: Robot) -> None:
+    assert "127.0.0.1" in robot._repr_html_()
+    robot.run("class Global.Device : UObject { function init() {} }; var Global.arm = Device.new|;")
+    assert "<code>arm</code>" in robot._repr_html_()
+    assert "<code>UObject</code>" not in robot._repr_html_()
+    assert "motor6" in robot.motor6._repr_html_()
+
+
+# ---------------------------------------------------------------- asyncio
+
+
+def test_asyncio(lan: Lan, robot: Robot) -> None:
+    async def program() -> None:
+        async with await aio.connect("127.0.0.1", lan.plain_port, timeout=20) as other:
+            assert repr(other) == f"<AsyncRobot at 127.0.0.1:{lan.plain_port}>"
+            assert {"run", "slot", "watch"} <= set(dir(other))
+            for here in (other, other.motor6):
+                with pytest.raises(AttributeError, match=r"await robot\..*val\.set\(value\) writes the slot"):
+                    here.val = 0.9  # type: ignore[assignment]
+            with pytest.raises(ValueError, match="is a word of urbiscript"):
+                await other.run("1", tag="if")
+            await other.motor6.val.set(0.25)
+            assert await other.motor6.val == 0.25
+            assert await other.motor6.turn(1) == "turned"
+            with pytest.raises(SlotMissing):
+                await other.nothing
+            assert await other.run("1 + 1") == 2
+            assert [*await asyncio.gather(other.run("sleep(10ms); 1"), other.run("2"))] == [1, 2]
+            async with other.watch("motor6.val", hz=100, timeout=20) as samples:
+                async for _, values in samples:
+                    assert values == (1.25,)
+                    break
+            async with other.events("motor6.moved", timeout=20) as moved:
+                await other.run("motor6.moved!(5)")
+                assert (await anext(moved)).args == (5.0,)
+            with pytest.raises(ConnectionLost):
+                await other.run("lobby.quit; sleep(1)")
+            assert await other.motor6.val == 1.25
+        with pytest.raises(CannotConnect):
+            await aio.connect("127.0.0.1", 1)
+
+    asyncio.run(program())
+
+
+# ---------------------------------------------------------------- weight
+
+
+def test_the_library_loads_no_kernel_and_no_asyncio() -> None:
+    program = ("import sys, urbihw; urbihw.connect; "
+               "print([m for m in sys.modules if m.startswith(('urbihw.kernel', 'asyncio', 'ssl', 'lark', 'numpy'))])")
+    out = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
+    assert out.stdout.strip() == "[]"
+
+
+def test_nothing_is_left_behind(robot: Robot) -> None:
+    before = threading.active_count()
+    with robot.watch("motor6.val", hz=100) as samples:
+        next(samples)
+    assert threading.active_count() == before

@@ -1,0 +1,144 @@
+"""Python values as urbiscript literals, and paths of slots: text out, nothing is ever evaluated here.
+
+============================  ====================================================
+Python                        urbiscript
+============================  ====================================================
+bool, None                    true, false, nil
+int, float, numpy's numbers   Float, also nan and inf
+str                           String, in UTF-8
+bytes, bytearray              String of these bytes
+list, tuple, numpy's arrays   List
+dict with str as keys         Dictionary
+an object of the robot        its path
+============================  ====================================================
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Any, Final
+
+MAX_DEPTH: Final = 20
+"""Maximum nesting of lists and dictionaries."""
+MAX_PATH_LENGTH: Final = 200
+_PATH: Final = re.compile(
+    r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*|\[(?:-?\d{1,9}|\"[^\"\\\]]*\"|[A-Za-z_]\w*)\])*", re.ASCII
+)
+_NAME: Final = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+_STEP: Final = re.compile(r'"[^"]*"|\b[A-Za-z_]\w*', re.ASCII)
+KEYWORDS: Final = frozenset(
+    """
+    and and_eq asm assert at auto bitand bitor bool break call case catch char class closure compl const const_cast
+    continue default delete do double dynamic_cast else emit enum every explicit export extern external finally float
+    for foreach freezeif friend function goto if in inline int internal long loop loopn mutable namespace new not not_eq
+    onleave or or_eq private protected public register reinterpret_cast return short signed sizeof static static_cast
+    stopif struct switch template this throw timeout try typedef typeid typename union unsigned using var virtual
+    volatile waituntil whenever while wchar_t xor xor_eq
+    """.split()  # noqa: SIM905 - a list of one word a line is not easier to read
+)
+"""Words that are no names, unless in quotes: those of the section Keywords of the manual's language chapter."""
+CONSTANTS: Final = ("nil", "void", "true", "false")
+_ESCAPED: Final = {
+    code: f"\\x{code:02x}" for code in range(256) if not 32 <= code < 127
+} | {ord('"'): '\\"', ord("\\"): "\\\\", 10: "\\n", 9: "\\t"}  # fmt: skip
+
+
+def string_literal(text: str | bytes) -> str:
+    """A String in quotes, in ASCII."""
+    if isinstance(text, bytes):
+        return f'"{text.decode("latin-1").translate(_ESCAPED)}"'
+    if text.isascii() and text.isprintable() and '"' not in text and "\\" not in text:
+        return f'"{text}"'
+    try:
+        raw = text.encode("utf-8", "surrogateescape")
+    except UnicodeEncodeError as error:
+        raise ValueError(f"character {error.start + 1} is half of a surrogate pair, which UTF-8 has not") from None
+    return f'"{raw.decode("latin-1").translate(_ESCAPED)}"'
+
+
+def literal(value: Any, depth: int = 0) -> str:
+    """The text of a value.  Raises TypeError for a value that urbiscript has not, ValueError for one that nests too
+    deep.
+    """
+    if depth > MAX_DEPTH:
+        raise ValueError(f"the value nests deeper than {MAX_DEPTH}")
+    if value is None:
+        return "nil"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return number_literal(value)
+    if isinstance(value, str | bytes | bytearray | memoryview):
+        return string_literal(value if isinstance(value, str) else bytes(value))
+    if isinstance(value, Mapping):
+        return _dictionary(value, depth)
+    if isinstance(value, list | tuple):
+        return f"[{', '.join([literal(member, depth + 1) for member in value])}]"
+    path = getattr(type(value), "urbiscript_path", None)
+    if path is not None:
+        return str(path(value))
+    if hasattr(value, "tolist"):  # numpy's arrays and numbers
+        return literal(value.tolist(), depth + 1)
+    raise TypeError(f"urbiscript has no values like a Python {type(value).__name__}")
+
+
+def number_literal(value: float) -> str:
+    """A Float with all digits.  Raises OverflowError for an int that is no float."""
+    value = float(value)
+    if math.isfinite(value):
+        return f"({value!r})" if value < 0 else repr(value)
+    return "nan" if math.isnan(value) else "inf" if value > 0 else "(-inf)"
+
+
+def _dictionary(value: Mapping[Any, Any], depth: int) -> str:
+    for key in value:
+        if not isinstance(key, str):
+            raise TypeError(f"the keys of a Dictionary are strings, not {type(key).__name__}: {key!r}")
+    members = [f"{string_literal(key)} => {literal(member, depth + 1)}" for key, member in value.items()]
+    return f"[{', '.join(members) or '=>'}]"
+
+
+def checked_path(path: str) -> str:
+    """A path of slots, such as ``motor6.val`` or ``robot.joint[6].val``.  Raises ValueError for any other text, so that
+    no path can carry a statement, TypeError for what is no str.
+    """
+    if not isinstance(path, str):
+        raise TypeError(f"the path of a slot is a str such as 'motor6.val', not a Python {type(path).__name__}")
+    if len(path) > MAX_PATH_LENGTH or not _PATH.fullmatch(path):
+        raise ValueError(f"{path[:MAX_PATH_LENGTH]!r} is no path of a slot, such as motor6.val or robot.joint[6].val")
+    return path
+
+
+def written_path(path: str) -> str:
+    """A path as it stands in a statement: keywords in quotes, such as ``robot.'new'``."""
+    return _STEP.sub(lambda step: f"'{step[0]}'" if step[0] in KEYWORDS and step[0] != "this" else step[0], path)
+
+
+def checked_text(text: str) -> str:
+    """The text of a program.  Raises TypeError for what is no str."""
+    if not isinstance(text, str):
+        raise TypeError(f"a program is a str of urbiscript, not a Python {type(text).__name__}")
+    return text
+
+
+def checked_rate(hz: float) -> float:
+    """A number of samples in a second.  Raises ValueError for one below 0, or that is no number."""
+    rate = float(hz)
+    if not 0 <= rate < math.inf:
+        raise ValueError(f"hz: {hz!r} is no rate: samples in a second, or 0 for changes only")
+    return rate
+
+
+def checked_name(name: str) -> str:
+    """The name of a tag or a modifier.  Raises ValueError for any other text, also for a keyword; TypeError for what
+    is no str.
+    """
+    if not isinstance(name, str):
+        raise TypeError(f"a name of urbiscript is a str, not a Python {type(name).__name__}")
+    if name in KEYWORDS or name in CONSTANTS:
+        raise ValueError(f"{name!r} is a word of urbiscript, so no tag or modifier can have that name")
+    if not _NAME.fullmatch(name):
+        raise ValueError(f"{name[:MAX_PATH_LENGTH]!r} is no name of urbiscript: letters, digits and _")
+    return name
