@@ -1,6 +1,7 @@
 # Everything is set up in .venv from python3 and its venv module; nothing outside this folder is touched.
 #
-#   make run     serve a Bioloid in software on port 54000 (PLATFORM=nxt for another robot, ARGS="--port 54001")
+#   make run     serve a Bioloid in software on port 54000 (PLATFORM=nxt for another robot, ARGS="--port 54001",
+#                PANEL=1 with the panel for browsers)
 #   make test    lint, strict types and all tests
 #   make bench   measure, beside plain Python and the other drivers
 #   make fuzz    random programs (URBIHW_FUZZ_SECONDS=3600 for an hour, URBIHW_SEED=7 for another beginning)
@@ -28,7 +29,7 @@ PIP = $(BIN)/python -m pip --disable-pip-version-check install --quiet
 .PHONY: run test lint types check bench fuzz hostile witnesses soak deb clean
 
 run: .venv/installed
-	$(BIN)/urbihw serve --platform $(PLATFORM) --fake $(ARGS)
+	$(BIN)/urbihw serve --platform $(PLATFORM) --fake $(if $(PANEL),--web) $(ARGS)
 
 test: lint types check
 

@@ -34,12 +34,29 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("e2e")
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """With ``-m e2e``, leave out the files without such tests: each of several workers would import them all."""
+    if config.getoption("markexpr") != "e2e" or collection_path.is_dir() or E2E in collection_path.parents:
+        return None
+    return None if "mark.e2e" in collection_path.read_text("utf-8") else True
+
+
 def collect_descriptors() -> None:
     """Let the collector close pipes and sockets of simulated robots, which are circles, before there are too many."""
     lowest_free = os.dup(0)
     os.close(lowest_free)
     if lowest_free > MOST_DESCRIPTORS:
         gc.collect()
+
+
+def freeze_modules() -> None:
+    """Spare the collector what lives as long as the process: modules, and all tests.
+
+    To be called between two files, when there are no kernels.  Tests of long work thaw it.
+    """
+    if not gc.get_freeze_count():
+        gc.collect()
+        gc.freeze()
 
 
 class Closer:
@@ -70,7 +87,7 @@ class Closer:
             self._shared = before
 
     @pytest.hookimpl(wrapper=True)
-    def pytest_runtest_teardown(self) -> Iterator[None]:
+    def pytest_runtest_teardown(self, item: pytest.Item, nextitem: pytest.Item | None) -> Iterator[None]:
         """A test is over."""
         try:
             return (yield)
@@ -79,6 +96,13 @@ class Closer:
                 kernel.close()
             self._made.clear()
             collect_descriptors()
+            if nextitem is not None and nextitem.path != item.path:
+                freeze_modules()
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_finish(self) -> None:
+        """All tests are known."""
+        freeze_modules()
 
 
 @pytest.hookimpl(optionalhook=True)

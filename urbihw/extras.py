@@ -23,6 +23,7 @@ _DEBIAN: Final = {
     "evdev": "python3-evdev",
     "monitor": "python3-rich",
     "find": "python3-zeroconf",
+    "web": "python3-aiohttp python3-segno",
 }
 """Extra -> packages of Debian, where Debian has all of them."""
 _PACKAGE: Final = re.compile(r"[\w.-]+")

@@ -163,11 +163,12 @@ def wholes(least: int, most: int, example: str) -> Rule:
     )  # fmt: skip
 
 
-def rising(length: int, example: str) -> Rule:
-    """A list of ``length`` numbers, each no smaller than the one before."""
+def rising(length: int, example: str, least: float | None = None, most: float | None = None) -> Rule:
+    """A list of ``length`` numbers, each no smaller than the one before, all within both bounds or any."""
+    within = "" if least is None or most is None else f" from {least:g} to {most:g}"
     return Rule(
-        (list, tuple), f"{length} rising numbers, such as {example}", lambda value: tuple(map(float, value)),
-        each=Rule((int, float), "a number"), length=length, rising=True,
+        (list, tuple), f"{length} rising numbers{within}, such as {example}", lambda value: tuple(map(float, value)),
+        each=Rule((int, float), "a number", least=least, most=most), length=length, rising=True,
     )  # fmt: skip
 
 
@@ -233,6 +234,10 @@ class Table:
 
     def clashes(self) -> Iterator[Mistake]:
         """The conflicts between rows that are valid by themselves."""
+        return iter(())
+
+    def unusable_files(self) -> Iterator[Mistake]:
+        """The rows that name a file which is missing or wrong, in the words of the start; this opens the files."""
         return iter(())
 
 

@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 from urbihw import buses, platforms
 from urbihw.buses.errors import BadUrl, Unavailable
 from urbihw.buses.link import Context, split_parameters
+from urbihw.client.where import is_loopback
 from urbihw.daemon.files import read_regular, unreadable
 from urbihw.daemon.metrics import parse_address
 from urbihw.kernel.server.bounds import HOLD_LIMIT, MAX_JOBS, MAX_TOTAL_JOBS, MEMORY_LIMIT
@@ -99,6 +100,10 @@ class Config(Table):
         motions: folder of the recorded motions and poses of the robot; empty for one in the state folder.
         control: path of the control socket of the bus worker; empty for ``control_path()``, "off" for none.
         metrics: address and port of this machine for ``/metrics``, such as ``127.0.0.1:9100``; empty for none.
+        web: serve the panel for browsers, in a process of its own.
+        panel_host: the address on which browsers are served; others than this machine get TLS.
+        panel_port: the port on which browsers are served.
+        panel_speed: speed of joints that a browser of role drive may ask for at most, rad/s.
         announce: announce the port in the network, if other machines reach it (``urbihw find``).
         log_level: the minimum level of logged messages.
         options: further settings that the platform defines, by name.
@@ -126,6 +131,10 @@ class Config(Table):
     motions: str = setting("", TEXT)
     control: str = setting("", TEXT)
     metrics: str = setting("", TEXT)
+    web: bool = setting(False, SWITCH)
+    panel_host: str = setting("127.0.0.1", TEXT)
+    panel_port: int = setting(54080, whole(1, 65535))
+    panel_speed: float = setting(1.0, number(0.01, 100, " rad/s"))
     announce: bool = setting(False, SWITCH)
     log_level: str = setting("info", choice("debug", "info", "warning", "error"))
     options: dict[str, Any] = setting({}, TABLE)
@@ -148,6 +157,11 @@ class Config(Table):
                 parse_address(self.metrics)
             except ValueError as error:
                 yield Mistake("metrics", str(error))
+        if self.web and self.socket == "off" and not is_loopback(self.host):
+            yield Mistake("web", "the panel needs the UNIX socket, since others than this machine reach host; leave "
+                          "socket out")
+        if not self.panel_host.isprintable() or not self.panel_host or " " in self.panel_host:
+            yield Mistake("panel_host", f"wants an address, such as 127.0.0.1 or 0.0.0.0, not {self.panel_host!r}")
         if self.metrics and self.control == "off":
             yield Mistake("metrics", "they are those of the bus worker, which has no control socket; leave control out")
 
@@ -234,6 +248,17 @@ def load(file: Path | None = None, flags: Mapping[str, Any] | None = None) -> Lo
         for top in [each.key.partition(".")[0]]
     ]
     return Loaded(config, name, values.keys(), typed.keys(), (*mistakes, *wrong, *wrong_flags, *of_robot))
+
+
+def unusable_files(loaded: Loaded) -> Iterator[Complaint]:
+    """The files that the options name and that the start would refuse; this opens them."""
+    config = loaded.config
+    if not config.platform or any(each.setting in ("platform", "options") for each in loaded.mistakes):
+        return
+    table = platforms.load_options(platforms.find(config.platform))
+    for each in table.of(config.options).unusable_files():
+        key = f"options.{each.key}"
+        yield Complaint("options", one_line(f"{_place(key, loaded.file)}: {each.text}"))
 
 
 def _files_beside(settings: Path, config: Config) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What a daemon offers to those who watch it: metrics, and the announcement in the network.
+"""What a daemon offers to those who watch it: metrics, the panel for browsers, the announcement in the network.
 
 ``bind`` comes before the robot is opened, so that a mistake ends the start; ``start`` when clients can connect.
 """
@@ -12,6 +12,7 @@ from typing import Final
 from urbihw.daemon.announce import Announcement, reachable
 from urbihw.daemon.config import Config
 from urbihw.daemon.metrics import MetricsServer, parse_address
+from urbihw.daemon.panel import Panel, check_panel, panel_command
 from urbihw.extras import install_command
 from urbihw.kernel.uobject import BadConfig
 
@@ -20,12 +21,13 @@ END_TIMEOUT_S: Final = 10.0
 
 
 class Observers:
-    """The metrics and the announcement of one daemon; without either setting it does nothing."""
+    """The metrics, the panel and the announcement of one daemon; without these settings it does nothing."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
         self._metrics: MetricsServer | None = None
         self._announcement: Announcement | None = None
+        self._panel: Panel | None = None
 
     def bind(self, addresses: Sequence[str], port: int) -> None:
         """Take the address of the metrics; prepare the announcement of a port.  Raises BadConfig."""
@@ -36,6 +38,8 @@ class Observers:
             except OSError as error:
                 why = f"cannot listen on {config.metrics}: {error.strerror or error}"
                 raise BadConfig(f"metrics: {why}; choose another port") from error
+        if config.web:
+            check_panel(config)
         if not config.announce:
             return
         try:
@@ -47,8 +51,12 @@ class Observers:
         except OSError as error:
             raise BadConfig(f"announce: the addresses of this machine are not known: {error.strerror}") from error
 
-    def start(self, control: str) -> None:
-        """Serve the metrics of the worker at a control socket, and announce the port."""
+    def start(self, control: str, server: str) -> None:
+        """Serve the metrics of the worker at a control socket, and a panel for the server at an address or path;
+        announce the port."""
+        if self._config.web:
+            self._panel = Panel(panel_command(self._config, server, control))
+            self._panel.start()
         if self._metrics is not None:
             self._metrics.start(Path(control))
         if self._announcement is not None:
@@ -56,8 +64,10 @@ class Observers:
 
     def close(self) -> None:
         """Withdraw all; calling it twice is allowed."""
-        metrics, announcement = self._metrics, self._announcement
-        self._metrics = self._announcement = None
+        metrics, announcement, panel = self._metrics, self._announcement, self._panel
+        self._metrics = self._announcement = self._panel = None
+        if panel is not None:
+            panel.close()
         if announcement is not None:
             announcement.close()
         if metrics is not None:

@@ -22,12 +22,12 @@ from pathlib import Path
 
 from urbihw import platforms
 from urbihw.buses.errors import BadUrl
-from urbihw.buses.link import Url
+from urbihw.buses.link import serial_path
 from urbihw.daemon.access_policy import AccessPolicy, access_policy
 from urbihw.daemon.activation import passed_sockets
 from urbihw.daemon.config import Config
 from urbihw.daemon.dead_sockets import remove_dead_sockets
-from urbihw.daemon.fake import Fake
+from urbihw.daemon.fake import Fake, FakeConsole
 from urbihw.daemon.files import read_regular
 from urbihw.daemon.holders import holder_of_file, holder_of_port
 from urbihw.daemon.notify import Notifier
@@ -79,6 +79,7 @@ class Service:
         self._access_policy = AccessPolicy()
         self._observers = Observers(config)
         self._control_path = ""
+        self._client_path = ""
         self._reloader: Reloader
 
     async def run(self) -> int:
@@ -188,6 +189,7 @@ class Service:
             path = Path(config.socket) if config.socket else client_path(self._process.bound_port)
         except BadConfig as error:
             raise StartError(str(error)) from error
+        self._client_path = str(path)
         try:
             self._process.bind_unix(path)
         except OSError as error:
@@ -222,6 +224,8 @@ class Service:
     async def _open(self, manifest: Manifest, kind: type[Robot]) -> None:
         """Open the robot, and wait until it is there, or known to be absent.  Raises DeviceError."""
         self._robot_url = url = await self._fake.url() if self._fake is not None else self._bus_url(manifest)
+        if self._fake is not None:
+            self._process.kernel.host.create(FakeConsole, "fake", self._fake)
         first: asyncio.Future[DeviceError | None] = asyncio.get_running_loop().create_future()
         answer = resolver(first)
 
@@ -301,11 +305,10 @@ class Service:
     def _explained(self, reason: str) -> str:
         """Add the process that has the port open to a reason, if that is the problem."""
         with contextlib.suppress(BadUrl):
-            url = Url.parse(self._robot_url)
-            if url.scheme == "serial" and "in use" in reason:
-                holder = holder_of_file(url.target)
-                if holder:
-                    return reason.replace("by another program", f"by {holder}")
+            path = serial_path(self._robot_url)
+            holder = holder_of_file(path) if path and "in use" in reason else ""
+            if holder:
+                return reason.replace("by another program", f"by {holder}")
         return reason
 
     def _listen(self) -> None:
@@ -322,7 +325,7 @@ class Service:
                 process.write_port_file(Path(config.port_file))
             except OSError as error:
                 raise StartError(f"cannot write the port to {config.port_file}: {error.strerror}") from error
-        self._observers.start(self._control_path)
+        self._observers.start(self._control_path, self._client_path or f"127.0.0.1:{process.port}")
         log.info("port %d of %s: %s", process.port, config.host, self._status())
         self._notifier.ready(self._status())
         self._reloader.begin()

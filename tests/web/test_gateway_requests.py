@@ -1,0 +1,233 @@
+"""What browsers may ask, by role; who drives; what a slow browser misses."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from browser_lab import SCHEMA, Site, check, site
+
+from urbihw.web import session
+from urbihw.web.outbox import Outbox
+from urbihw.web.tree import Tree
+from urbihw.web.verbs import VERBS
+
+SLOT = {"kind": "number", "unit": "", "min": None, "max": None, "readable": True, "writable": True, "effector": False}
+GO = {**SLOT, "name": "go", "kind": "function"}
+TREE = Tree({"robot": {"name": "robot", "path": "robot", "global": "robot", "slots": [GO], "parts": [
+    {"name": "joint", "path": "robot.joint[6]", "global": "motor6", "slots": [
+        {**SLOT, "name": "val", "unit": "rad", "effector": True},
+        {**SLOT, "name": "speed", "unit": "rad/s", "effector": True},
+        {**SLOT, "name": "offset", "unit": "rad"},
+    ]}]}, "platform": {"name": "toy", "path": "toy", "slots": [{**SLOT, "name": "lost", "kind": "event"}]},
+})  # fmt: skip
+
+
+def play(folder: Path, test: Callable[[Site], Awaitable[None]]) -> None:
+    async def run() -> None:
+        async with site(folder) as made:
+            made.gateway.robot.tree = TREE
+            await test(made)
+
+    asyncio.run(run())
+
+
+async def refused(asked: Awaitable[dict[str, Any]]) -> str:
+    """The code of a refusal."""
+    answer = await asked
+    assert answer["ok"] is False
+    return str(answer["code"])
+
+
+def test_role_view_only_looks_and_stops(tmp_path: Path) -> None:
+    async def test(made: Site) -> None:
+        browser = await made.browser("view")
+        for do, fields in (
+            ("set", {"slot": "motor6.val", "value": 1}), ("call", {"slot": "robot.go", "args": [1]}),
+            ("drive", {"x": 1, "yaw": 0}), ("go", {"x": 1, "y": 1}), ("run", {"text": "motor6.val = 1;"}),
+            ("release", {}), ("lease", {"take": True}), ("tag", {"tag": "t", "action": "stop"}), ("fake", {}),
+            ("complete", {"text": "mo"}),
+        ):  # fmt: skip
+            assert await refused(browser.ask(do, **fields)) == "role", do
+        assert await refused(browser.ask("events", slots=["robot.stop"])) == "role"
+        assert not any(text in made.daemon.said for text in ("motor6", "robot.go", "drive.order", "moveTo"))
+        assert (await browser.ask("get", slot="motor6.val"))["value"] == 1
+        assert (await browser.ask("estop"))["confirmed"] and (await browser.ask("stop"))["confirmed"]
+        assert made.worker.asked == ["estop anna (panel)", "stop anna (panel)"]
+
+    play(tmp_path, test)
+
+
+def test_role_drive_has_effectors_and_limits(tmp_path: Path) -> None:
+    async def test(made: Site) -> None:
+        browser = await made.browser("drive")
+        assert await refused(browser.ask("set", slot="motor6.offset", value=1)) == "role"
+        assert await refused(browser.ask("set", slot="System.period", value=1)) == "role"
+        assert await refused(browser.ask("call", slot="robot.shutdown", args=[])) == "role"
+        assert await refused(browser.ask("run", text="1;")) == "role"
+        assert (await browser.ask("set", slot="motor6.val", value=0.5))["ok"]
+        assert "motor6.val = 0.5 speed:1 " in made.daemon.said
+        assert (await browser.ask("set", slot="motor6.val", value=0.5, speed=9))["ok"]
+        assert "speed:9" not in made.daemon.said
+        assert (await browser.ask("set", slot="motor6.speed", value=-50))["ok"]
+        assert "motor6.speed = (-1.0)" in made.daemon.said
+        assert (await browser.ask("call", slot="robot.go", args=[0.5]))["ok"]
+
+    play(tmp_path, test)
+
+
+@pytest.mark.parametrize("slot", ["motor6.val = 1; robot.go", 'a["b"] | 1', "1", "", "motor6.val\n", "a" * 300, 7])
+def test_what_is_no_path_never_reaches_the_daemon(tmp_path: Path, slot: Any) -> None:
+    async def test(made: Site) -> None:
+        browser = await made.browser("full")
+        for do in ("get", "set", "call"):
+            assert await refused(browser.ask(do, slot=slot, value=1)) == "bad"
+        assert await refused(browser.ask("subscribe", slots=[slot])) == "bad"
+        assert "robot.go" not in made.daemon.said
+
+    play(tmp_path, test)
+
+
+def test_values_are_quoted(tmp_path: Path) -> None:
+    async def test(made: Site) -> None:
+        browser = await made.browser("full")
+        assert (await browser.ask("set", slot="speech.text", value='"; robot.go(1); "\n'))["ok"]
+        assert '= "\\"; robot.go(1); \\"\\n"' in made.daemon.said
+
+    play(tmp_path, test)
+
+
+def test_one_browser_drives_and_another_one_takes_over(tmp_path: Path) -> None:
+    async def test(made: Site) -> None:
+        anna, bob = await made.browser("drive", "anna"), await made.browser("full", "bob")
+        assert (await anna.ask("set", slot="motor6.val", value=0.5))["ok"]
+        await bob.event("state", lambda told: told["driver"] == "anna")
+        assert await refused(bob.ask("set", slot="motor6.val", value=0)) == "lease"
+        assert (await bob.ask("lease", take=True))["ok"]
+        assert await refused(anna.ask("set", slot="motor6.val", value=0)) == "lease"
+        await anna.event("state", lambda told: told["driver"] == "bob")
+        assert "__web.endAll" in made.daemon.said
+        await bob.socket.close()
+        await anna.event("state", lambda told: told["driver"] == "")
+        assert (await anna.ask("set", slot="motor6.val", value=0))["ok"]
+
+    play(tmp_path, test)
+
+
+def test_the_connections_to_the_daemon_end_with_the_browser(tmp_path: Path) -> None:
+    async def test(made: Site) -> None:
+        browser = await made.browser("full")
+        assert (await browser.ask("get", slot="a.b"))["ok"]
+        before = made.daemon.open
+        await browser.socket.close()
+        while made.daemon.open != before - 1:
+            await asyncio.sleep(0.01)
+
+    play(tmp_path, test)
+
+
+def test_nonsense_and_floods_are_refused(tmp_path: Path) -> None:
+    async def test(made: Site) -> None:
+        browser = await made.browser("view")
+        for text in ("", "[]", "nonsense", '{"do": []}', '{"do": "x", "id": 5}', "[" * 5000):
+            await browser.socket.send_str(text)
+            message = await browser._read()
+            while "event" in message:
+                message = await browser._read()
+            assert message["ok"] is False and message["code"] == "bad"
+        for _ in range(1000):
+            await browser.socket.send_str('{"id": 9, "do": "tree"}')
+        codes = set()
+        for _ in range(1000):
+            message = await browser._read()
+            if "event" not in message:
+                codes.add(message.get("code"))
+        assert "limit" in codes
+        await browser.socket.send_str("x" * 100_000)
+        while not browser.socket.closed:
+            await browser.socket.receive(timeout=10)
+        assert browser.socket.close_code == 1009
+
+    play(tmp_path, test)
+
+
+class Stuck:
+    """A socket that takes nothing until it is let go."""
+
+    def __init__(self) -> None:
+        self.go = asyncio.Event()
+        self.sent: list[Any] = []
+
+    async def send_str(self, data: str) -> None:
+        await self.go.wait()
+        self.sent.append(json.loads(data))
+
+    async def send_bytes(self, data: bytes) -> None:
+        await self.go.wait()
+        self.sent.append(data)
+
+
+def test_a_slow_browser_gets_the_newest_samples_and_is_told_how_many_were_lost() -> None:
+    async def run() -> None:
+        flows: list[bool] = []
+        outbox, socket = Outbox(flows.append), Stuck()
+        task = asyncio.create_task(outbox.run(socket))
+        for number in range(100):
+            outbox.put_newest(1, {"event": "samples", "n": number, "lost": 2, "v": [float("nan")]}, kept=4)
+        for number in range(600):
+            outbox.put({"id": number})
+        await asyncio.sleep(0)
+        assert flows == [True]
+        socket.go.set()
+        while len(socket.sent) < 604:
+            await asyncio.sleep(0)
+        samples = [each for each in socket.sent if "n" in each]
+        assert [each["n"] for each in samples] == [96, 97, 98, 99]
+        assert samples[-1] == {"event": "samples", "n": 99, "lost": 98, "v": [None]}
+        assert [each["id"] for each in socket.sent if "id" in each] == list(range(600)) and flows == [True, False]
+        task.cancel()
+
+    asyncio.run(run())
+
+
+def test_a_browser_that_reads_nothing_is_given_up() -> None:
+    async def run() -> None:
+        outbox, socket = Outbox(), Stuck()
+        task = asyncio.create_task(outbox.run(socket))
+        for number in range(5000):
+            outbox.put({"id": number})
+        socket.go.set()
+        await asyncio.wait_for(task, 5)
+        assert outbox.overflowed
+
+    asyncio.run(run())
+
+
+def test_the_schema_has_all_requests() -> None:
+    described = {row["properties"]["do"]["const"] for row in SCHEMA["$defs"]["request"]["oneOf"]}
+    assert described == set(VERBS)
+    check({"id": 1, "do": "set", "slot": "motor6.val", "value": 0.5, "speed": 1}, "request")
+
+
+def test_a_request_right_behind_the_opening_waits_for_the_daemon_but_a_stop_does_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def test(made: Site) -> None:
+        made.daemon.close()
+        browser = await made.browser("full")
+        asked = asyncio.create_task(browser.ask("get", slot="a.b"))
+        await asyncio.sleep(0)
+        await made.daemon.start()
+        assert (await asked)["value"] == 1
+        made.daemon.close()
+        monkeypatch.setattr(session, "OPENING_S", 0.3)
+        other = await made.browser("full", "bob")
+        assert (await other.ask("estop"))["confirmed"]
+        assert await refused(other.ask("get", slot="a.b")) == "gone"
+        assert await refused(other.ask("drive", x=1, yaw=0)) == "gone"
+
+    play(tmp_path, test)

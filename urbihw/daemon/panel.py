@@ -1,0 +1,103 @@
+"""The gateway for browsers (``urbihw.web``) as a child of the daemon: started, started again when it ends, and ended.
+
+It is a process of its own, so that a held interpreter leaves the panel alive.  It cannot outlive the daemon: it ends
+with its standard input.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import subprocess
+import sys
+import threading
+from collections.abc import Sequence
+from importlib.util import find_spec
+from typing import Final
+
+from urbihw.backoff import BackOff
+from urbihw.daemon.config import Config
+from urbihw.extras import install_command
+from urbihw.kernel.uobject import BadConfig
+
+log = logging.getLogger("urbihw.daemon")
+
+EX_CONFIG: Final = 78
+"""Exit code of a child with wrong settings: to start it again would not help."""
+FIRST_PAUSE_S: Final = 1.0
+MAX_PAUSE_S: Final = 30.0
+STEADY_S: Final = 60.0
+"""Seconds after which a child has run well, and the pauses begin anew."""
+END_TIMEOUT_S: Final = 3.0
+
+
+def check_panel(config: Config) -> None:
+    """Whether there can be a panel.  Raises BadConfig."""
+    if find_spec("aiohttp") is None or find_spec("segno") is None:
+        raise BadConfig(f"web: this needs a package: {install_command('web')}")
+
+
+def panel_command(config: Config, server: str, control: str) -> list[str]:
+    """The command line of the gateway of a daemon.  ``server`` is its address or socket, ``control`` the socket of the
+    worker, "" for none."""
+    command = [sys.executable, "-m", "urbihw.cli.main", "panel", server, "--child", "--host", config.panel_host,
+               "--port", str(config.panel_port), "--platform", config.platform, "--speed", f"{config.panel_speed:g}"]
+    if control:
+        command += ["--control", control]
+    if config.fake:
+        command.append("--fake")
+    if config.tls_cert:
+        command += ["--tls-cert", config.tls_cert]
+    if config.tls_key:
+        command += ["--tls-key", config.tls_key]
+    return command
+
+
+class Panel:
+    """Keeps the gateway running, in a thread."""
+
+    def __init__(self, command: Sequence[str]) -> None:
+        self._command = command
+        self._ending = threading.Event()
+        self._child: subprocess.Popen[bytes] | None = None
+        self._thread = threading.Thread(target=self._keep, name="panel", daemon=True)
+
+    def start(self) -> None:
+        """Start the gateway."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the gateway.  A second call does nothing."""
+        self._ending.set()
+        child = self._child
+        if child is not None and child.stdin is not None:
+            with contextlib.suppress(OSError):
+                child.stdin.close()
+        self._thread.join(END_TIMEOUT_S)
+        if child is not None and child.poll() is None:
+            child.kill()
+            self._thread.join(END_TIMEOUT_S)
+
+    def _keep(self) -> None:
+        pauses = BackOff(FIRST_PAUSE_S, MAX_PAUSE_S)
+        while not self._ending.is_set():
+            steady = threading.Timer(STEADY_S, pauses.reset)
+            steady.daemon = True
+            steady.start()
+            code = self._run()
+            steady.cancel()
+            if self._ending.is_set():
+                return
+            if code == EX_CONFIG:
+                log.error("the panel is not served (above): correct the settings, then start urbihw again")
+                return
+            pause = pauses.next_pause()
+            log.error("the panel has ended (code %d); it is started again in %g s", code, pause)
+            self._ending.wait(pause)
+
+    def _run(self) -> int:
+        """Run the gateway once; returns its exit code."""
+        # Ctrl-C must reach the daemon alone, which ends its children in order.
+        with subprocess.Popen(self._command, stdin=subprocess.PIPE, start_new_session=True) as child:
+            self._child = child
+            return child.wait()

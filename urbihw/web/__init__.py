@@ -1,0 +1,13 @@
+"""The gateway for browsers: HTTP and one WebSocket protocol (docs/gateway.md), in a process beside the daemon.
+
+It is a client of the daemon, by one connection to port 54000 for each browser, and of the control socket of the bus
+worker, so that stop, emergency stop, state and plots of devices work while the interpreter is busy.
+
+Reading order: ``settings``, ``gateway`` (what runs), ``pages`` and ``guards`` (HTTP), ``pairing`` (who may come in),
+``session`` (one browser) with ``outbox`` (what it has not read yet) and ``verbs`` (what it may ask), ``lobby`` (a
+connection to the daemon), ``worker`` (the control socket), ``robot`` (state, devices and tree for all browsers),
+``tree`` (what may be read, written and called).
+
+May import the client side (``urbihw.client``), the state folder and the certificate of the daemon, and the verdict on
+the health of a robot.  It never imports the kernel or a platform.  Needs the extra ``web``.
+"""

@@ -1,0 +1,51 @@
+"""Fields of a request, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from urbihw.client.literals import checked_path
+from urbihw.web.session import Refusal
+
+_NONE: Any = object()
+
+
+def number_of(request: Mapping[str, Any], name: str, least: float, most: float, default: Any = _NONE) -> float:
+    """A number within bounds.  Raises Refusal."""
+    value = request.get(name, default)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
+        raise Refusal(f"{name} wants a number from {least:g} to {most:g}")
+    return float(value)
+
+
+def text_of(request: Mapping[str, Any], name: str, default: str | None = None) -> str:
+    """A text.  Raises Refusal."""
+    value = request.get(name, default)
+    if not isinstance(value, str):
+        raise Refusal(f"{name} wants a text")
+    return value
+
+
+def path_of(request: Mapping[str, Any], name: str) -> str:
+    """The path of a slot.  Raises Refusal."""
+    try:
+        return checked_path(text_of(request, name, ""))
+    except ValueError as error:
+        raise Refusal(f"{name}: {error}") from error
+
+
+def paths_of(request: Mapping[str, Any], name: str, most: int) -> list[str]:
+    """Paths of slots, at least one.  Raises Refusal."""
+    value = request.get(name)
+    if not isinstance(value, list) or not 0 < len(value) <= most:
+        raise Refusal(f"{name} wants a list of 1 to {most} paths of slots, such as [\"motor6.val\"]")
+    return [path_of({name: each}, name) for each in value]
+
+
+def truth_of(request: Mapping[str, Any], name: str, default: bool = False) -> bool:
+    """True or false.  Raises Refusal."""
+    value = request.get(name, default)
+    if not isinstance(value, bool):
+        raise Refusal(f"{name} wants true or false")
+    return value

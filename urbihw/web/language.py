@@ -1,0 +1,82 @@
+"""Requests of the language, for role full: run, completion, jobs and tags, and the faults of a simulated robot."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any, Final
+
+from urbihw.client.literals import literal, string_literal
+from urbihw.client.subject import subject
+from urbihw.web.asked import number_of, text_of
+from urbihw.web.session import Refusal, Session
+
+MAX_TEXT: Final = 60_000
+ACTIONS: Final = ("stop", "freeze", "unfreeze")
+MAX_WORDS: Final = 200
+_TAG: Final = re.compile(r"[A-Za-z_]\w{0,60}", re.ASCII)
+Request = Mapping[str, Any]
+
+
+async def run(session: Session, request: Request) -> dict[str, Any]:
+    """Run text in the console of the browser; its output is told by events."""
+    text = text_of(request, "text")
+    if len(text) > MAX_TEXT:
+        raise Refusal(f"a text has {MAX_TEXT} characters at most", "limit")
+    tag = text_of(request, "tag", "")
+    if tag:
+        name = _tag_name(tag)
+        body = text.rstrip(" ;,|\r\n\t")
+        text = f'if (!hasSlot("{name}")) setSlot("{name}", Tag.new("{name}"))|;\n{name}: {{ {body}\n}},'
+    (await session.console()).send(text.rstrip("\n") + "\n")
+    return {}
+
+
+async def complete(session: Session, request: Request) -> dict[str, Any]:
+    """The names that may follow the beginning of a path in a text: of slots that exist now."""
+    text = text_of(request, "text")[:MAX_TEXT]
+    text = text[: int(number_of(request, "at", 0, MAX_TEXT, len(text)))]
+    wanted = subject(text)
+    if wanted is None:
+        return {"words": []}
+    await session.console()
+    path = literal(list(wanted.path))
+    names = await session.link.value(f"assistant_names({string_literal(session.console_uid)}, {path})")
+    hidden = wanted.prefix.startswith("_")
+    words = [each for each in names if each.startswith(wanted.prefix) and each and (hidden or each[0] != "_")]
+    return {"words": words[:MAX_WORDS]}
+
+
+async def jobs(session: Session, request: Request) -> dict[str, Any]:
+    """The jobs of all connections, and the tags that can be stopped."""
+    told = await session.link.json("System.jobsText")
+    return {"jobs": told.get("jobs", []), "tags": told.get("tags", [])} if isinstance(told, dict) else {"jobs": told}
+
+
+async def tag(session: Session, request: Request) -> dict[str, Any]:
+    """Stop, freeze or unfreeze a tag: one of any connection by its ``id`` in ``jobs`` (field ``uid``), or one of the
+    console by name."""
+    name, action = text_of(request, "tag", ""), text_of(request, "action")
+    if action not in ACTIONS:
+        raise Refusal(f"action wants one of {', '.join(ACTIONS)}")
+    if "uid" in request:
+        await session.link.ask(f'System.controlTag({string_literal(text_of(request, "uid"))}, "{action}") | 1')
+    else:
+        link = await session.console()
+        await link.ask(f"{_tag_name(name)}.{action} | 1")
+    return {}
+
+
+async def fake(session: Session, request: Request) -> dict[str, Any]:
+    """The faults of a simulated robot: the list, or one of them."""
+    if not session.gateway.robot.about["fake"]:
+        raise Refusal("this robot is not simulated")
+    if "tell" in request:
+        return {"answer": await session.link.value(f"fake.tell({string_literal(text_of(request, 'tell'))})")}
+    return {"commands": await session.link.value("fake.commands")}
+
+
+def _tag_name(text: str) -> str:
+    if not _TAG.fullmatch(text):
+        raise Refusal(f"{text[:40]!r} is no name of a tag")
+    return text

@@ -1,0 +1,155 @@
+"""Requests that read, write, call and drive.  Role drive has the effectors and some functions of the tree, slowly."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+from typing import Any, Final
+
+from urbihw.client.driving import order_text, parse_answer
+from urbihw.client.lines import Line
+from urbihw.client.literals import literal
+from urbihw.web.asked import number_of, path_of, truth_of
+from urbihw.web.lobby import LobbyError, plain_value
+from urbihw.web.session import Refusal, Session
+from urbihw.web.tree import FREE_CALLS
+
+DEAD_MAN_S: Final = 0.3
+"""Seconds without an order of the pad after which the base stands."""
+MAX_SPEED: Final = 20.0
+TAKEN_S: Final = 0.1
+"""Seconds in which a movement that fails at once is told as the answer; a later error is told as output."""
+MAX_ARGUMENTS: Final = 8
+Request = Mapping[str, Any]
+
+
+async def get(session: Session, request: Request) -> dict[str, Any]:
+    """The value of a slot."""
+    slot = path_of(request, "slot")
+    return {"value": await session.link.read(slot)}
+
+
+async def set_slot(session: Session, request: Request) -> dict[str, Any]:
+    """Write a slot; with ``speed`` or ``time`` as a movement."""
+    slot = path_of(request, "slot")
+    if "value" not in request:
+        raise Refusal("value is missing")
+    value, extra = request["value"], ""
+    for name in ("speed", "time"):
+        if request.get(name) is not None:
+            extra = f" {name}:{number_of(request, name, 0.001, 1e6):g}"
+    tree = session.gateway.robot.tree
+    if session.role != "full":
+        if not tree.may_write(slot):
+            raise Refusal(f"{slot} is no effector of the robot", "role")
+        value, extra = _limited(session, slot, value, extra, request)
+    session.gateway.take_lease(session)
+    try:
+        text = literal(value)
+    except (ValueError, TypeError, OverflowError) as error:
+        raise Refusal(str(error)) from error
+    if not extra:
+        await session.link.ask(f"__web.end(\"{_plain(slot)}\") | {slot} = {text} | 1")
+    else:
+        moving = session.link.begin(f"__web.move(\"{_plain(slot)}\"): {slot} = {text}{extra} | 1")
+        await _taken(session, moving)
+    return {}
+
+
+def _limited(session: Session, slot: str, value: Any, extra: str, request: Request) -> tuple[Any, str]:
+    """A write of role drive: a goal is reached no faster than the limit, a speed is no higher."""
+    about = session.gateway.robot.tree.slots.get(slot, {})
+    unit, limits = str(about.get("unit") or ""), session.gateway.settings.limits
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return value, extra
+    factor = 57.29577951308232 if unit.startswith("deg") and unit != "degC" else 1.0
+    if unit in ("rad", "deg", "m"):
+        most = limits.speed * factor if unit != "m" else limits.x
+        asked = request.get("speed")
+        speed = min(most, asked) if isinstance(asked, int | float) else most
+        return value, f" speed:{speed:g}"
+    bound = {"rad/s": limits.yaw, "deg/s": limits.yaw * factor, "m/s": limits.x}.get(unit)
+    if bound is None and _is_speed(slot, about):
+        bound = limits.share * max(abs(float(about.get(end) or 0.0)) for end in ("min", "max")) or None
+    return (value if bound is None else max(-bound, min(bound, value))), extra
+
+
+def _is_speed(slot: str, about: Mapping[str, Any]) -> bool:
+    """Whether a slot without a unit of its own is a speed: by its name, or as a share of full power."""
+    return "speed" in slot.rpartition(".")[2].lower() or about.get("unit") == "%"
+
+
+async def call(session: Session, request: Request) -> dict[str, Any]:
+    """Call a function.  One that takes long is answered at once; how it ends is told as output."""
+    slot = path_of(request, "slot")
+    arguments = request.get("args", [])
+    if not isinstance(arguments, list) or len(arguments) > MAX_ARGUMENTS:
+        raise Refusal(f"args wants a list of at most {MAX_ARGUMENTS} values")
+    if session.role != "full" and not session.gateway.robot.tree.may_call(slot):
+        raise Refusal(f"role {session.role} may not call {slot}", "role")
+    if slot.rpartition(".")[2] not in FREE_CALLS:
+        session.gateway.take_lease(session)
+    try:
+        text = ", ".join(map(literal, arguments))
+    except (ValueError, TypeError, OverflowError) as error:
+        raise Refusal(str(error)) from error
+    line = await _taken(session, session.link.begin(f"{slot}({text})"))
+    return {} if line is None else {"value": plain_value(line)}
+
+
+async def go(session: Session, request: Request) -> dict[str, Any]:
+    """Drive to a place, along a path where there is a map, else straight; without ``theta`` in any direction."""
+    x, y = number_of(request, "x", -1e4, 1e4), number_of(request, "y", -1e4, 1e4)
+    theta = number_of(request, "theta", -100, 100) if request.get("theta") is not None else None
+    session.gateway.take_lease(session)
+    ahead = f'Math.atan2({y:g} - robot.position["y"], {x:g} - robot.position["x"])' if theta is None else f"{theta:g}"
+    straight = literal([x, y] if theta is None else [x, y, theta])
+    path = (
+        f'if (robot.hasSlot("planner") && robot.planner.ready) robot.moveTo([{x:g}, {y:g}, {ahead}]) '
+        f"else robot.goToAbsolute({straight})"
+    )
+    await _taken(session, session.link.begin(f'__web.move("robot.go"): {{ {path} }} | 1'))
+    return {}
+
+
+async def drive(session: Session, request: Request) -> dict[str, Any]:
+    """Drive a base while orders come: without one for ``DEAD_MAN_S`` it stands."""
+    x, yaw = number_of(request, "x", -MAX_SPEED, MAX_SPEED), number_of(request, "yaw", -MAX_SPEED, MAX_SPEED)
+    if session.role != "full":
+        limits = session.gateway.settings.limits
+        x, yaw = max(-limits.x, min(limits.x, x)), max(-limits.yaw, min(limits.yaw, yaw))
+    session.gateway.take_lease(session)
+    loop = asyncio.get_running_loop()
+    if session.server_ahead is None:
+        session.server_ahead = float(await session.link.value("System.time")) - loop.time()
+    made = session.server_ahead + loop.time()
+    line = await session.link.ask(order_text(x, yaw, DEAD_MAN_S, made), 1.0)
+    try:
+        driven = parse_answer(line.shown)
+    except ValueError as error:
+        raise LobbyError("this robot does not drive", "language") from error
+    # By the way of the answer too old, so that orders never seem younger than they are.
+    session.server_ahead = driven.time - loop.time()
+    return {"deferred": driven.deferred, "late": driven.late, "x": driven.x, "yaw": driven.yaw}
+
+
+async def lease(session: Session, request: Request) -> dict[str, Any]:
+    """Take the robot over from another browser, or leave it."""
+    if truth_of(request, "take"):
+        session.gateway.take_lease(session, over=True)
+    else:
+        session.gateway.release_lease(session)
+    return {}
+
+
+async def _taken(session: Session, running: asyncio.Future[Line]) -> Line | None:
+    """The answer of what ends at once; None for what goes on: its error is told as output.  Raises LobbyError."""
+    done, _ = await asyncio.wait((running,), timeout=TAKEN_S)
+    if done:
+        return running.result()
+    running.add_done_callback(session.tell_end)
+    return None
+
+
+def _plain(slot: str) -> str:
+    return slot.replace('"', "'")

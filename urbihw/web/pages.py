@@ -1,0 +1,88 @@
+"""The pages: the panel, its files, the pairing, the schema of the protocol, and the WebSocket."""
+
+from __future__ import annotations
+
+import html
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from aiohttp import web
+
+from urbihw.web.guards import Guard, add_headers, make_middleware
+from urbihw.web.pairing import COOKIE_DAYS, Browser
+
+if TYPE_CHECKING:
+    from urbihw.web.gateway import Gateway
+
+FOLDER: Final = Path(__file__).parent
+_MAX_CODE_LENGTH: Final = 64
+_PAGE: Final = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
+<link rel="icon" href="data:,">{head}<title>urbihw</title></head>
+<body><h1>{title}</h1><p>{text}</p></body></html>
+"""
+_AGAIN: Final = '<meta http-equiv="refresh" content="0;url=/">'
+_HOW: Final = "On the robot's machine, type <code>urbihw panel pair</code> and open the address that it shows."
+
+
+class Pages:
+    """The application of aiohttp: ``app``."""
+
+    def __init__(self, gateway: Gateway) -> None:
+        self._gateway = gateway
+        self._cookie = f"urbihw_{gateway.port}"
+        self.app = web.Application(middlewares=[make_middleware(Guard())], client_max_size=1024)
+        self.app.on_response_prepare.append(add_headers)
+        self.app.add_routes([
+            web.get("/", self._index),
+            web.get("/ws", self._socket),
+            web.get("/pair", self._pair),
+            web.get("/healthz", self._healthz),
+            web.get("/schema.json", self._schema),
+            web.static("/static", FOLDER / "static"),
+        ])  # fmt: skip
+
+    def _browser(self, request: web.Request) -> Browser | None:
+        cookie = request.cookies.get(self._cookie, "")
+        return self._gateway.pairings.find(cookie, self._gateway.port) if 0 < len(cookie) <= 200 else None
+
+    async def _index(self, request: web.Request) -> web.StreamResponse:
+        if self._browser(request) is not None:
+            return web.FileResponse(FOLDER / "static" / "index.html")
+        if request.headers.get("Sec-Fetch-Site") == "cross-site":
+            # A link of another site brings no cookie: the page opens itself again, from here.
+            return _page(200, "One moment", "", head=_AGAIN)
+        return _page(401, "This browser is not paired", _HOW)
+
+    async def _pair(self, request: web.Request) -> web.StreamResponse:
+        code = request.query.get("c", "")
+        # A program that only looks where a link leads must not use it up.
+        if request.method != "GET" or request.headers.get("Sec-Purpose") or request.headers.get("Purpose"):
+            return _page(400, "Open this page", "It pairs the browser that opens it.")
+        made = self._gateway.pairings.redeem(code, self._gateway.port) if 0 < len(code) <= _MAX_CODE_LENGTH else None
+        if made is None:
+            return _page(403, "This code is not good any more", "Each is good once, for two minutes. " + _HOW)
+        _, cookie = made
+        response = web.Response(status=303, headers={"Location": "/"})
+        response.set_cookie(
+            self._cookie, cookie, httponly=True, samesite="Strict", secure=request.secure, path="/",
+            max_age=COOKIE_DAYS * 86400,
+        )  # fmt: skip
+        return response
+
+    async def _socket(self, request: web.Request) -> web.StreamResponse:
+        browser = self._browser(request)
+        if browser is None:
+            return web.Response(status=401, text="this browser is not paired: urbihw panel pair\n")
+        return await self._gateway.connect(request, browser)
+
+    async def _healthz(self, request: web.Request) -> web.StreamResponse:
+        return web.json_response({"ok": True})
+
+    async def _schema(self, request: web.Request) -> web.StreamResponse:
+        return web.FileResponse(FOLDER / "protocol.json")
+
+
+def _page(status: int, title: str, text: str, head: str = "") -> web.Response:
+    body = _PAGE.format(title=html.escape(title), text=text, head=head)
+    return web.Response(status=status, text=body, content_type="text/html")

@@ -1,0 +1,113 @@
+"""Listens for browsers and serves them until the process is told to stop."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import signal
+import socket
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Final
+
+from aiohttp import web
+
+from urbihw.client.where import is_loopback
+from urbihw.daemon.state import write_secret
+from urbihw.web.gateway import Gateway
+from urbihw.web.settings import Settings
+
+log = logging.getLogger("urbihw.web")
+
+_SOMEWHERE: Final = ("192.0.2.1", 9)
+"""An address of TEST-NET-1 (RFC 5737): a datagram socket that is connected to it tells the own address; nothing is
+sent."""
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A socket that listens.  Raises OSError."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    found = socket.getaddrinfo(host, port, family, socket.SOCK_STREAM, 0, socket.AI_PASSIVE)
+    return socket.create_server(found[0][4][:2], family=family, backlog=64)
+
+
+def address_of(settings: Settings, port: int) -> str:
+    """The address that users type, such as ``http://127.0.0.1:54080``."""
+    host = settings.host
+    if host in ("0.0.0.0", "::", ""):
+        host = _own_address() or f"{socket.gethostname()}.local"
+    shown = f"[{host}]" if ":" in host else host
+    return f"{'https' if settings.tls is not None else 'http'}://{shown}:{port}"
+
+
+async def serve(
+    settings: Settings, listener: socket.socket, ready: Callable[[str, Gateway], None], *, ends_with_input: bool = False
+) -> None:
+    """Serve until SIGTERM or SIGINT, or the end of standard input, a pipe of the daemon that must not be outlived.
+
+    ``ready`` is called with the address when browsers can connect.
+    """
+    logging.getLogger("aiohttp").setLevel(logging.CRITICAL)
+    port = listener.getsockname()[1]
+    gateway = Gateway(settings, port)
+    address = address_of(settings, port)
+    runner = web.AppRunner(gateway.app, access_log=None, handle_signals=False)
+    await runner.setup()
+    try:
+        site = web.SockSite(runner, listener, ssl_context=settings.tls)
+        await site.start()
+        with _published(settings.folder / f"panel-{port}", address):
+            if settings.port_file is not None:
+                write_secret(settings.port_file, f"{port}\n")
+            ready(address, gateway)
+            await _run(gateway, ends_with_input)
+    finally:
+        await gateway.close()
+        await runner.cleanup()
+
+
+async def _run(gateway: Gateway, ends_with_input: bool) -> None:
+    """Watch the robot until the process is told to stop."""
+    loop = asyncio.get_running_loop()
+    stopped = asyncio.Event()
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+        loop.add_signal_handler(number, stopped.set)
+    if ends_with_input:
+        loop.add_reader(sys.stdin.fileno(), _read_input, stopped)
+    watching, stopping = asyncio.create_task(gateway.run()), asyncio.create_task(stopped.wait())
+    try:
+        done, _ = await asyncio.wait((watching, stopping), return_when=asyncio.FIRST_COMPLETED)
+        if watching in done:
+            watching.result()
+    finally:
+        for task in (watching, stopping):
+            task.cancel()
+        await asyncio.gather(watching, stopping, return_exceptions=True)
+
+
+@contextlib.contextmanager
+def _published(file: Path, address: str) -> Iterator[None]:
+    """The address in a file, for ``urbihw panel pair``."""
+    write_secret(file, f"{address}\n")
+    try:
+        yield
+    finally:
+        file.unlink(missing_ok=True)
+
+
+def _read_input(stopped: asyncio.Event) -> None:
+    if not os.read(sys.stdin.fileno(), 4096):
+        asyncio.get_running_loop().remove_reader(sys.stdin.fileno())
+        stopped.set()
+
+
+def _own_address() -> str:
+    """The address of this machine that faces the network; "" without one."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe, contextlib.suppress(OSError):
+        probe.connect(_SOMEWHERE)
+        host = str(probe.getsockname()[0])
+        return "" if is_loopback(host) else host
+    return ""

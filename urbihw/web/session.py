@@ -1,0 +1,363 @@
+"""One browser: its WebSocket, its connections to the daemon, its subscriptions.
+
+It has two connections.  One is for what the panel asks; its statements run in the background and never wait for one
+another.  The other one, opened on first use, is the console of a browser of role full: an unfinished or endless
+statement there holds up nothing else.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import re
+from collections.abc import Callable, Coroutine, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any, Final
+
+from aiohttp import WSCloseCode, WSMsgType, web
+
+from urbihw.backoff import BackOff
+from urbihw.client.driving import PROGRAM as DRIVE_PROGRAM
+from urbihw.client.lines import Line
+from urbihw.client.literals import string_literal
+from urbihw.client.values import value_of
+from urbihw.web.lobby import LobbyError, LobbyLink, utf8
+from urbihw.web.outbox import KEPT, Outbox
+from urbihw.web.pairing import Browser
+from urbihw.web.pictures import frame_of
+
+if TYPE_CHECKING:
+    from urbihw.web.gateway import Gateway
+
+PROTOCOL: Final = 1
+REQUESTS_PER_S: Final = 200.0
+BURST: Final = 400.0
+"""Requests in a second, and at once, beyond which a browser is refused."""
+MAX_PENDING: Final = 64
+"""Requests of a browser that are not answered yet."""
+OPENING_S: Final = 3.0
+"""Seconds after its opening for which the requests of a browser wait for its connection to the daemon."""
+FIRST_PAUSE_S: Final = 0.25
+MAX_PAUSE_S: Final = 2.0
+SAMPLES, PICTURE, EVENTS, LOG = "samples", "picture", "events", "log"
+"""The kinds of subscriptions."""
+_CHANNEL: Final = re.compile(r"__web_(\d{1,9})(?:_(\d{1,4}))?")
+_PROGRAM: Final = (
+    files("urbihw.web").joinpath("session.u").read_text("ascii")
+    + files("urbihw.client").joinpath("assistant.u").read_text("ascii")
+)
+
+
+class Refusal(Exception):
+    """A request is refused; ``code`` is one of those of the protocol."""
+
+    def __init__(self, text: str, code: str = "bad") -> None:
+        super().__init__(text)
+        self.code = code
+
+
+@dataclass
+class Sub:
+    """A subscription: its number in the protocol, its kind, its slots, the statement that makes it, and what the daemon
+    tells of it; ``head`` belongs to the next picture."""
+
+    number: int
+    kind: str
+    slots: Sequence[str]
+    body: str = ""
+    header: asyncio.Future[dict[str, Any]] = field(default_factory=lambda: asyncio.get_running_loop().create_future())
+    head: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def channel(self) -> str:
+        """The channel of its lines."""
+        return f"__web_{self.number}"
+
+
+class Session:
+    """One browser.  ``run`` serves it until it is gone.
+
+    Attributes:
+        browser: who it is.
+        outbox: what it gets.
+        subs: its subscriptions by number.
+        name: its name for the log and for ``driver``.
+    """
+
+    def __init__(self, gateway: Gateway, browser: Browser, socket: web.WebSocketResponse) -> None:
+        self.gateway = gateway
+        self.browser = browser
+        self.name = browser.name
+        self.outbox = Outbox(self._flow)
+        self.subs: dict[int, Sub] = {}
+        self.console_uid = ""
+        self.server_ahead: float | None = None
+        """The server's time without that of this process, s; None while it is not known."""
+        self.tasks: dict[str, asyncio.Task[None]] = {}
+        """Tasks that serve the browser, by name: each ends with it."""
+        self._socket = socket
+        self._link: LobbyLink | None = None
+        self._connected = asyncio.Event()
+        self._console: LobbyLink | None = None
+        self._opening = asyncio.Lock()
+        self._next_sub = 1
+        self._pending: set[asyncio.Task[None]] = set()
+        self._allowance = BURST
+        self._opened = self._refilled = asyncio.get_running_loop().time()
+
+    @property
+    def role(self) -> str:
+        """Its role."""
+        return self.browser.role
+
+    @property
+    def title(self) -> str:
+        """Its name for the robot: in ``why``, in the list of jobs, and for who has stopped it."""
+        return f"{self.name} (panel)"
+
+    # ---------------------------------------------------------------- life
+
+    async def run(self) -> None:
+        """Serve the browser until it is gone."""
+        sending = asyncio.create_task(self._send())
+        connecting = asyncio.create_task(self._keep_connected())
+        try:
+            await self._read()
+        finally:
+            for task in (sending, connecting, *self._pending, *self.tasks.values()):
+                task.cancel()
+            await asyncio.gather(sending, connecting, *self._pending, *self.tasks.values(), return_exceptions=True)
+            for link in (self._link, self._console):
+                if link is not None:
+                    link.close()
+
+    async def close(self, why: str, code: int = WSCloseCode.GOING_AWAY) -> None:
+        """Disconnect the browser."""
+        await self._socket.close(code=code, message=why.encode())
+
+    async def _send(self) -> None:
+        with contextlib.suppress(ConnectionError, RuntimeError):
+            await self.outbox.run(self._socket)
+        if self.outbox.overflowed:
+            await self.close("too much waits to be read", WSCloseCode.TRY_AGAIN_LATER)
+
+    async def _read(self) -> None:
+        async for message in self._socket:
+            if message.type != WSMsgType.TEXT:
+                continue
+            if self._is_too_fast():
+                self._answer(_id_in(message.data), Refusal("too many requests: slow down", "limit"))
+            elif len(self._pending) >= MAX_PENDING:
+                self._answer(_id_in(message.data), Refusal("too many requests wait for an answer", "limit"))
+            else:
+                # Each begins at once and in order; one that waits holds up no other.
+                task = asyncio.create_task(self._serve(message.data))
+                self._pending.add(task)
+                task.add_done_callback(self._pending.discard)
+
+    def _is_too_fast(self) -> bool:
+        now = asyncio.get_running_loop().time()
+        self._allowance = min(BURST, self._allowance + REQUESTS_PER_S * (now - self._refilled)) - 1
+        self._refilled = now
+        if self._allowance >= 0:
+            return False
+        self._allowance += 1
+        return True
+
+    async def _serve(self, text: str) -> None:
+        number: Any = None
+        try:
+            request = json.loads(text)
+            if not isinstance(request, dict):
+                raise Refusal("a request is a JSON object")
+            number = request.get("id")
+            answer = await self.gateway.serve(self, request)
+        except Refusal as error:
+            self._answer(number, error)
+        except LobbyError as error:
+            self._answer(number, Refusal(str(error), error.code))
+        except (ValueError, RecursionError):
+            self._answer(number, Refusal("a request is a line of JSON"))
+        else:
+            if answer is not None:
+                self.outbox.put({"id": number, "ok": True, **answer})
+
+    def _answer(self, number: Any, error: Refusal) -> None:
+        self.outbox.put({"id": number, "ok": False, "error": str(error), "code": error.code})
+
+    # ---------------------------------------------------------------- telling
+
+    def say_hello(self) -> None:
+        """Tell who is who; again when that changes."""
+        self.outbox.put({
+            "event": "hello", "protocol": PROTOCOL, "version": self.gateway.version, **self.gateway.robot.about,
+            "role": self.role, "you": self.name, "limits": self.gateway.limits_of(self.role),
+        })  # fmt: skip
+
+    def _flow(self, full: bool) -> None:
+        """Let the daemon keep the output of programs while the browser does not read it."""
+        if self._console is not None:
+            self._console.pause() if full else self._console.resume()
+
+    def tell_end(self, ended: asyncio.Future[Line]) -> None:
+        """Tell the error with which a movement has ended, if there is one."""
+        error = None if ended.cancelled() else ended.exception()
+        if isinstance(error, LobbyError) and error.code == "language":
+            self.outbox.put({"event": "output", "channel": "", "stamp": None, "kind": "error", "text": f"!!! {error}"})
+
+    def spawn(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+        """A task that is ended with the browser, if it is in ``tasks``."""
+        return asyncio.get_running_loop().create_task(work)
+
+    def stop_driving(self) -> None:
+        """Let the base stand and end the movements of this browser: another one drives."""
+        with contextlib.suppress(LobbyError):
+            self.link.begin("__web.endAll | 1")
+
+    # ---------------------------------------------------------------- the daemon
+
+    @property
+    def link(self) -> LobbyLink:
+        """The connection for questions.  Raises LobbyError while there is none."""
+        if self._link is None:
+            raise LobbyError("the daemon is not connected", "gone")
+        return self._link
+
+    async def wait_connected(self) -> None:
+        """Wait for the first connection, which a program cannot see, until ``OPENING_S`` after the opening.
+
+        Later, requests of a browser whose daemon is away are refused at once: nothing old is done when it comes back.
+        """
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout_at(self._opened + OPENING_S):
+                await self._connected.wait()
+
+    async def console(self) -> LobbyLink:
+        """The connection of the console, opened if needed.  Raises LobbyError."""
+        async with self._opening:
+            if self._console is None:
+                self._console = await self._open(self._hear_console, self._lose_console)
+                self.console_uid = str(await self._console.value("lobby.uid"))
+            return self._console
+
+    def _lose_console(self, reason: str) -> None:
+        self._console, self.console_uid = None, ""
+
+    async def _open(self, heard: Callable[[Line], None], closed: Callable[[str], None]) -> LobbyLink:
+        settings = self.gateway.settings
+        link = await LobbyLink.open(settings.where, settings.credentials, heard, closed)
+        link.send(f"lobby.introduce({string_literal(self.title)})|;\n")
+        return link
+
+    async def _keep_connected(self) -> None:
+        """Connect to the daemon, and again when the connection was lost, with all subscriptions."""
+        pauses = BackOff(FIRST_PAUSE_S, MAX_PAUSE_S)
+        while True:
+            ended = asyncio.Event()
+            with contextlib.suppress(LobbyError):
+                link = await self._open(self._hear, partial(_end, ended))
+                link.send(DRIVE_PROGRAM + _PROGRAM)
+                self._link = link
+                self._connected.set()
+                pauses.reset()
+                for sub in self.subs.values():
+                    link.begin(sub.body)
+                await ended.wait()
+            self._link = self.server_ahead = None
+            await asyncio.sleep(pauses.next_pause())
+
+    def new_sub(self, kind: str, body: Callable[[Sub], str], slots: Sequence[str]) -> Sub:
+        """A subscription with the next number; ``body(sub)`` is the statement that makes it."""
+        sub = Sub(self._next_sub, kind, slots)
+        sub.body = body(sub)
+        self._next_sub += 1
+        self.subs[sub.number] = sub
+        return sub
+
+    def drop_sub(self, number: int) -> None:
+        """End a subscription, if there is one of this number."""
+        sub = self.subs.pop(number, None)
+        if sub is not None:
+            self.outbox.forget(number)
+            channels = ", ".join(f'"{sub.channel}_{each}"' for each in range(max(1, len(sub.slots))))
+            with contextlib.suppress(LobbyError):
+                self.link.begin(f'__web.unsubscribe("{sub.channel}", [{channels}]) | 1')
+
+    def _hear(self, line: Line) -> None:
+        """A line of the connection for questions that is no answer."""
+        match = _CHANNEL.fullmatch(line.channel)
+        if match is None:
+            if line.is_error and self.role != "view":
+                self.say_output(line)
+            return
+        sub = self.subs.get(int(match[1]))
+        if sub is not None and line.stamp is not None:
+            with contextlib.suppress(ValueError):  # no JSON, no value: of a daemon of another version
+                if match[2] is None:
+                    self._hear_samples(sub, line)
+                else:
+                    self._hear_event(sub, int(match[2]), utf8(value_of(line)))
+
+    def _hear_samples(self, sub: Sub, line: Line) -> None:
+        """Samples, a picture, or the line before it."""
+        if line.binaries:
+            self.outbox.put_newest(sub.number, frame_of(sub.number, line, sub.head, self.outbox.lost(sub.number)))
+            return
+        told = json.loads(line.text)
+        if "names" in told:
+            if not sub.header.done():
+                sub.header.set_result(told)
+        elif "error" in told:
+            self.outbox.put(
+                {"event": "sub-error", "sub": sub.number, "slot": told["error"], "text": told.get("text", "")}
+            )
+        elif sub.kind == PICTURE:
+            sub.head = told
+        else:
+            self.outbox.put_newest(sub.number, {"event": "samples", "sub": sub.number, **told}, KEPT)
+
+    def _hear_event(self, sub: Sub, number: int, told: Any) -> None:
+        """An emission: its time, how many were lost, what it carries."""
+        time, lost, payload = told
+        if sub.kind == LOG:
+            for row in payload:
+                self.say_log(row)
+        elif number < len(sub.slots):
+            self.outbox.put({
+                "event": "happened", "sub": sub.number, "slot": sub.slots[number], "t": time, "lost": lost,
+                "args": payload,
+            })  # fmt: skip
+
+    def say_log(self, row: Any) -> None:
+        """Tell a row of the log."""
+        if isinstance(row, Mapping):
+            self.outbox.put({"event": "log", **row})
+
+    def _hear_console(self, line: Line) -> None:
+        self.say_output(line)
+
+    def say_output(self, line: Line) -> None:
+        """Tell the browser a line of output."""
+        text = line.shown
+        kind = "more" if line.stamp is None else "error" if line.is_error else "value"
+        if kind == "value" and text.startswith("***"):
+            kind = "message"
+        self.outbox.put(
+            {"event": "output", "channel": line.channel, "stamp": line.stamp, "kind": kind, "text": text}
+        )
+
+
+def _end(ended: asyncio.Event, reason: str) -> None:
+    ended.set()
+
+
+def _id_in(text: str) -> Any:
+    """The number of a request that is refused unread; None without one."""
+    with contextlib.suppress(ValueError, RecursionError):
+        request = json.loads(text)
+        if isinstance(request, Mapping):
+            return request.get("id")
+    return None

@@ -1,0 +1,144 @@
+// The bar that is always in view: stop and emergency stop, who drives, link, rate, battery, health in words.
+
+import { html, useEffect, useState } from "../vendor/htm-preact.js";
+import { connection } from "../js/connection.js";
+import { ask, mayDrive, notify, store, useTopics } from "../js/store.js";
+
+const CONFIRM_MS = 500;
+const HOLD_MS = 1000;
+const HEALTH = { ok: "healthy", warning: "warning", bad: "faulty" };
+
+/** What came of the last stop: [class, words]. */
+let told = ["", ""];
+let turn = 0;
+
+function tellStop(level, text) {
+  told = [level, text];
+  notify("stop");
+}
+
+/** Stop (or `estop`) by the bus worker, and tell whether it was confirmed. */
+export async function stopRobot(verb) {
+  const mine = ++turn;
+  const word = verb === "estop" ? "Emergency stop" : "Stop";
+  tellStop("sent", `${word} sent`);
+  const late = setTimeout(() => mine === turn && tellStop("bad", `${word} NOT CONFIRMED`), CONFIRM_MS);
+  try {
+    const answer = await connection.ask(verb, {}, 5000);
+    if (mine !== turn) return;
+    const link = answer.link === false ? ", but there is no link to the robot" : "";
+    tellStop(link ? "bad" : "ok", `${verb === "estop" ? "Held" : "Stopped"} after ${Math.round(answer.ms)} ms${link}`);
+  } catch (error) {
+    if (mine === turn) tellStop("bad", `${word} NOT CONFIRMED: ${error.message.replace(/^NOT CONFIRMED: /, "")}`);
+  } finally {
+    clearTimeout(late);
+  }
+}
+
+const isTyping = (element) => element.isContentEditable || /^(INPUT|TEXTAREA|SELECT)$/.test(element.tagName)
+  && !/^(range|button|color|file)$/.test(element.type);
+
+/** Esc stops; the space bar is the emergency stop, but where text is typed. */
+function hearKey(event) {
+  if (event.key === "Escape" && !event.repeat) {
+    event.preventDefault();
+    stopRobot("stop");
+  } else if (event.key === " " && !isTyping(event.target)) {
+    event.preventDefault();
+    event.stopPropagation();
+    if (event.type === "keydown" && !event.repeat) stopRobot("estop");
+  }
+}
+
+document.addEventListener("keydown", hearKey, true);
+document.addEventListener("keyup", (event) => event.key === " " && !isTyping(event.target) && event.preventDefault(), true);
+
+/** A button that acts when it was held for a second. */
+function HoldButton({ children, act }) {
+  const [held, setHeld] = useState(false);
+  useEffect(() => {
+    if (!held) return undefined;
+    const timer = setTimeout(() => {
+      setHeld(false);
+      act();
+    }, HOLD_MS);
+    return () => clearTimeout(timer);
+  }, [held]);
+  const keyDown = (event) => event.key === "Enter" && !event.repeat && setHeld(true);
+  const end = () => setHeld(false);
+  return html`<button class=${`hold ${held ? "held" : ""}`} id="release" onPointerDown=${() => setHeld(true)}
+    onPointerUp=${end} onPointerLeave=${end} onPointerCancel=${end} onKeyDown=${keyDown} onKeyUp=${end} onBlur=${end}
+    >${children}</button>`;
+}
+
+function Lamp({ name, level, text }) {
+  return html`<span class=${`lamp ${level}`} id=${`lamp-${name}`}><i aria-hidden="true"></i><span class="what">${name}</span>
+    ${text ? html`<b>${text}</b>` : null}<span class="hidden">${level === "ok" ? "" : level}</span></span>`;
+}
+
+function Driver({ state }) {
+  const you = store.hello.you;
+  const isMine = state.driver === you && state.driver !== "";
+  const button = !mayDrive() ? null : isMine
+    ? html`<button class="small" onClick=${() => ask("lease", { take: false })}>Let go</button>`
+    : html`<button class="small" onClick=${() => ask("lease", { take: true })}>${state.driver ? "Take over" : "Drive"}</button>`;
+  return html`<span class="driver" id="driver"><span class="what">drives</span> <b>${isMine ? `you (${you})` : state.driver || "nobody"}</b>
+    ${button}</span>`;
+}
+
+function Held({ state }) {
+  if (!state.estop) return null;
+  return html`<div class="held-line" id="held" role="alert"><span>Held by an emergency stop of ${state.estop}. Nothing moves.</span>
+    ${mayDrive() ? html`<${HoldButton} act=${() => ask("release")}>Hold for 1 s to release<//>` : null}</div>`;
+}
+
+/** What is wrong with the picture that the page shows; "" for nothing. */
+function staleText(state, now) {
+  if (!store.isOpen) {
+    const seconds = ((now - store.closedAt) / 1000).toFixed(0);
+    return `No connection to the robot's machine for ${seconds} s: what you see is old.${store.closedWhy ? ` (${store.closedWhy})` : ""}`;
+  }
+  if (!state) return "Waiting for the robot.";
+  if (now - connection.lastHeard > 1500) return `Nothing heard for ${((now - connection.lastHeard) / 1000).toFixed(0)} s: what you see is old.`;
+  if (!state.daemon) return `The interpreter has not answered for ${state.silent.toFixed(1)} s: its values are old. Stop and devices go by the bus worker.`;
+  return "";
+}
+
+export function Bar() {
+  useTopics("state", "stop", "tree");
+  const [now, setNow] = useState(performance.now());
+  useEffect(() => {
+    const timer = setInterval(() => setNow(performance.now()), 500);
+    return () => clearInterval(timer);
+  }, []);
+  const { hello, state } = store;
+  const stale = staleText(state, Math.max(now, performance.now()));
+  document.body.classList.toggle("stale", stale !== "");
+  const health = state ? state.health : { verdict: "bad", reasons: [] };
+  return html`<header class=${`bar ${state && state.estop ? "estopped" : ""}`} id="bar">
+    <div class="row">
+      <div class="name"><h1>${hello.robot || hello.platform || "robot"}</h1>
+        <span class="sub">${[hello.robot !== hello.platform && hello.platform, hello.fake && "simulated", hello.you && `${hello.you}: ${hello.role}`]
+          .filter(Boolean).join(" · ")}</span></div>
+      ${state && html`<div class="lamps">
+        <${Lamp} name="server" level=${store.isOpen && state.daemon ? "ok" : "bad"} />
+        <${Lamp} name="worker" level=${store.isOpen && state.worker ? "ok" : "bad"} />
+        <${Lamp} name="link" level=${state.link ? "ok" : "bad"} text=${state.link ? `${Math.round(state.rate)} Hz` : "down"} />
+        <span class="lamp load"><span class="what">bus</span><b>${Math.round(100 * state.load)} %</b></span>
+        ${state.battery !== null && state.battery !== undefined && html`<span class="lamp battery"><span class="what">battery</span><b>${state.battery.toFixed(1)} V</b></span>`}
+        <${Driver} state=${state} />
+      </div>`}
+      <div class="stops">
+        <button class="estop" id="estop" onClick=${() => stopRobot("estop")} title="Emergency stop: nothing moves until the release (space bar)">E-STOP</button>
+        <button class="stop" id="stop" onClick=${() => stopRobot("stop")} title="Stop everything that moves (Esc)">STOP</button>
+      </div>
+    </div>
+    <div class="lines">
+      ${told[1] && html`<p class=${`stop-line ${told[0]}`} id="stop-line" role="status">${told[1]}</p>`}
+      ${state && html`<p class=${`health ${health.verdict}`} id="health"><b>${HEALTH[health.verdict] || health.verdict}</b>${health.reasons.length
+        ? `: ${health.reasons.slice(0, 3).join("; ")}${health.reasons.length > 3 ? ` and ${health.reasons.length - 3} more` : ""}` : ""}</p>`}
+      ${stale && html`<p class="stale-line" id="stale" role="alert">${stale}</p>`}
+    </div>
+    ${state && html`<${Held} state=${state} />`}
+  </header>`;
+}

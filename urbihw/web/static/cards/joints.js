@@ -1,0 +1,164 @@
+// Joints: a row each with goal and measured value on one slider, torque, load, temperature, voltage, state.
+
+import { html, useEffect, useMemo, useRef, useState } from "../vendor/htm-preact.js";
+import { drawSlot } from "../js/samples.js";
+import { ask, isFull, mayDrive, showToast, store, useTopics } from "../js/store.js";
+import { rangeOf } from "../js/tree.js";
+import { Card, Live, SlotName, makeSender, textOfSlot } from "../js/ui.js";
+
+const DETAILS = ["torque", "load", "current", "temperature", "voltage"];
+const LEVELS = { temperature: [60, 70] };
+
+/** A number beside a joint, yellow and red where it is too high. */
+function Detail({ part, name }) {
+  const slot = part.slot(name);
+  const element = useRef(null);
+  useEffect(() => drawSlot(part.slotPath(name), (value) => {
+    if (!element.current) return;
+    const [warn, bad] = LEVELS[name] || [Infinity, Infinity];
+    element.current.lastChild.textContent = textOfSlot(value, slot.unit);
+    element.current.className = `detail ${value >= bad ? "bad" : value >= warn ? "warning" : ""}`;
+  }, 4), []);
+  return html`<span class="detail" ref=${element} title=${slot.meaning}><span class="what">${name}</span> <b class="live"></b></span>`;
+}
+
+/** A switch for the torque of a joint. */
+function Power({ part }) {
+  const [isOn, setOn] = useState(false);
+  useEffect(() => drawSlot(part.slotPath("load"), (value) => setOn(value > 0), 4), []);
+  return html`<button class="small power" aria-pressed=${isOn ? "true" : "false"} disabled=${!isFull()} title=${part.slot("load").meaning}
+    onClick=${() => ask("set", { slot: part.slotPath("load"), value: isOn ? 0 : 1 })}>${isOn ? "on" : "off"}</button>`;
+}
+
+/** What keeps a joint from its goal, and its state when it is not ok. */
+function Notes({ part }) {
+  const [notes, setNotes] = useState({});
+  useEffect(() => {
+    const ends = ["state", "alarm", "limitedBy", "fault"].filter((name) => part.slot(name)).map((name) =>
+      drawSlot(part.slotPath(name), (value) => setNotes((old) => (old[name] === value ? old : { ...old, [name]: value })), 4));
+    return () => ends.forEach((end) => end());
+  }, []);
+  const { state, alarm, limitedBy, fault } = notes;
+  const isBad = state !== undefined && state !== null && !["ok", "back"].includes(state);
+  const texts = [isBad && state, alarm, fault, limitedBy && `limited: ${limitedBy}`].filter(Boolean);
+  return html`<span class=${`notes ${isBad ? "bad" : texts.length ? "warning" : ""}`}>${texts.join(", ")}</span>`;
+}
+
+/** Goal (a slider) and measured value (a mark) on one track.  A speed goes back to zero when it is let go. */
+export function GoalSlider({ part, speed = null, springs = false }) {
+  const slot = part.goal;
+  const path = part.slotPath(slot.name);
+  const [min, max] = rangeOf(slot);
+  const middle = min <= 0 && max >= 0 ? 0 : (min + max) / 2;
+  const input = useRef(null);
+  const mark = useRef(null);
+  const held = useRef(false);
+  const waits = useRef(0); // until this time the slider stays where the user has put it
+  const measured = useRef(null);
+  const send = useMemo(() => makeSender((value) =>
+    ask("set", springs || speed === null ? { slot: path, value } : { slot: path, value, speed: speed.current })), []);
+  const place = (value) => {
+    if (input.current && !held.current && typeof value === "number") input.current.value = value;
+  };
+  useEffect(() => {
+    input.current.value = middle;
+    const end = drawSlot(path, (value) => {
+      measured.current = value;
+      if (mark.current && typeof value === "number") {
+        mark.current.style.left = `${(100 * (Math.min(max, Math.max(min, value)) - min)) / (max - min)}%`;
+      }
+      if (input.current) input.current.setAttribute("aria-valuetext", `measured ${textOfSlot(value, slot.unit)}`);
+    }, 20);
+    const endGoal = part.slot("requested")
+      ? drawSlot(part.slotPath("requested"), (value) => {
+        if (performance.now() > waits.current && !springs) place(value ?? measured.current);
+      }, 4)
+      : () => {};
+    return () => {
+      end();
+      endGoal();
+    };
+  }, []);
+  const move = (value) => {
+    waits.current = performance.now() + 700;
+    send(Math.min(max, Math.max(min, value)));
+  };
+  const letGo = () => {
+    held.current = false;
+    waits.current = performance.now() + 700;
+    if (springs) {
+      input.current.value = 0;
+      move(0);
+    }
+  };
+  const centre = () => {
+    input.current.value = middle;
+    move(middle);
+  };
+  return html`<div class="track"><span class="measured" ref=${mark} aria-hidden="true"></span>
+    <input type="range" ref=${input} min=${min} max=${max} step=${(max - min) / 200} disabled=${!mayDrive()}
+      aria-label=${`goal of ${part.title} in ${slot.unit}`} title="double click: the middle"
+      onPointerDown=${() => (held.current = true)} onPointerUp=${letGo} onPointerCancel=${letGo} onLostPointerCapture=${letGo}
+      onKeyUp=${springs ? letGo : undefined} onDblClick=${centre}
+      onInput=${(event) => move(Number(event.target.value))} /></div>`;
+}
+
+function JointRow({ part, speed }) {
+  const state = part.slot("stale");
+  const row = useRef(null);
+  useEffect(() => (state ? drawSlot(part.slotPath("stale"), (value) => row.current?.classList.toggle("lost", value === true), 4) : undefined), []);
+  return html`<li class="joint" ref=${row} data-part=${part.path}>
+    <div class="head"><${SlotName} path=${part.slotPath(part.goal.name)}>${part.title}<//>
+      <${Live} slot=${part.slotPath(part.goal.name)} unit=${part.goal.unit} />
+      <${Notes} part=${part} />${part.slot("load")?.writable && html`<${Power} part=${part} />`}</div>
+    <${GoalSlider} part=${part} speed=${speed} />
+    <div class="details">${DETAILS.filter((name) => part.slot(name) && !(name === "load" && part.slot("load").writable))
+      .map((name) => html`<${Detail} part=${part} name=${name} />`)}</div></li>`;
+}
+
+/** All joints; a group can be chosen. */
+export function Joints() {
+  useTopics("state");
+  const joints = store.model.of("joint");
+  const [group, setGroup] = useState("");
+  const most = store.hello.limits.speed || 6;
+  const speed = useRef(1);
+  const [shownSpeed, setShownSpeed] = useState(Math.min(1, most));
+  const groups = store.model.groups.filter(({ members }) => members.every((part) => joints.includes(part)) && members.length < joints.length);
+  const shown = group ? groups.find(({ name }) => name === group)?.members || joints : joints;
+  const switchAll = (value) => shown.filter((part) => part.slot("load")?.writable)
+    .forEach((part) => ask("set", { slot: part.slotPath("load"), value }));
+  const copy = async () => {
+    const writes = [];
+    for (const part of shown) {
+      const told = await ask("get", { slot: part.slotPath(part.goal.name) });
+      if (told && typeof told.value === "number") writes.push(`${part.path}.${part.goal.name} = ${told.value.toFixed(4)}`);
+    }
+    const text = `${writes.join(" & ")};`;
+    try {
+      await navigator.clipboard.writeText(text);
+      showToast("The pose is in the clipboard.", "ok");
+    } catch {
+      showToast(text, "ok");
+    }
+  };
+  const tools = html`${groups.length > 0 && html`<label>Group <select onChange=${(event) => setGroup(event.target.value)}>
+      <option value="">all</option>${groups.map(({ name }) => html`<option value=${name}>${name}</option>`)}</select></label>`}
+    <label>Speed <input type="range" min="0.1" max=${most} step="0.1" value=${shownSpeed} aria-label="speed to goals in rad/s"
+      onInput=${(event) => setShownSpeed((speed.current = Number(event.target.value)))} /> ${shownSpeed.toFixed(1)} rad/s</label>
+    ${isFull() && html`<button class="small" onClick=${() => switchAll(1)}>All on</button>
+    <button class="small" onClick=${() => switchAll(0)}>All off</button>`}
+    <button class="small" onClick=${copy}>Copy pose</button>`;
+  return html`<${Card} title=${`Joints (${shown.length})`} name="joints" tools=${tools} wide=${true}>
+    <ul class="joints">${shown.map((part) => html`<${JointRow} key=${part.path} part=${part} speed=${speed} />`)}</ul><//>`;
+}
+
+/** Motors that turn: sliders that go back to zero. */
+export function Speeds() {
+  useTopics("state");
+  const parts = store.model.of("speed");
+  return html`<${Card} title="Speeds" name="speeds"><ul class="joints one">${parts.map((part) => html`<li class="joint" key=${part.path} data-part=${part.path}>
+    <div class="head"><${SlotName} path=${part.slotPath(part.goal.name)}>${part.title}<//>
+      <${Live} slot=${part.slotPath(part.goal.name)} unit=${part.goal.unit} /><${Notes} part=${part} /></div>
+    <${GoalSlider} part=${part} springs=${true} /></li>`)}</ul><//>`;
+}

@@ -1,0 +1,50 @@
+// Poses and motions: record by hand, name, play (docs/teach.md).
+
+import { html, useEffect, useState } from "../vendor/htm-preact.js";
+import { ask, isFull, mayDrive, store, useTopics } from "../js/store.js";
+import { connection } from "../js/connection.js";
+import { Card } from "../js/ui.js";
+
+const quoted = (text) => `"${text.replace(/[\\"]/g, "\\$&")}"`;
+
+export function Motions() {
+  useTopics("state", "happened");
+  const [lists, setLists] = useState({ motions: [], poses: [], playing: [], teaching: null });
+  const [name, setName] = useState("");
+  const [speed, setSpeed] = useState(1);
+  const look = async () => {
+    try {
+      const [motions, poses, playing, teaching] = await Promise.all(["motions", "poses", "playing", "teaching"].map((each) =>
+        connection.ask("call", { slot: `robot.${each}`, args: [] })));
+      setLists({ motions: motions.value || [], poses: poses.value || [], playing: playing.value || [], teaching: teaching.value ?? null });
+    } catch {
+      // Another browser drives, or the interpreter is held: shown in the bar.
+    }
+  };
+  useEffect(() => {
+    if (!mayDrive()) return undefined;
+    look();
+    const timer = setInterval(look, 2000);
+    return () => clearInterval(timer);
+  }, [store.hello.role]);
+  const act = async (verb, fields) => {
+    await ask(verb, fields);
+    await look();
+  };
+  const call = (slot, ...args) => act("call", { slot: `robot.${slot}`, args });
+  const isRecording = lists.teaching !== null;
+  const record = () => act("run", { text: `robot.teach(${quoted(name)}),` });
+  const goodName = /^[\w.: -]{1,60}$/.test(name);
+  const row = (each, kind) => html`<li><span>${each} <span class="what">${kind}</span></span><span>
+    <button class="small" disabled=${!mayDrive()} onClick=${() => (kind === "motion" ? call("play", each, speed) : call("pose", each, speed))}>${kind === "motion" ? "Play" : "Go"}</button></span></li>`;
+  return html`<${Card} title="Poses and motions" name="motions" tools=${html`<label>Speed <input type="range" min="0.1" max="2" step="0.1" value=${speed}
+      onInput=${(event) => setSpeed(Number(event.target.value))} /> ${speed.toFixed(1)}x</label>`}>
+    <div class="caller"><label>Name <input id="motion-name" value=${name} onInput=${(event) => setName(event.target.value)} /></label>
+      <button class="small" id="save-pose" disabled=${!goodName || !mayDrive()} onClick=${() => call("savePose", name)}>Keep pose</button>
+      ${isFull() && html`<button class="small" id="record" disabled=${!goodName || isRecording} onClick=${record} title="switches the joints off: hold the robot">Record by hand</button>`}
+      ${isFull() && isRecording && html`<button class="small warning" id="end-record" onClick=${() => call("endTeaching")}>End recording</button>
+      <button class="small" onClick=${() => call("keyPose")}>Take pose</button>`}
+      ${lists.playing.length > 0 && html`<button class="small warning" onClick=${() => call("endPlaying")}>End ${lists.playing.join(", ")}</button>`}</div>
+    <ul class="list">${lists.poses.map((each) => row(each, "pose"))}${lists.motions.map((each) => row(each, "motion"))}</ul>
+    ${lists.poses.length + lists.motions.length === 0 && html`<p class="hint">None yet. Recording switches all joints off: hold the robot, move it, end the recording.</p>`}<//>`;
+}

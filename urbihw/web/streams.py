@@ -1,0 +1,120 @@
+"""Requests for what comes again and again: samples, values of devices, pictures, events, the log."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final
+
+from urbihw.client.literals import literal, string_literal
+from urbihw.web.asked import number_of, path_of, paths_of
+from urbihw.web.lobby import LobbyError
+from urbihw.web.session import EVENTS, LOG, PICTURE, SAMPLES, Refusal, Session, Sub
+
+MAX_SUBS: Final = 32
+MAX_SLOTS: Final = 1000
+MAX_HZ: Final = 200.0
+MAX_DEVICE_HZ: Final = 50.0
+HEADER_TIMEOUT_S: Final = 3.0
+Request = Mapping[str, Any]
+
+
+async def subscribe(session: Session, request: Request) -> dict[str, Any]:
+    """Samples of slots at a rate."""
+    slots = paths_of(request, "slots", MAX_SLOTS)
+    hz = number_of(request, "hz", 0, MAX_HZ, 20)
+    told = await _begin(session, lambda sub: f'__web.subscribe("{sub.channel}", {literal(slots)}, {hz:g}) | 1')
+    return {"sub": told["sub"], "names": told.get("names", slots), "units": told.get("units", [])}
+
+
+async def picture(session: Session, request: Request) -> dict[str, Any]:
+    """Pictures, the next one after ``ack``."""
+    slot = path_of(request, "slot")
+    hz = number_of(request, "hz", 0.1, 60, 10)
+    sub = _new(session, PICTURE, lambda sub: f'__web.picture("{sub.channel}", {string_literal(slot)}, {hz:g}) | 1')
+    await _ask(session, sub)
+    return {"sub": sub.number}
+
+
+async def ack(session: Session, request: Request) -> None:
+    """The picture was drawn: the next one may come.  It has no answer."""
+    sub = session.subs.get(int(number_of(request, "sub", 0, 1e9)))
+    if sub is not None and sub.kind == PICTURE:
+        session.link.begin(f'__web.ready("{sub.channel}") | 1')
+
+
+async def unsubscribe(session: Session, request: Request) -> dict[str, Any]:
+    """End samples, pictures or events."""
+    session.drop_sub(int(number_of(request, "sub", 0, 1e9)))
+    return {}
+
+
+async def events(session: Session, request: Request) -> dict[str, Any]:
+    """Events as they happen."""
+    slots = paths_of(request, "slots", 100)
+    tree = session.gateway.robot.tree
+    for slot in slots:
+        if session.role != "full" and not tree.is_event(slot):
+            raise Refusal(f"{slot} is no event of the robot", "role")
+    sub = _new(session, EVENTS, lambda sub: " | ".join(
+        f'lobby.answerEvents("{sub.channel}_{number}", {slot})' for number, slot in enumerate(slots)
+    ) + " | 1", slots)  # fmt: skip
+    await _ask(session, sub)
+    return {"sub": sub.number}
+
+
+async def values(session: Session, request: Request) -> dict[str, Any]:
+    """Values of the devices from the worker, which need no interpreter; 0 Hz ends them."""
+    hz = number_of(request, "hz", 0, MAX_DEVICE_HZ, 20)
+    running = session.tasks.pop("values", None)
+    if running is not None:
+        running.cancel()
+    session.outbox.forget("values")
+    worker = session.gateway.robot.worker
+    if hz and worker.path is None:
+        raise Refusal("the bus worker is on another machine", "gone")
+    if hz:
+        session.tasks["values"] = session.spawn(worker.values(hz, lambda told: _hear_values(session, told)))
+    return {}
+
+
+def _hear_values(session: Session, told: Mapping[str, Any]) -> None:
+    rows = {"time": told.get("time"), "lost": told.get("dropped", 0), "values": told.get("values")}
+    session.outbox.put_newest("values", {"event": "values", **rows}, 4)
+
+
+async def log(session: Session, request: Request) -> dict[str, Any]:
+    """The log of the daemon behind row ``since``, and new rows as they come."""
+    since = number_of(request, "since", 0, 1e15, 0)
+    if all(sub.kind != LOG for sub in session.subs.values()):
+        await _ask(session, _new(session, LOG, lambda sub: f'lobby.answerEvents("{sub.channel}_0", System.logged) | 1'))
+    for row in await session.link.json(f"System.logText({since:.0f})"):
+        session.say_log(row)
+    return {}
+
+
+def _new(session: Session, kind: str, body: Callable[[Sub], str], slots: Sequence[str] = ()) -> Sub:
+    if len(session.subs) >= MAX_SUBS:
+        raise Refusal(f"there are {MAX_SUBS} subscriptions: end one", "limit")
+    return session.new_sub(kind, body, slots)
+
+
+async def _begin(session: Session, body: Callable[[Sub], str]) -> dict[str, Any]:
+    """Make a subscription; what the server tells of it."""
+    sub = _new(session, SAMPLES, body)
+    await _ask(session, sub)
+    try:
+        async with asyncio.timeout(HEADER_TIMEOUT_S):
+            told = await asyncio.shield(sub.header)
+    except TimeoutError:
+        session.drop_sub(sub.number)
+        raise LobbyError("the daemon told nothing of the subscription", "gone") from None
+    return {"sub": sub.number, **told}
+
+
+async def _ask(session: Session, sub: Sub) -> None:
+    try:
+        await session.link.ask(sub.body)
+    except LobbyError:
+        session.drop_sub(sub.number)
+        raise

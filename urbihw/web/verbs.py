@@ -1,0 +1,70 @@
+"""What a browser may ask: the verbs of the protocol, and the roles that may use each."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Mapping
+from typing import Any, Final, NamedTuple
+
+from urbihw.web import language, moving, streams
+from urbihw.web.session import Refusal, Session
+from urbihw.web.worker import NoWorker
+
+_ALL: Final = ("view", "drive", "full")
+_DRIVING: Final = ("drive", "full")
+_FULL: Final = ("full",)
+Request = Mapping[str, Any]
+
+
+class Verb(NamedTuple):
+    """A verb: the roles that may use it, the function that does it, and whether it waits for the daemon right behind
+    the opening.  What the worker does, and orders of a pad, which must not be old, do not wait."""
+
+    roles: tuple[str, ...]
+    run: Callable[[Session, Request], Awaitable[dict[str, Any] | None]]
+    waits: bool = True
+
+
+async def tree(session: Session, request: Request) -> dict[str, Any]:
+    """The tree of the robot; null while it is not known."""
+    return {"tree": session.gateway.robot.tree.told}
+
+
+async def obey(session: Session, request: Request) -> dict[str, Any]:
+    """Stop, emergency stop and release: by the worker, which does not need the interpreter."""
+    import time
+
+    robot, verb = session.gateway.robot, str(request["do"])
+    began = time.monotonic()
+    try:
+        told = await robot.worker.ask(verb, session.title)
+    except NoWorker as error:
+        raise Refusal(f"NOT CONFIRMED: {error}", "gone") from error
+    milliseconds = round(1000 * (time.monotonic() - began), 1)
+    session.tasks["look"] = session.spawn(robot.look())
+    return {"confirmed": True, "ms": milliseconds, "estop": told.get("estop") or "", "link": told.get("link") is True}
+
+
+VERBS: Final[dict[str, Verb]] = {
+    "stop": Verb(_ALL, obey, waits=False),
+    "estop": Verb(_ALL, obey, waits=False),
+    "release": Verb(_DRIVING, obey, waits=False),
+    "tree": Verb(_ALL, tree, waits=False),
+    "subscribe": Verb(_ALL, streams.subscribe),
+    "unsubscribe": Verb(_ALL, streams.unsubscribe, waits=False),
+    "values": Verb(_ALL, streams.values, waits=False),
+    "picture": Verb(_ALL, streams.picture),
+    "ack": Verb(_ALL, streams.ack, waits=False),
+    "events": Verb(_ALL, streams.events),
+    "log": Verb(_ALL, streams.log),
+    "get": Verb(_ALL, moving.get),
+    "set": Verb(_DRIVING, moving.set_slot),
+    "call": Verb(_DRIVING, moving.call),
+    "drive": Verb(_DRIVING, moving.drive, waits=False),
+    "go": Verb(_DRIVING, moving.go),
+    "lease": Verb(_DRIVING, moving.lease, waits=False),
+    "jobs": Verb(_ALL, language.jobs),
+    "tag": Verb(_FULL, language.tag),
+    "run": Verb(_FULL, language.run),
+    "complete": Verb(_FULL, language.complete),
+    "fake": Verb(_FULL, language.fake),
+}
