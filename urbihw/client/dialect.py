@@ -1,6 +1,6 @@
 """The statements that the client library sends: text out, no sockets.
 
-``Native`` is for servers with ``lobby.answer`` and ``Subscription``; ``Plain`` for any other server of urbiscript 2,
+``Native`` is for servers with ``lobby.answerValue`` and ``Subscription``; ``Plain`` for any other server of urbiscript 2,
 such as the original one: there numbers have six digits, events come without what they carry, and a sample is one line
 of ``every``.  Each statement runs in the background, and its answer comes on a channel that was chosen for it.
 """
@@ -43,7 +43,7 @@ class Native:
 
     def evaluate(self, channel: str, body: str) -> str:
         """Evaluate an expression that was made by this library."""
-        return f'lobby.answer("{channel}", closure () {{ {body} }}),\n'
+        return f'lobby.answerValue("{channel}", closure () {{ {body} }}),\n'
 
     def run(self, channel: str, text: str, tag: str) -> str:
         """Run the text of a user, under a tag if there is one.  If it ends with a comma, the answer comes at once."""

@@ -46,8 +46,8 @@ KIND: Final = "followed events"
 _WORD: Final = re.compile(r"[A-Za-z_][\w.]*", re.ASCII)
 
 
-@TABLE.primitive("answer")
-def answer(world: World, this: Value, channel: str, statement: Value) -> None:
+@TABLE.primitive("answerValue")
+def answer_value(world: World, this: Value, channel: str, statement: Value) -> None:
     """Call a closure, and send its result or its error as one line on a channel."""
     text = '["stopped"]'
     try:
