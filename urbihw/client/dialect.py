@@ -1,8 +1,9 @@
 """The statements that the client library sends: text out, no sockets.
 
-``Native`` is for servers with ``lobby.answerValue`` and ``Subscription``; ``Plain`` for any other server of urbiscript 2,
-such as the original one: there numbers have six digits, events come without what they carry, and a sample is one line
-of ``every``.  Each statement runs in the background, and its answer comes on a channel that was chosen for it.
+``Native`` is for servers with ``lobby.answerValue`` and ``Subscription``; ``Plain`` for any other server of
+urbiscript 2, such as the original one: there numbers have six digits, events come without what they carry, and a sample
+is one line of ``every``.  Each statement runs in the background, and its answer comes on a channel that was chosen for
+it.
 """
 
 from __future__ import annotations
