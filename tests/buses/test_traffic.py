@@ -51,7 +51,7 @@ def test_the_answer_tells_how_to_decode(bench: ControlBench) -> None:
 
 
 def test_nobody_listens_nothing_is_collected(bench: ControlBench) -> None:
-    link = bench.engine._link
+    link = bench.engine._link.port
     assert link is not None and link.observer is None
     caller = bench.call()
     caller.say("trace")

@@ -16,11 +16,12 @@ from urbihw import buses
 from urbihw.buses import messages as m
 from urbihw.buses.clock import SimClock
 from urbihw.buses.driver import driver_of
-from urbihw.buses.engine import HEARTBEAT_ALLOWANCE_S, SLOW_ALLOWANCE_S, Engine
+from urbihw.buses.engine import Engine
 from urbihw.buses.errors import BadUrl, BadValue, LinkGone
 from urbihw.buses.link import Context, Link, Port
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import FromWorker, ToWorker
+from urbihw.buses.reports import HEARTBEAT_ALLOWANCE_S, SLOW_ALLOWANCE_S
 from urbihw.buses.servos.device import DeviceInfo
 from urbihw.buses.worker import Worker
 from urbihw_fakes.bioloid import Bioloid
@@ -209,7 +210,7 @@ def test_a_driver_that_never_ends_to_ask_is_silent(bench: Bench, monkeypatch: py
     beats: list[float] = []
     monkeypatch.setattr(bench.mailbox, "post", lambda message: beats.append(bench.rig.clock.now()))
     link, begun = bench.rig.link, bench.rig.clock.now()
-    engine_link = bench.engine._link
+    engine_link = bench.engine._link.port
     assert isinstance(engine_link, Link) and engine_link is not link
     for _ in range(1000):
         engine_link.read(1, bench.rig.clock.now() + 0.05)
@@ -369,7 +370,7 @@ def test_a_bug_stops_the_robot_and_is_told(bench: Bench, monkeypatch: pytest.Mon
     bench.run(0.5)
     bench.tell(m.Targets({(6, "goal_position"): 900}))
     bench.run(0.1)
-    monkeypatch.setattr(bench.engine, "_post_statistics", lambda now: 1 // 0)
+    monkeypatch.setattr(bench.engine._reports, "post_statistics", lambda *_: 1 // 0)
     bench.engine.run()
     stopped, ended = bench.heard()[-2:]
     assert stopped == m.Stopped("the worker ends", 1)

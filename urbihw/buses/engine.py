@@ -17,24 +17,19 @@ The loop ends when the pipe is closed or on request (SIGTERM, death of the paren
 
 from __future__ import annotations
 
-import errno
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from urbihw import buses
-from urbihw.backoff import BackOff
 from urbihw.buses.authority import MotionAuthority
 from urbihw.buses.control import ESTOP, HEALTH, RELEASE, STATE, SUBSCRIBE, TRACE, VALUES, ControlSocket
-from urbihw.buses.counter import StatisticsCounter
 from urbihw.buses.driver import Driver
-from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
+from urbihw.buses.errors import Unavailable
 from urbihw.buses.gate import Gate, ThresholdActions
 from urbihw.buses.health import HealthRecord
 from urbihw.buses.inbox import Inbox
 from urbihw.buses.inventory import Inventory
-from urbihw.buses.link import Context, Port, split_parameters
+from urbihw.buses.link import Context
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import (
     Begin,
@@ -42,7 +37,6 @@ from urbihw.buses.messages import (
     DeviceState,
     EmergencyStop,
     Ended,
-    FromWorker,
     Heartbeat,
     Latched,
     Limits,
@@ -58,26 +52,15 @@ from urbihw.buses.messages import (
     ToWorker,
     Unusable,
     Watch,
-    WorkerHeartbeat,
     Writers,
 )
+from urbihw.buses.reports import Reports
+from urbihw.buses.robot_link import RobotLink
 from urbihw.buses.ticker import Ticker
 from urbihw.buses.traffic import TrafficLog
 
-_FIRST_BACK_OFF_S = 0.2
-_LAST_BACK_OFF_S = 1.0
-_STATISTICS_PERIOD_S = 1.0
-_MISTAKES = frozenset({errno.ENOTTY, errno.ENOPKG})
-"""Failures to open a link that no robot mends: no serial port, or a package of this machine is missing."""
 # With less than this left until the next tick, messages are posted during that tick, while the wire is busy.
-_TIME_TO_POST_S = 0.0005
-
-
-HEARTBEAT_PERIOD_S: Final = 0.1
-HEARTBEAT_ALLOWANCE_S: Final = 0.4
-"""Seconds within which a healthy worker sends its next heartbeat."""
-SLOW_ALLOWANCE_S: Final = 20.0
-"""The same while it opens its link, searches the devices, or executes one of the `slow_verbs` of its driver."""
+_TIME_TO_POST_S: Final = 0.0005
 
 
 class Engine:
@@ -92,27 +75,18 @@ class Engine:
         context: Context,
         asked_to_end: Callable[[], bool] = lambda: False,
     ) -> None:
-        self._url, _ = split_parameters(url, driver.url_parameters)
         self._driver = driver
         self._mailbox = mailbox
         self._settings = begin.settings
-        self._context = context
         self._asked_to_end = asked_to_end
         self._clock = context.clock
         now = self._clock.now()
-        self._link: Port | None = None
-        self._announced: bool | None = None
-        self._back_off = BackOff(_FIRST_BACK_OFF_S, _LAST_BACK_OFF_S)
-        self._retry_at = now
         self._stopped_for_silence_since: float | None = None
         self._pending_stop_reason = ""
         self._first_link = True
         self._identity = ""
         self._requests: list[Request] = []
-        self._tick_messages: list[FromWorker] = []
         self._ticker = Ticker(1 / begin.settings.rate, now)
-        self._tally = StatisticsCounter(now)
-        self._pulse_at = self._allowed_until = self._step_begun_at = now
         control = Path(begin.control) if begin.control else None
         self._authority = MotionAuthority(begin.epoch, control.with_suffix(".estop") if control is not None else None)
         self._gate = Gate(driver, self._authority)
@@ -124,13 +98,15 @@ class Engine:
         for watch in begin.watches:
             driver.watch(watch, now)
         self._control = None if control is None else self._open_control_socket(control)
+        self._reports = Reports(mailbox, self._control, self._health, self._inventory, self._traffic, self._clock)
+        self._link = RobotLink(url, driver, context, self._reports)
         self._inbox = Inbox(mailbox, self._control, self._clock, self._state_fields)
         if begin.instead:
-            self._post_all([Stopped(begin.instead, begin.epoch)])
+            self._reports.post([Stopped(begin.instead, begin.epoch)])
         if self._authority.latched:
-            self._post_all([Latched(self._authority.latched)])
+            self._reports.post([Latched(self._authority.latched)])
         if self._authority.unreadable:
-            self._post_all([Refused("emergency stop", "latch", self._authority.unreadable)])
+            self._reports.post([Refused("emergency stop", "latch", self._authority.unreadable)])
 
     def _open_control_socket(self, path: Path) -> ControlSocket | None:
         """Open the control socket; without it the worker still works, and reports the error."""
@@ -148,11 +124,10 @@ class Engine:
                 pass
         except Exception as error:  # The robot must be stopped and the parent informed whatever happens.
             reason = f"our bug in the bus worker: {type(error).__name__}: {error}"
-        self._post_tick_messages()
+        self._reports.post_held()
         self._stop_robot("the worker ends")
-        self._share_traffic()
-        if self._link is not None:
-            self._link.close()
+        self._reports.publish_traffic(self._link.port)
+        self._link.end()
         if self._control is not None:
             self._control.close()
         self._mailbox.post(Ended(reason))
@@ -160,7 +135,7 @@ class Engine:
 
     def step(self) -> bool:
         """Do one tick and wait until the next; False when it is time to end."""
-        now = self._step_begun_at = self._clock.now()
+        now = self._reports.step_begun_at = self._clock.now()
         self._inbox.receive(now)
         self._execute_urgent()
         # Before the messages: they may be targets of before the silence.
@@ -169,23 +144,21 @@ class Engine:
             self._execute_message(self._inbox.messages.popleft(), now)
         if self._mailbox.ended or self._asked_to_end():
             return False
-        if self._link is None and now >= self._retry_at:
-            self._post_slow_heartbeat()
+        if self._link.is_due(now):
+            self._reports.begin_slow_work()
             self._try_open_link()
             self._end_slow_work()
-        self._run_guarded(self._tick)
+        self._link.guard(self._tick)
         self._execute_urgent()
         self._execute_requests()
         self._execute_commands()
-        self._share_traffic()
-        if self._control is not None:
-            self._control.publish_values(partial(self._health.values, self._link is not None))
-        self._tally.ticks += 1
+        self._reports.publish(self._link.port)
+        self._reports.tally.ticks += 1
         now = self._clock.now()
-        self._post_statistics(now)
-        self._tally.late += self._ticker.advance(now)
+        self._reports.post_statistics(now, self._link.port, self._driver)
+        self._reports.tally.late += self._ticker.advance(now)
         if self._ticker.due > now + _TIME_TO_POST_S:
-            self._post_tick_messages()
+            self._reports.post_held()
         self._wait_for_tick()
         return True
 
@@ -194,10 +167,9 @@ class Engine:
         given = self._gate.set_points.next_targets(now)
         if given:
             self._health.record_applied(given)
-            self._post_all(self._driver.targets(Targets(given)))
-        news = self._driver.tick(now, self._post_tick_messages, self._is_tick_urgent)
-        self._post_tick_messages()
-        self._tick_messages = news
+            self._reports.post(self._driver.targets(Targets(given)))
+        news = self._driver.tick(now, self._reports.post_held, self._is_tick_urgent)
+        self._reports.hold(news)
         for message in news:
             if isinstance(message, DeviceState) and message.new == "back":
                 self._handle_device_return(message.device)
@@ -215,14 +187,14 @@ class Engine:
 
     def _execute_threshold_actions(self, measures: ThresholdActions) -> None:
         if measures.stopped:
-            self._run_guarded(lambda: self._driver.safe_stop(measures.stopped))
+            self._link.guard(lambda: self._driver.safe_stop(measures.stopped))
         if measures.targets:
-            self._run_guarded(lambda: self._post_all(self._driver.targets(Targets(measures.targets))))
-        self._post_all(measures.news)
+            self._link.guard(lambda: self._reports.post(self._driver.targets(Targets(measures.targets))))
+        self._reports.post(measures.news)
 
     def _handle_device_return(self, device: Any) -> None:
         """A device is back: stop it where it is, then continue its movement from there."""
-        self._run_guarded(lambda: self._driver.safe_stop((device,)))
+        self._link.guard(lambda: self._driver.safe_stop((device,)))
         self._resume_movements(device)
 
     def _resume_movements(self, device: Any) -> None:
@@ -232,30 +204,11 @@ class Engine:
         else:
             self._gate.set_points.drop_courses(None if device is None else (device,))
 
-    def _post_tick_messages(self) -> None:
-        """Post the messages of the last tick: right after it, or during the next one while the wire is busy.
-
-        Pickling them takes time that would delay a tick which is due now.
-        """
-        unposted, self._tick_messages = self._tick_messages, []
-        for message in unposted:
-            self._post(message)
-
-    def _post(self, message: FromWorker) -> None:
-        self._mailbox.post(message)
-        if self._control is not None:
-            self._control.publish(message)
-            self._traffic.hear(message)
-            self._health.hear(message, self._clock.now())
-        differences = self._inventory.hear(message)
-        if differences is not None:
-            self._mailbox.post(differences)
-
     # Listening.
 
     def _is_tick_urgent(self) -> bool:
         """The same during a tick, which takes long when many devices are silent: send heartbeats meanwhile."""
-        self._post_heartbeat(self._clock.now())
+        self._reports.post_heartbeat(self._clock.now())
         return self._inbox.is_urgent()
 
     def _wait_for_tick(self) -> None:
@@ -289,7 +242,7 @@ class Engine:
                 self._accept_targets(message, now)
             case Watch():
                 self._health.record_watch(message)
-                self._run_guarded(lambda: self._post_all(self._driver.watch(message, now)))
+                self._link.guard(lambda: self._reports.post(self._driver.watch(message, now)))
             case Request():
                 self._accept_request(message)
             case Stop():
@@ -311,17 +264,17 @@ class Engine:
 
     def _accept_targets(self, message: Targets, now: float) -> None:
         given, news = self._gate.filter_targets(message, now)
-        self._post_all(news)
+        self._reports.post(news)
         if not self._authority.refusal(message.epoch):
             self._health.record_requested(message.values)
         if given:
             self._health.record_applied(given)
             fresh = Targets(given, message.epoch, message.time)
-            self._run_guarded(lambda: self._post_all(self._driver.targets(fresh)))
+            self._link.guard(lambda: self._reports.post(self._driver.targets(fresh)))
 
     def _accept_request(self, message: Request) -> None:
         request, news = self._gate.filter_request(message, self._clock.now())
-        self._post_all(news)
+        self._reports.post(news)
         if request is not None:
             self._requests.append(request)
 
@@ -341,31 +294,31 @@ class Engine:
         self._requests, stale = [], self._requests
         for request in stale:
             self._accept_request(request)
-        if self._link is None or not self._run_guarded(self._driver.safe_stop):
+        if self._link.port is None or not self._link.guard(self._driver.safe_stop):
             self._pending_stop_reason = reason
         self._inbox.excuse_pause()
-        self._post_all([Stopped(reason, self._authority.epoch)])
+        self._reports.post([Stopped(reason, self._authority.epoch)])
 
     def _stop_devices(self, message: Stop) -> None:
         """Stop some devices.  While the link is down there is nothing to send: they are stopped when it is back."""
         self._gate.set_points.drop_courses(message.devices)
-        if self._link is not None:
-            self._run_guarded(lambda: self._driver.safe_stop(message.devices))
-        self._post_all([Stopped(message.reason, self._authority.epoch, message.devices)])
+        if self._link.port is not None:
+            self._link.guard(lambda: self._driver.safe_stop(message.devices))
+        self._reports.post([Stopped(message.reason, self._authority.epoch, message.devices)])
 
     def _emergency_stop(self, who: str) -> None:
         problem = self._authority.latch(who)
         self._stop_robot(f"emergency stop by {who}")
-        self._post_all([Latched(self._authority.latched, who)])
+        self._reports.post([Latched(self._authority.latched, who)])
         if problem:
-            self._post_all([Refused("emergency stop", "latch", problem)])
+            self._reports.post([Refused("emergency stop", "latch", problem)])
 
     def _release(self, who: str) -> None:
         if self._authority.latched:
             problem = self._authority.release()
-            self._post_all([Latched("", who)])
+            self._reports.post([Latched("", who)])
             if problem:
-                self._post_all([Refused("emergency stop", "latch", problem)])
+                self._reports.post([Refused("emergency stop", "latch", problem)])
 
     def _execute_commands(self) -> None:
         """Execute the commands of the control socket other than stops."""
@@ -381,18 +334,18 @@ class Engine:
                 command.client.send_values_at(command.rate, self._clock.now())
             told = self._state_fields()
             if command.verb == TRACE:
-                told |= self._traffic.fields(self._link)
+                told |= self._traffic.fields(self._link.port)
             if command.verb in (STATE, HEALTH):
                 told |= self._inventory.state_fields()
             if command.verb == HEALTH:
-                told |= self._health.fields(self._clock.now(), self._inbox.heard_at, self._link is not None)
+                told |= self._health.fields(self._clock.now(), self._inbox.heard_at, self._link.port is not None)
             command.answer(told)
 
     def _state_fields(self) -> dict[str, Any]:
         return {
             "epoch": self._authority.epoch,
             "estop": self._authority.latched,
-            "link": self._link is not None,
+            "link": self._link.port is not None,
             "time": self._clock.now(),
         }
 
@@ -401,12 +354,12 @@ class Engine:
             request = self._requests.pop(0)
             unheld = self._gate.explain_unheld(request)
             if unheld:
-                self._post_all([Reply(request.reply_id, False, error=unheld)])
+                self._reports.post([Reply(request.reply_id, False, error=unheld)])
                 continue
             if request.verb in self._driver.slow_verbs:
-                self._post_slow_heartbeat()
-            if not self._run_guarded(lambda request=request: self._post_all(self._driver.request(request))):  # type: ignore[misc]
-                self._post_all([Reply(request.reply_id, False, error="the link went down")])
+                self._reports.begin_slow_work()
+            if not self._link.guard(lambda request=request: self._reports.post(self._driver.request(request))):  # type: ignore[misc]
+                self._reports.post([Reply(request.reply_id, False, error="the link went down")])
             if request.verb in self._driver.slow_verbs:
                 self._end_slow_work()
                 # The ticks during a slow request were skipped on purpose; they do not count as late.
@@ -417,31 +370,17 @@ class Engine:
     # The link.
 
     def _try_open_link(self) -> None:
-        try:
-            link = buses.open(self._url, self._context)
-        except (BadUrl, Unavailable) as error:
-            self._close_link(str(error), isinstance(error, BadUrl) or error.errno in _MISTAKES)
+        messages = self._link.open()
+        if messages is None:
             return
-        self._link = link
-        self._share_traffic()
-        messages: list[FromWorker] = []
-        try:
-            if not self._run_guarded(lambda: messages.extend(self._driver.attach(link))):
-                return
-        except (BadUrl, Unavailable) as error:
-            self._close_link(str(error))
-            return
-        link.before_wait = self._post_heartbeat_before_wait
-        self._back_off.reset()
-        self._announced = True
         self._stop_on_link_up()
-        if self._link is None:
+        if self._link.port is None:
             return
-        self._post_all([LinkState(True), *messages])
+        self._reports.post([LinkState(True), *messages])
         self._resume_movements(None)
         now = self._clock.now()
         self._ticker = Ticker(self._ticker.period, now)
-        self._tally.restart(now)
+        self._reports.tally.restart(now)
 
     def _stop_on_link_up(self) -> None:
         """Stop the robot before anything else on a link that was just opened.
@@ -452,19 +391,19 @@ class Engine:
         """
         last, self._identity = self._identity, self._driver.identity or self._identity
         if last not in ("", self._identity):
-            self._run_guarded(self._stop_what_moves)
+            self._link.guard(self._stop_what_moves)
             self._pending_stop_reason = ""
             self._stop_robot(f"another robot answers: {self._identity}, not {last}; it is told to stop")
             return
         if self._pending_stop_reason:
-            if self._run_guarded(self._driver.safe_stop):
+            if self._link.guard(self._driver.safe_stop):
                 self._pending_stop_reason = ""
             return
         first, self._first_link = self._first_link, False
         if first:
-            self._run_guarded(self._stop_what_moves)
+            self._link.guard(self._stop_what_moves)
         else:
-            self._run_guarded(lambda: self._tell_what_moved(self._driver.stop_on_reconnect()))
+            self._link.guard(lambda: self._tell_what_moved(self._driver.stop_on_reconnect()))
 
     def _stop_what_moves(self) -> None:
         """Raises LinkGone."""
@@ -474,70 +413,8 @@ class Engine:
         if moved:
             self._authority.advance()
             which = ", ".join(map(str, moved))
-            self._post_all([Stopped(f"{which} moved when the link was opened", self._authority.epoch)])
-
-    def _close_link(self, reason: str, mistake: bool = False) -> None:
-        link, self._link = self._link, None
-        if link is not None:
-            link.close()
-            self._driver.detach()
-        if self._announced is not False:
-            self._announced = False
-            self._post_all([LinkState(False, reason, mistake)])
-        self._retry_at = self._clock.now() + self._back_off.next_pause()
-
-    def _run_guarded(self, work: Callable[[], None]) -> bool:
-        """Call `work`, which uses the link; close the link and return False when it raises LinkGone."""
-        try:
-            work()
-        except LinkGone as error:
-            self._close_link(str(error))
-            return False
-        return True
-
-    # Telling.
-
-    def _post_all(self, messages: list[FromWorker]) -> None:
-        """Post messages, after those of the last tick."""
-        self._post_tick_messages()
-        for message in messages:
-            self._post(message)
-
-    def _share_traffic(self) -> None:
-        """Send the bytes of the last tick to the clients that trace them."""
-        if self._control is not None:
-            self._traffic.observe(self._link, self._control.is_traced)
-            event = self._traffic.take()
-            if event is not None:
-                self._control.publish_traffic(event)
-
-    def _post_heartbeat(self, now: float, pause: float = 0.0) -> None:
-        """Post a heartbeat if it is time, or if the last one does not allow a pause of so many seconds."""
-        allowance = HEARTBEAT_ALLOWANCE_S + pause
-        if now >= self._pulse_at or now + pause > self._allowed_until:
-            self._pulse_at, self._allowed_until = now + HEARTBEAT_PERIOD_S, now + allowance
-            self._mailbox.post(WorkerHeartbeat(allowance))
-
-    def _post_heartbeat_before_wait(self, deadline: float) -> None:
-        """The link waits for a device: that is no silence of this worker, however often it happens in one step.
-
-        Unless the step lasts longer than anything slow: a driver that never ends to ask hangs, too.
-        """
-        now = self._clock.now()
-        if now - self._step_begun_at < SLOW_ALLOWANCE_S:
-            self._post_heartbeat(now, min(max(deadline - now, 0.0), SLOW_ALLOWANCE_S))
-
-    def _post_slow_heartbeat(self) -> None:
-        """Announce work during which nothing may be heard for long; `_end_slow_work` ends it."""
-        self._post_all([WorkerHeartbeat(SLOW_ALLOWANCE_S)])
-        self._pulse_at = self._allowed_until = self._clock.now() + SLOW_ALLOWANCE_S
+            self._reports.post([Stopped(f"{which} moved when the link was opened", self._authority.epoch)])
 
     def _end_slow_work(self) -> None:
         self._inbox.excuse_pause()
-        self._pulse_at = self._clock.now()
-
-    def _post_statistics(self, now: float) -> None:
-        self._post_heartbeat(now)
-        if now - self._tally.since >= _STATISTICS_PERIOD_S:
-            statistics = self._tally.close(now, self._link, self._driver.errors(), self._mailbox.pop_dropped_count())
-            self._post(statistics)
+        self._reports.end_slow_work()
