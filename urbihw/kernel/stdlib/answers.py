@@ -26,14 +26,13 @@ from urbihw.kernel.runtime.values import Dictionary, FloatObject, List, String, 
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib import prototype
 from urbihw.kernel.stdlib.lobby import own_lobby
+from urbihw.kernel.stdlib.nested_text import NestedText
 from urbihw.kernel.stdlib.slot_reading import Unreadable, make_reader, parse_path
 from urbihw.kernel.value import Value
 
 TABLE = Table("Lobby")
 TABLES = [TABLE]
 
-MAX_DEPTH: Final = 20
-"""Maximum nesting of lists and dictionaries."""
 MAX_LENGTH: Final = 16 * 1024 * 1024
 """Maximum length of an answer in characters, without the data of Binaries."""
 MAX_BACKLOG: Final = 256 * 1024
@@ -185,36 +184,27 @@ def _is_plain(value: Value) -> bool:
 
 def _text(world: World, value: Value) -> str:
     """A value as a literal, with all digits of numbers."""
-    return _Writer(world).text(value, 0)
+    return _Literal(world, MAX_LENGTH).text(value)
 
 
-class _Writer:
-    """Writes one value, and counts its characters: a list may contain another one many times."""
+class _Literal(NestedText):
+    """Writes one value as a literal of urbiscript.  The bytes of a Binary are not counted."""
 
-    def __init__(self, world: World) -> None:
-        self._world = world
-        self._left = MAX_LENGTH
+    between = " => "
 
-    def text(self, value: Value, depth: int) -> str:
-        """The text of a value or of a member."""
-        if depth > MAX_DEPTH:
-            raise errors.primitive(f"the value nests deeper than {MAX_DEPTH}", None)
-        if isinstance(value, List | Tuple):
-            made = f"[{', '.join([self.text(member, depth + 1) for member in value.l])}]"
-            self._count(2 + 2 * len(value.l))
-        elif isinstance(value, Dictionary):
-            members = [f"{self._counted(escaped(key))} => {self.text(member, depth + 1)}"
-                       for key, member in value.d.items()]
-            made = f"[{', '.join(members) or '=>'}]"
-            self._count(2 + 6 * len(members))
-        elif isinstance(value, BinaryObject):
+    def text(self, value: Value, depth: int = 0) -> str:
+        if isinstance(value, BinaryObject):
             head = f" {value.keywords}" if value.keywords else ""
-            made = f"BIN {len(value.content)}{head}\n{value.data}"
-        else:
-            made = self._counted(self._plain(value))
-        return made
+            return f"BIN {len(value.content)}{head}\n{value.data}"
+        return super().text(value, depth)
 
-    def _plain(self, value: Value) -> str:
+    def dictionary(self, members: list[str]) -> str:
+        return f"[{', '.join(members) or '=>'}]"
+
+    def string(self, text: str) -> str:
+        return escaped(text)
+
+    def plain(self, value: Value) -> str:
         if isinstance(value, FloatObject):
             value = value.value
         if value.__class__ is float:
@@ -225,17 +215,8 @@ class _Writer:
             return "true" if value.value else "false"
         if value is None or isinstance(value, Void | Nil):
             return "nil"
-        shown = self._world.printable(value)
+        shown = self.world.printable(value)
         return shown if _WORD.fullmatch(shown) and isinstance(value, Obj) else escaped(shown)
-
-    def _counted(self, text: str) -> str:
-        self._count(len(text))
-        return text
-
-    def _count(self, length: int) -> None:
-        self._left -= length
-        if self._left < 0:
-            raise errors.primitive(f"the value is longer than {MAX_LENGTH} characters", None)
 
 
 def install(world: World, programs: Any) -> None:
