@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import select
 import threading
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from multiprocessing import Pipe
 from pathlib import Path
@@ -45,20 +46,25 @@ class HandWorker:
         self._engine = engine(Mailbox(theirs))
         self._post = post
         self.sent: list[m.ToWorker] = []
-        self._unread = 0
+        self._backlog: deque[m.ToWorker] = deque()
         self._joiner = Joiner()
 
     def send(self, message: m.ToWorker) -> None:
-        """Hand a message to the engine, and remember it; as in a ``Supervisor``, targets never wait for room."""
-        self._unread += 1
-        if isinstance(message, m.Targets) and self._unread > MOST_UNREAD:
-            raise LinkGone("the worker does not read what it is told")
+        """Hand a message to the engine, and remember it.
+
+        As in a ``Supervisor``, targets and heartbeats never wait for room, and the others are queued.
+        """
+        if len(self._backlog) >= MOST_UNREAD:
+            if isinstance(message, m.Targets):
+                raise LinkGone("the worker does not read what it is told")
+            if isinstance(message, m.Heartbeat):
+                return
         self.sent.append(message)
-        self.pipe.send(message)
+        self._backlog.append(message)
 
     def step(self) -> None:
         """One step of the engine; what it says is posted."""
-        self._unread = 0
+        self._flush()
         self._engine.step()
         with contextlib.suppress(EOFError):
             # `Connection.poll` makes a selector each time, which is ten times slower.
@@ -69,7 +75,13 @@ class HandWorker:
 
     def stop(self) -> None:
         """The platform lets go."""
+        self._flush()
         self.pipe.close()
+
+    def _flush(self) -> None:
+        """Fill the pipe with as much as it takes without a reader."""
+        for _ in range(min(len(self._backlog), MOST_UNREAD)):
+            self.pipe.send(self._backlog.popleft())
 
 
 class RobotLab:

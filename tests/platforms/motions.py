@@ -7,6 +7,7 @@ Each ``<name>_lab.py`` has a ``MOTION``: how to set each kind of motion going, a
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from multiprocessing import Pipe
@@ -148,6 +149,7 @@ class DeadWorker(HandWorker):
     def __init__(self, lab: RobotLab) -> None:
         self.pipe, self._theirs = Pipe()
         self.sent: list[m.ToWorker] = []
+        self._backlog = deque()
         self._lab = lab
 
     def send(self, message: m.ToWorker) -> None:

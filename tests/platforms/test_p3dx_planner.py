@@ -13,7 +13,7 @@ from p3dx_lab import Lab
 from urbihw.navigation import maps
 from urbihw.navigation.grid import Grid
 from urbihw_fakes.p3dx.kit import P3dx as Kit
-from urbihw_fakes.p3dx.world import World, add_box
+from urbihw_fakes.p3dx.world import World
 
 EVENTS = (
     'at (P3dx.planner.pathPlanningEvent?(var how)) echo("path %s" % how);'
@@ -169,7 +169,7 @@ def test_a_home_outside_its_map_is_no_home(tmp_path: Path) -> None:
 
 def test_a_crate_in_the_way_is_driven_around(tmp_path: Path) -> None:
     lab = ready(tmp_path)
-    add_box(lab.kit.world, 0.0, 1.6)
+    lab.kit.world.add_crate(0.0, 1.6)
     send(lab, "[0, 2.5, 90deg]")
     assert arrived(lab) == "*** path 1"
     assert math.dist(lab.where()[:2], (0, 2.5)) < 0.12
@@ -177,7 +177,7 @@ def test_a_crate_in_the_way_is_driven_around(tmp_path: Path) -> None:
 
 def test_a_crate_that_closes_the_door_ends_it(tmp_path: Path) -> None:
     lab = ready(tmp_path)
-    add_box(lab.kit.world, 3.0, 1.5, 1.4)
+    lab.kit.world.add_crate(3.0, 1.5, 1.4)
     send(lab, "[5, 0, 0]")
     assert arrived(lab, 120) == "*** path 0"
     assert lab.where()[0] < 2.6
@@ -302,7 +302,7 @@ def test_a_position_that_is_written_ends_the_search(tmp_path: Path) -> None:
 def test_a_box_that_is_taken_away_is_forgotten(tmp_path: Path) -> None:
     lab = ready(tmp_path)
     walls = list(lab.kit.world.walls)
-    add_box(lab.kit.world, 2.0, 0.0, 0.5)
+    lab.kit.world.add_crate(2.0, 0.0, 0.5)
     send(lab, "[2, 0, 0]")
     assert arrived(lab, 120) == "*** path 0"
     assert lab.look("P3dx.planner.failure") == '"obstacles that the sensors see close the way"'
@@ -319,7 +319,7 @@ def test_a_box_that_is_taken_away_is_forgotten(tmp_path: Path) -> None:
 def test_what_ends_the_wait_for_an_obstacle_ends_it_for_good(tmp_path: Path, how: str) -> None:
     lab = ready(tmp_path)
     walls = list(lab.kit.world.walls)
-    add_box(lab.kit.world, 2.0, 0.0, 0.5)
+    lab.kit.world.add_crate(2.0, 0.0, 0.5)
     send(lab, "[2, 0, 0]")
     for _ in range(50):
         lab.run(0.2)
@@ -347,7 +347,7 @@ def test_a_box_that_moves_into_the_path_is_driven_around_without_touching_it(tmp
     lab = ready(tmp_path)
     send(lab, "[0, 2.5, 90deg]")
     lab.run(2.5)
-    add_box(lab.kit.world, 0.0, 1.9)
+    lab.kit.world.add_crate(0.0, 1.9)
     assert arrived(lab) == "*** path 1"
     assert not lab.kit.body.front
 
