@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from urbihw.client.credentials import ARGUMENTS
 from urbihw.client.errors import BadAnswer, SlotMissing, UrbiError
 from urbihw.client.literals import KEYWORDS, checked_name, literal, written_path
 from urbihw.client.live_plot import plot_svg
@@ -116,8 +117,8 @@ def test_half_of_a_character_is_no_text() -> None:
 def test_a_server_that_is_no_urbiscript_server_is_told_in_one_way() -> None:
     where = Where("robot", 80)
     assert str(explain_close(where, b"\r", False)) == "it is no urbiscript server; is this its port?"
-    assert str(explain_close(where, b"", False, "tls=True")).endswith("if it speaks TLS: tls=True")
-    assert "wants a token: tls=True (" in str(explain_close(where, WANTS_TLS, False, "tls=True"))
+    assert str(explain_close(where, b"", False, ARGUMENTS)).endswith("if it speaks TLS: tls=True")
+    assert "wants a token: tls=True (" in str(explain_close(where, WANTS_TLS, False, ARGUMENTS))
 
 
 def test_items_are_bounded_and_the_oldest_are_counted() -> None:

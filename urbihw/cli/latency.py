@@ -129,7 +129,7 @@ def _round_trip(link: LobbyClient) -> float:
     began = time.perf_counter()
     link.send(b"1;\n")
     while (line := link.read(ANSWER_TIMEOUT_S)) is not None:
-        if line.shown == "1" and not line.channel:
+        if line.text == "1" and not line.channel:
             return time.perf_counter() - began
     raise Refused(f"{link.peer} did not answer within {ANSWER_TIMEOUT_S:g} s")
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
 import re
 import sys
 from collections.abc import Callable, Sequence
@@ -166,13 +165,3 @@ def split(argv: Sequence[str]) -> tuple[list[str], list[str]]:
     words = list(argv)
     at = words.index("--") if "--" in words else len(words)
     return words[:at], words[at + 1 :]
-
-
-def why(error: Exception) -> str:
-    """The reason why a host or port is not available, in a few words.  An impossible host name is a UnicodeError."""
-    if isinstance(error, TimeoutError):
-        return "no answer"
-    if isinstance(error, UnicodeError):
-        return "this is no name of a host"
-    number = getattr(error, "errno", None)
-    return os.strerror(number) if number and number > 0 else getattr(error, "strerror", None) or str(error)

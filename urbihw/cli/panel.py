@@ -14,9 +14,9 @@ from pathlib import Path
 from ssl import SSLContext
 from typing import TYPE_CHECKING, Final
 
-from urbihw.cli.options import DEFAULT_PORT, Refused, complain, number, port, why
+from urbihw.cli.options import DEFAULT_PORT, Refused, complain, number, port
 from urbihw.cli.reach import add_access, credentials, resolve_server
-from urbihw.client.where import is_loopback
+from urbihw.client.where import is_loopback, why
 from urbihw.daemon import tls
 from urbihw.daemon.runtime import control_sockets
 from urbihw.daemon.state import credential, state_folder

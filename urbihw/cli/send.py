@@ -13,7 +13,7 @@ from typing import BinaryIO
 from urbihw.cli.lobby_client import LobbyClient
 from urbihw.cli.options import Parser, Refused, add_sources, complain, source_bytes
 from urbihw.cli.reach import add_server, credentials, server
-from urbihw.client.lines import Line
+from urbihw.client.session import Message
 from urbihw.exitcodes import INTERRUPTED
 
 PROGRAM = "urbi-send"
@@ -61,7 +61,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def show(line: Line) -> None:
+def show(line: Message) -> None:
     """Print a line as it was received."""
     stream: BinaryIO = sys.stderr.buffer if line.is_error else sys.stdout.buffer
     stream.write(line.raw + b"\n")

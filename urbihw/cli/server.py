@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from urbihw.cli.options import Refused, why
+from urbihw.cli.options import Refused
 from urbihw.cli.terminal import Terminal
-from urbihw.client.where import is_loopback
+from urbihw.client.where import is_loopback, why
 from urbihw.exitcodes import EX_CONFIG, EX_UNAVAILABLE
 from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby

@@ -75,7 +75,7 @@ def _secured(where: Where, credentials: Credentials, timeout: float) -> ClientSo
     while True:
         plain = _plain(where, timeout)
         try:
-            secure = TlsSocket(where, plain)
+            secure = TlsSocket(where, plain, credentials.words)
             began = time.monotonic()
             credentials.check_certificate(where, secure.certificate)
             first = login_line(where, credentials)

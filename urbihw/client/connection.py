@@ -12,6 +12,7 @@ import socket
 import threading
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from time import monotonic, time
 from typing import Any, Final
 
@@ -23,18 +24,17 @@ from urbihw.client.lines import BadLine
 from urbihw.client.login import explain_close
 from urbihw.client.session import Message, Question, Session
 from urbihw.client.streams import Stream
-from urbihw.client.where import Where
+from urbihw.client.where import Where, explain_absence
 
 CHUNK: Final = 256 * 1024
+MAX_CHUNKS: Final = 64
+"""Maximum number of pieces that are read before an item is handed out: a server may send faster than they are read."""
 SEND_TIMEOUT_S: Final = 10.0
 """Maximum seconds for the server to accept data."""
 SHORTEST_SEND_S: Final = 0.01
 """Seconds that a statement has to be sent, also when less is left of its timeout."""
 FIRST_PAUSE_S, MAX_PAUSE_S = 0.1, 2.0
 """Seconds before the second attempt to connect again, and the maximum of the doubled pauses."""
-MAX_MESSAGES: Final = 1000
-"""Maximum number of messages that wait to be handed out."""
-
 Statement = Callable[[Native, str], str]
 """Makes the text of a statement, for a dialect and the channel of its answer."""
 
@@ -49,8 +49,12 @@ class Connection:
         timeout: float,
         reconnect: bool,
         on_message: Callable[[Message], None],
+        asks_first: bool = True,
     ) -> None:
-        """``timeout``: seconds to connect, and for an answer; ``reconnect``: whether a command connects again."""
+        """``timeout``: seconds to connect, and for an answer; ``reconnect``: whether a command connects again;
+        ``asks_first``: ask what the server can, before anything else.  Without that all that comes is a message, from
+        the first line on, and all servers are addressed in the same way (``Plain``).
+        """
         self.where = where
         self.timeout = timeout
         self.closed = False
@@ -59,7 +63,11 @@ class Connection:
         self._credentials = credentials
         self._reconnect = reconnect
         self._on_message = on_message
-        self._messages: deque[Message] = deque(maxlen=MAX_MESSAGES)
+        self._messages: deque[Message] = deque()
+        """Messages of the data that was read last: they are handed out at once."""
+        self._asks_first = asks_first
+        self.fault = ""
+        """Why this side gave the connection up; empty if it did not."""
         self._turn = threading.Condition(threading.Lock())
         self._sending = threading.Lock()
         self._led = False
@@ -71,7 +79,7 @@ class Connection:
         self._streams: list[Stream] = []
         self._forgotten: deque[Stream] = deque()
         """Streams that nobody reads any more, of which the server has not been told."""
-        self._session = Session(self._messages.append)
+        self._session = Session(self._messages.append, asks_first)
         with self._turn:
             self._led = True
         try:
@@ -84,12 +92,27 @@ class Connection:
         """Whether there is a connection, as far as is known."""
         return self._socket is not None
 
+    @property
+    def rest(self) -> bytes:
+        """What came behind the last line feed."""
+        return self._session.lines.rest
+
     # ---------------------------------------------------------------- for the objects above
 
-    def ask(self, statement: Statement, timeout: float | None, located: bool = False) -> Any:
+    def send(self, text: str) -> None:
+        """Send a text, a character for each byte.  Does nothing without a connection; raises ConnectionLost if the
+        server does not read."""
+        self._send(text)
+
+    def wait(self, ready: Callable[[], bool], timeout: float | None) -> None:
+        """Read until ``ready()``, for so many seconds, or until the end of the connection."""
+        self._wait(ready, None if timeout is None else monotonic() + timeout)
+
+    def ask(self, statement: Statement, timeout: float | None, located: bool = False, raw: bool = False) -> Any:
         """The answer to a statement.  Raises UrbiError, TimedOut, ConnectionLost, or why there is no connection.
 
-        ``timeout`` in seconds, None without a limit; ``located``: locations in errors are those of the user's text.
+        ``timeout`` in seconds, None without a limit; ``located``: locations in errors are those of the user's text;
+        ``raw``: the answer is the Line.
         """
         limit = None if timeout is None else monotonic() + timeout
         self._need_connection(monotonic() + self.timeout)
@@ -97,7 +120,7 @@ class Connection:
             self.close_stream(self._forgotten.popleft())
         with self._turn:
             session = self._session
-            question = session.open_question(located)
+            question = session.open_question(located, raw)
             text = statement(session.dialect, question.channel)
         try:
             self._send(text, limit)
@@ -152,7 +175,7 @@ class Connection:
         while not stream.closed:
             self._need_connection(limit)
             self._read_what_has_come()
-            self._wait(lambda: bool(stream.items) or stream.closed or self._socket is None, limit)
+            self._wait(lambda: bool(stream.items or stream.closed or stream.failed) or self._socket is None, limit)
             with self._turn:
                 if stream.items:
                     return stream.next_item()
@@ -167,7 +190,8 @@ class Connection:
         with self._turn:
             text = self._session.dialect.ready(stream.channel)
         if text and not stream.closed:
-            self._send(text)
+            with suppress(ClientError):  # the next reading tells it
+                self._send(text)
 
     def forget_stream(self, stream: Stream) -> None:
         """End a stream that nobody reads any more; the collector may call it anywhere, so the server is told later."""
@@ -225,15 +249,15 @@ class Connection:
                 return
             self._led = True
         try:
-            while (data := self._receive(0)) is not None:
+            for _ in range(MAX_CHUNKS):
+                data = self._receive(0)
+                if data is None:
+                    return
                 with self._turn:
                     self._feed(data)
-                if not data:
-                    return
+                    self._hand_out()
         finally:
             self._end_lead()
-            with self._turn:
-                self._hand_out()
 
     def _receive(self, timeout: float | None) -> bytes | None:
         """What has come within so many seconds; None for nothing, b"" for the end."""
@@ -260,9 +284,10 @@ class Connection:
             try:
                 self._session.feed(data)
             except BadLine as error:
-                self._drop(f"{error}; is that an urbiscript server?")
+                self.fault = f"{error}; is that an urbiscript server?"
+                self._drop(self.fault)
         elif self._socket is not None:
-            self._drop(self._close_reason())
+            self._drop(self.close_reason())
 
     def _end_lead(self) -> None:
         with self._turn:
@@ -284,7 +309,9 @@ class Connection:
             made.sendall(text.encode("latin-1"))
             made.settimeout(SEND_TIMEOUT_S)
         except TimeoutError:
-            self._lose("it does not read what it is sent")
+            self.fault = "it does not read what it is sent"
+            self._lose(self.fault)
+            raise ConnectionLost(f"{self.where}: {self.fault}") from None
         except OSError:
             pass  # the reader learns the reason
         finally:
@@ -335,16 +362,17 @@ class Connection:
         except Denied as error:
             raise AccessDenied(str(error)) from None
         except (OSError, UnicodeError) as error:
-            raise CannotConnect(f"cannot connect to {self.where}: {getattr(error, 'strerror', None) or error}; is the "
-                                "server running, is this its port?") from None
-        session = Session(self._messages.append)
+            raise CannotConnect(explain_absence(self.where, error)) from None
+        session = Session(self._messages.append, self._asks_first)
+        self.fault = ""
         try:
             made.settimeout(SEND_TIMEOUT_S)
             self._poll = select.poll()
             self._poll.register(made.fileno(), select.POLLIN)
             with self._turn:
                 self._socket, self._session = made, session
-            self._greet(session, limit)
+            if self._asks_first:
+                self._greet(session, limit)
             with self._turn:
                 streams = [stream for stream in self._streams if not stream.closed]
             for stream in streams:
@@ -393,9 +421,12 @@ class Connection:
             session.close_question(question)
         question.result()
 
-    def _close_reason(self) -> str | Denied:
+    def close_reason(self) -> str | Denied:
+        """Why the connection has ended: in words, or Denied if to try again would not help."""
+        if self.fault:
+            return self.fault
         lines = self._session.lines
-        reason = explain_close(self.where, lines.last, lines.stamped, "tls=True")
+        reason = explain_close(self.where, lines.last, lines.stamped, self._credentials.words)
         return reason if isinstance(reason, Denied) else str(reason or "it closed the connection")
 
     def _lose(self, reason: str) -> None:

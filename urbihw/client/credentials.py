@@ -16,7 +16,7 @@ import re
 import stat
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from urbihw.client.where import Where
 
@@ -36,6 +36,19 @@ def fingerprint(certificate: bytes) -> str:
     return hashlib.sha256(certificate).digest().hex(":").upper()
 
 
+class Words(NamedTuple):
+    """How the user says what a message asks for: by options of a command, or by arguments of a function."""
+
+    tls: str
+    no_tls: str
+    trust: str
+    token_file: str
+
+
+OPTIONS: Final = Words("--tls", "--no-tls", "--trust", "--token-file FILE")
+ARGUMENTS: Final = Words("tls=True", "tls=False", "trust=True", "token_file=FILE")
+
+
 class Credentials:
     """The credentials of the user, for one or several connections."""
 
@@ -46,9 +59,11 @@ class Credentials:
         confirm: Callable[[str], bool] | None = None,
         ask: Callable[[str], str] | None = None,
         environment: Mapping[str, str] = os.environ,
+        words: Words = OPTIONS,
     ) -> None:
         """``trust``: accept the certificate of an unknown server without a question.  ``confirm`` asks a yes-or-no
-        question, ``ask`` asks for a secret; None when there is no terminal."""
+        question, ``ask`` asks for a secret; None when there is no terminal.  ``words``: those of messages."""
+        self.words = words
         self._token_file = token_file
         self._trust = trust
         self._confirm = confirm
@@ -81,8 +96,8 @@ class Credentials:
         if not self._trust and not (self._confirm is not None and self._confirm(
             f"{where} is not known yet. The fingerprint of its certificate {_FINGERPRINT} is\n  {shown}\nTrust it?"
         )):
-            raise Denied(f"{where} is not known yet; its fingerprint is {shown} {_FINGERPRINT}: --trust trusts it "
-                         "from now on")
+            raise Denied(f"{where} is not known yet; its fingerprint is {shown} {_FINGERPRINT}: "
+                         f"{self.words.trust} trusts it from now on")
         _append(file, f"{str(where).lower()} {shown}\n")
 
     # ---------------------------------------------------------------- the user
@@ -93,8 +108,9 @@ class Credentials:
         if not found and self._ask is not None:
             found = self._asked[str(where)] = self._ask(f"token for {where}: ").strip()
         if not found:
-            raise Denied(f"{where} wants a token (the robot makes one: urbihw access add NAME): give "
-                         f"--token-file FILE, URBIHW_TOKEN, or a line '{where} TOKEN' in {self.folder / 'tokens'}")
+            raise Denied(f"{where} wants a token (the robot makes one: urbihw access add NAME): "
+                         f"give {self.words.token_file}, URBIHW_TOKEN, "
+                         f"or a line '{where} TOKEN' in {self.folder / 'tokens'}")
         if not _TOKEN.fullmatch(found):
             raise Denied(f"the token for {where} is none: it is one word of letters, digits, - and _")
         return found

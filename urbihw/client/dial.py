@@ -31,7 +31,7 @@ async def dial(where: Where, credentials: Credentials, factory: Callable[[], P])
             where.host, where.port, ssl=context(), server_hostname="",
         )
     except ssl.SSLError as error:
-        raise failed(where, error) from error
+        raise failed(where, error, credentials.words) from error
     try:
         rest = await login.logged_in
     except BaseException:

@@ -17,7 +17,7 @@ from urbihw.client.literals import string_literal, written_path
 SLOWEST_PLAIN_HZ: Final = 10.0
 """Rate at which a server without ``Subscription`` sends slots of which only changes were wanted."""
 
-HELLO: Final = "[System.time, lobby.hasSlot(\"answer\"), Global.hasSlot(\"Subscription\")]"
+HELLO: Final = "[System.time, lobby.hasSlot(\"answerValue\"), Global.hasSlot(\"Subscription\")]"
 """The first question: the time of the server, and what it can."""
 
 
@@ -61,7 +61,9 @@ class Native:
 
     def follow(self, channel: str, stream: str, event: str) -> str:
         """Send an event on the channel ``stream`` from now on."""
-        return self.evaluate(channel, f'lobby.answerEvents("{stream}", {event})')
+        none = string_literal(f"{event} is no event")
+        followed = f'lobby.answerEvents("{stream}", _event)'
+        return self.evaluate(channel, f"var _event = {event} | if (_event.isA(Event)) {followed} else throw {none}")
 
     def unfollow(self, channel: str, stream: str) -> str:
         """Send the event no more."""

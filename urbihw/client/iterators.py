@@ -81,6 +81,11 @@ class Watch(Items[SampleStream]):
 class Shots(Items[ShotStream]):
     """The newest content of a slot with a picture or a sound: ``(time, picture)``."""
 
+    @property
+    def errors(self) -> dict[str, str]:
+        """Why the slot could not be read the last time that it could not."""
+        return dict(self._stream.errors)
+
     def __next__(self) -> Shot:
         """The next one.  Raises TimedOut, or why there is no connection."""
         item: Shot = self._next()

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 MAX_DEPTH: Final = 20
@@ -41,21 +41,26 @@ KEYWORDS: Final = frozenset(
 """Words that are no names, unless in quotes: those of the section Keywords of the manual's language chapter."""
 CONSTANTS: Final = ("nil", "void", "true", "false")
 _ESCAPED: Final = {
-    code: f"\\x{code:02x}" for code in range(256) if not 32 <= code < 127
-} | {ord('"'): '\\"', ord("\\"): "\\\\", 10: "\\n", 9: "\\t"}  # fmt: skip
+    chr(code): f"\\x{code:02x}" for code in range(256) if not 32 <= code < 127
+} | {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t"}  # fmt: skip
+_UNSAFE: Final = re.compile(r'[^ !#-\[\]-~]')
 
 
 def string_literal(text: str | bytes) -> str:
     """A String in quotes, in ASCII."""
     if isinstance(text, bytes):
-        return f'"{text.decode("latin-1").translate(_ESCAPED)}"'
+        return f'"{_UNSAFE.sub(_escaped, text.decode("latin-1"))}"'
     if text.isascii() and text.isprintable() and '"' not in text and "\\" not in text:
         return f'"{text}"'
     try:
         raw = text.encode("utf-8", "surrogateescape")
     except UnicodeEncodeError as error:
         raise ValueError(f"character {error.start + 1} is half of a surrogate pair, which UTF-8 has not") from None
-    return f'"{raw.decode("latin-1").translate(_ESCAPED)}"'
+    return f'"{_UNSAFE.sub(_escaped, raw.decode("latin-1"))}"'
+
+
+def _escaped(match: re.Match[str]) -> str:
+    return _ESCAPED[match[0]]
 
 
 def literal(value: Any, depth: int = 0) -> str:
@@ -114,6 +119,25 @@ def checked_path(path: str) -> str:
 def written_path(path: str) -> str:
     """A path as it stands in a statement: keywords in quotes, such as ``robot.'new'``."""
     return _STEP.sub(lambda step: f"'{step[0]}'" if step[0] in KEYWORDS and step[0] != "this" else step[0], path)
+
+
+def assignment_text(path: str, value: str, modifiers: Mapping[str, Any]) -> str:
+    """The assignment of a literal to a slot, with modifiers.  Raises what ``literal`` and ``checked_name`` raise."""
+    words = "".join(f" {checked_name(name)}:{literal(each)}" for name, each in modifiers.items())
+    return f"{written_path(path)} = {value}{words} | nil"
+
+
+def call_text(path: str, args: Iterable[Any]) -> str:
+    """The call of the function in a slot.  Raises what ``literal`` raises."""
+    arguments = ", ".join(map(literal, args))
+    return f"{written_path(path)}({arguments})" if arguments else written_path(path)
+
+
+def checked_slot(path: str) -> str:
+    """The path of a slot that can be written.  Raises ValueError for a constant."""
+    if path in CONSTANTS:
+        raise ValueError(f"{path} is a constant of urbiscript")
+    return path
 
 
 def checked_text(text: str) -> str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from urbihw.client.credentials import Credentials, Denied
+from urbihw.client.credentials import OPTIONS, Credentials, Denied, Words
 from urbihw.client.where import Where
 
 NOTICE: Final = b"*** urbihw: "
@@ -35,26 +35,26 @@ def login_line(where: Where, credentials: Credentials) -> bytes:
     return b"token " + credentials.token(where).encode("ascii") + b"\n"
 
 
-def explain_close(where: Where, last: bytes, stamped: bool, option: str = "--tls") -> Exception | None:
+def explain_close(where: Where, last: bytes, stamped: bool, words: Words = OPTIONS) -> Exception | None:
     """The reason why a server closed a connection behind ``last``, its last line (b"" for none).
 
-    ``stamped``: one of its lines had a time stamp, as those of urbiscript have; ``option``: how the user of the caller
-    asks for TLS.  Returns Denied if to try again would
-    not help, LoginInterrupted if it may, and None for the end of an ordinary connection.
+    ``stamped``: one of its lines had a time stamp, as those of urbiscript have; ``words``: how the user asks for TLS.
+    Returns Denied if to try again would not help, LoginInterrupted if it may, and None for the end of an ordinary
+    connection.
     """
     if last.startswith(WANTS_TLS):
-        return Denied(f"{where} speaks TLS, and wants a token: {option} (urbihw access add NAME on the robot makes "
+        return Denied(f"{where} speaks TLS, and wants a token: {words.tls} (urbihw access add NAME on the robot makes "
                       "one)")
     if last.startswith(NOTICE):
         return LoginInterrupted(last.removeprefix(NOTICE).decode("utf-8", "replace"))
     if not last and not where.tls and where.path is None:
-        return LoginInterrupted(f"it closed the connection without a word; if it speaks TLS: {option}")
+        return LoginInterrupted(f"it closed the connection without a word; if it speaks TLS: {words.tls}")
     if not last:
         return LoginInterrupted("it closed the connection")
     if stamped:
         return None
-    words = last[:_MAX_QUOTED].decode("ascii", "backslashreplace").strip()
-    said = f", it said: {words!r}" if words else ""
+    quoted = last[:_MAX_QUOTED].decode("ascii", "backslashreplace").strip()
+    said = f", it said: {quoted!r}" if quoted else ""
     return LoginInterrupted(f"it is no urbiscript server{said}; is this its port?")
 
 

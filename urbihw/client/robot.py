@@ -14,14 +14,16 @@ from types import TracebackType
 from typing import Any, Final
 
 from urbihw.client.connection import Connection
-from urbihw.client.credentials import Credentials
+from urbihw.client.credentials import ARGUMENTS, Credentials
 from urbihw.client.errors import ClientError
 from urbihw.client.iterators import Events, Shots, Watch
 from urbihw.client.literals import (
     CONSTANTS,
+    assignment_text,
+    call_text,
     checked_name,
     checked_path,
-    checked_rate,
+    checked_slot,
     checked_text,
     literal,
     written_path,
@@ -57,15 +59,12 @@ class Slot:
         Raises UrbiError, TypeError for a value that urbiscript has not, or why there is no answer.  ``timeout`` in
         seconds, by default that of the connection, without modifiers; None: no limit.
         """
-        path, text = self.path, literal(value)
-        if path in CONSTANTS:
-            raise ValueError(f"{path} is a constant of urbiscript")
+        path, text = checked_slot(self.path), literal(value)
         if not modifiers:
             limit = self._connection.timeout if timeout is None else timeout
             self._connection.ask(lambda dialect, channel: dialect.write(channel, path, text), limit)
             return
-        words = "".join(f" {checked_name(name)}:{literal(each)}" for name, each in modifiers.items())
-        body = f"{written_path(path)} = {text}{words} | nil"
+        body = assignment_text(path, text, modifiers)
         self._connection.ask(lambda dialect, channel: dialect.evaluate(channel, body), timeout)
 
     def __call__(self, *args: Any, timeout: float | None = None) -> Any:
@@ -73,8 +72,7 @@ class Slot:
 
         ``timeout`` in seconds; None waits for the end.
         """
-        path = written_path(self.path)
-        body = f"{path}({', '.join(map(literal, args))})" if args else path
+        body = call_text(self.path, args)
         answer = self._connection.ask(lambda dialect, channel: dialect.evaluate(channel, body), timeout)
         return wrapped(self._connection, answer, "")
 
@@ -84,7 +82,7 @@ class Slot:
 
 
 class UrbiFunction(Slot):
-    """A function of the robot, such as ``robot.motor6.stop``; parentheses call it."""
+    """A function of the robot, such as ``robot.motor6.readRegister``; parentheses call it."""
 
 
 class UrbiObject:
@@ -139,18 +137,22 @@ class UrbiObject:
 
     def __dir__(self) -> list[str]:
         """The slots that not every object has, for completion; none when the server does not answer."""
-        here = written_path(self._path or "lobby")
-        names = f"{COMMON_SLOTS} | [{here}.slotNames, {here}.localSlotNames, common]"
-        try:
-            every, own, common = self._connection.ask(lambda dialect, channel: dialect.evaluate(channel, names), 1.0)
-        except (ClientError, TypeError, ValueError):
-            every, own, common = [], [], []
-        names_of_it = {*every} - {*common} | {*own}
-        found = {name for name in names_of_it if str(name).isidentifier() and not str(name).startswith("_")}
-        return sorted(found | {name for name in vars(type(self)) if not name.startswith("_")} | self._methods())
+        found = {name for name in self._slot_names() if name.isidentifier() and not name.startswith("_")}
+        methods = {name for name in vars(type(self)) if not name.startswith("_")} - {"urbiscript_path"}
+        return sorted(found | methods | {"slot"})
 
-    def _methods(self) -> set[str]:
-        return {"slot"}
+    def _slot_names(self) -> set[str]:
+        here = written_path(self._path)
+        every, own, common = self._names(f"{COMMON_SLOTS} | [{here}.slotNames, {here}.localSlotNames, common]", 3)
+        return every - common | own
+
+    def _names(self, body: str, count: int) -> list[set[str]]:
+        """So many lists of names, which an expression tells; empty ones when the server does not answer."""
+        try:
+            told = self._connection.ask(lambda dialect, channel: dialect.evaluate(channel, body), 1.0)
+            return [set(map(str, names)) for names in told] if len(told) == count else [set()] * count
+        except (ClientError, TypeError):
+            return [set()] * count
 
     def __repr__(self) -> str:
         """How the server prints it, and its class."""
@@ -217,9 +219,7 @@ class Robot(UrbiObject):
         ``t`` is the time of the reading in seconds since 1970, ``v`` a tuple with a value for each slot.  The server
         sends, nothing is asked; ``hz=0`` only sends changes.  ``timeout``: TimedOut after so many seconds without one.
         """
-        if not slots:
-            raise ValueError("which slots? robot.watch(\"motor6.val\")")
-        stream = SampleStream(tuple(map(checked_path, slots)), checked_rate(hz))
+        stream = SampleStream(slots, hz)
         self._connection.open_stream(stream)
         return Watch(self._connection, stream, timeout)
 
@@ -227,15 +227,13 @@ class Robot(UrbiObject):
         """Iterate over the pictures or sounds of a slot, the newest each time: ``for t, p in
         robot.pictures("camera.val")``.
         """
-        if not checked_rate(hz):
-            raise ValueError("hz: pictures in a second, more than 0")
-        stream = ShotStream(checked_path(slot), float(hz))
+        stream = ShotStream(slot, hz)
         self._connection.open_stream(stream)
         return Shots(self._connection, stream, timeout)
 
     def events(self, event: str, timeout: float | None = None) -> Events:
         """Iterate over the emissions of an event: ``with robot.events("bioloid.lost") as lost``."""
-        stream = EventStream(written_path(checked_path(event)))
+        stream = EventStream(event)
         self._connection.open_stream(stream)
         return Events(self._connection, stream, timeout)
 
@@ -270,8 +268,10 @@ class Robot(UrbiObject):
         """How it is written in urbiscript."""
         return "lobby"
 
-    def _methods(self) -> set[str]:
-        return {"slot", "messages"}
+    def _slot_names(self) -> set[str]:
+        """Variables of the connection and devices, but not the classes, which begin with a capital letter."""
+        own, everybodys = self._names("[lobby.localSlotNames, Global.localSlotNames]", 2)
+        return own | {name for name in everybodys if name[:1].islower()} - {*CONSTANTS} | {"messages"}
 
     def __repr__(self) -> str:
         """The address."""
@@ -317,7 +317,8 @@ def wrapped(connection: Connection, answer: Any, path: str) -> Any:
 def credentials_of(token: str, token_file: str | Path | None, trust: bool) -> Credentials:
     """The credentials of a program, which cannot be asked."""
     environment = {**os.environ, "URBIHW_TOKEN": token} if token else os.environ
-    return Credentials(None if token_file is None else Path(token_file), trust, environment=environment)
+    file = None if token_file is None else Path(token_file)
+    return Credentials(file, trust, environment=environment, words=ARGUMENTS)
 
 
 def split_address(host: str, port: int) -> tuple[str, int]:

@@ -7,7 +7,7 @@ import ssl
 import threading
 from typing import Final
 
-from urbihw.client.credentials import Denied
+from urbihw.client.credentials import OPTIONS, Denied, Words
 from urbihw.client.login import LoginInterrupted
 from urbihw.client.where import Where
 
@@ -24,13 +24,13 @@ def context() -> ssl.SSLContext:
     return made
 
 
-def failed(where: Where, error: ssl.SSLError) -> Exception:
+def failed(where: Where, error: ssl.SSLError, words: Words = OPTIONS) -> Exception:
     """The exception for a failed TLS handshake."""
     if isinstance(error, ssl.SSLEOFError) or error.reason is None:
         return LoginInterrupted("it closed the connection")
     if error.reason == "WRONG_VERSION_NUMBER":
         return Denied(f"{where} does not speak TLS; if everybody on the way may read along and you trust them all: "
-                      "--no-tls")
+                      f"{words.no_tls}")
     return Denied(f"{where}: no TLS with it: {error.reason.replace('_', ' ').lower()}")
 
 
@@ -40,7 +40,7 @@ class TlsSocket:
     Two threads must not read and write an SSLSocket at the same time, but the console in a pipe does.
     """
 
-    def __init__(self, where: Where, plain: socket.socket) -> None:
+    def __init__(self, where: Where, plain: socket.socket, words: Words = OPTIONS) -> None:
         self.unread = b""
         """Bytes received during the login, which ``recv`` returns first."""
         self._plain = plain
@@ -53,7 +53,7 @@ class TlsSocket:
                 self._plain.sendall(self._out.read())
                 self._fill()
         except ssl.SSLError as error:
-            raise failed(where, error) from error
+            raise failed(where, error, words) from error
         self._plain.sendall(self._out.read())
         self.certificate = self._tls.getpeercert(binary_form=True) or b""
 

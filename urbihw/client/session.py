@@ -22,7 +22,7 @@ MAX_QUOTED: Final = 60
 """Maximum number of characters quoted from what cannot be read."""
 _LOCATION: Final = re.compile(r"(?:[^\s:]+:)?\d+\.\d+(?:-[\d.]+)?: ")
 _EVAL_CALL: Final = re.compile(r": eval$")
-_OWN_CALL: Final = re.compile(r": (?:answer|eval)$")
+_OWN_CALL: Final = re.compile(r": (?:answer\w+|eval)$")
 
 
 class Message(NamedTuple):
@@ -33,12 +33,14 @@ class Message(NamedTuple):
         channel: its channel; empty for values and ``echo``.
         text: the text.
         is_error: whether it is an error.
+        raw: the line as it was received, without the line feed.
     """
 
     time: float
     channel: str
     text: str
     is_error: bool
+    raw: bytes = b""
 
 
 class Found(NamedTuple):
@@ -51,13 +53,14 @@ class Found(NamedTuple):
 
 class Question:
     """A statement whose answer is expected on its channel.  ``located``: a location in an error is one in the text of
-    the user."""
+    the user.  ``raw``: the answer is a Line of any content."""
 
-    __slots__ = ("channel", "done", "error", "located", "stamp", "value", "wake")
+    __slots__ = ("channel", "done", "error", "located", "raw", "stamp", "value", "wake")
 
-    def __init__(self, channel: str, located: bool) -> None:
+    def __init__(self, channel: str, located: bool, raw: bool) -> None:
         self.channel = channel
         self.located = located
+        self.raw = raw
         self.done = False
         self.stamp = 0
         self.error: ClientError | None = None
@@ -79,11 +82,12 @@ class Question:
 class Session:
     """Questions and streams of one connection.  ``offset``: local time minus the server's time, in seconds."""
 
-    def __init__(self, on_message: Callable[[Message], None]) -> None:
+    def __init__(self, on_message: Callable[[Message], None], asks_first: bool = True) -> None:
+        """``asks_first``: what comes before the answer to the first question is no message."""
         self.lines = Lines()
-        self.dialect: Native = Native()
+        self.dialect: Native = Native() if asks_first else Plain()
         self.offset = 0.0
-        self.greeted = False
+        self.greeted = not asks_first
         self._on_message = on_message
         self._questions: dict[str, Question] = {}
         self._free: list[str] = []
@@ -92,14 +96,14 @@ class Session:
 
     # ---------------------------------------------------------------- questions
 
-    def open_question(self, located: bool = False) -> Question:
+    def open_question(self, located: bool = False, raw: bool = False) -> Question:
         """A question with a channel of its own.  Channels are used again, as the server keeps compiled statements."""
         if self._free:
             channel = self._free.pop()
         else:
             self._count += 1
             channel = f"{CHANNEL_PREFIX}{self._count}"
-        question = self._questions[channel] = Question(channel, located)
+        question = self._questions[channel] = Question(channel, located, raw)
         return question
 
     def close_question(self, question: Question) -> None:
@@ -165,7 +169,7 @@ class Session:
                     self._take(stream, line, now)
             elif self.greeted and not channel.startswith(CHANNEL_PREFIX):
                 stamp = now if line.stamp is None else line.stamp / 1000 + self.offset
-                self._on_message(Message(stamp, channel, line.shown, line.is_error))
+                self._on_message(Message(stamp, channel, line.shown, line.is_error, line.raw))
 
     def lose(self, make_error: Callable[[], ClientError]) -> None:
         """The connection has ended: no question will be answered."""
@@ -188,6 +192,9 @@ class Session:
     def _answer(self, question: Question, line: Line) -> None:
         if line.is_error:
             question.finish(error=_urbi_error("", line.shown[4:].splitlines(), question.located))
+            return
+        if question.raw:
+            question.finish(line)
             return
         try:
             answer = self._convert(line)

@@ -10,8 +10,9 @@ from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
 from urbihw.client.dialect import Native
-from urbihw.client.errors import ClientError, TimedOut
-from urbihw.client.lines import Line
+from urbihw.client.errors import ClientError, TimedOut, UrbiError
+from urbihw.client.lines import Line, guarded
+from urbihw.client.literals import checked_path, checked_rate, written_path
 from urbihw.client.media import Blob
 
 MAX_ITEMS: Final = 1000
@@ -118,9 +119,12 @@ class SampleStream(Stream):
     """The values of slots.  ``units`` are those of the slots."""
 
     def __init__(self, slots: tuple[str, ...], hz: float, size: int = MAX_ITEMS) -> None:
+        """``hz`` samples a second, 0 for changes only.  Raises ValueError for a wrong path or rate, or no slot."""
         super().__init__(size)
-        self.slots = slots
-        self.hz = hz
+        if not slots:
+            raise ValueError('which slots? robot.watch("motor6.val")')
+        self.slots = tuple(map(checked_path, slots))
+        self.hz = checked_rate(hz)
         self.units: tuple[str, ...] = ("",) * len(slots)
 
     def start_text(self, dialect: Native, channel: str) -> str:
@@ -158,7 +162,11 @@ class ShotStream(Stream):
     """The newest content of a slot with a Binary."""
 
     def __init__(self, slot: str, hz: float) -> None:
+        """``hz`` at most so many in a second.  Raises ValueError for a wrong path or rate."""
         super().__init__(1)
+        checked_path(slot)
+        if not checked_rate(hz):
+            raise ValueError("hz: pictures in a second, more than 0")
         self.slot = slot
         self.hz = hz
         self._time = 0.0
@@ -183,12 +191,34 @@ class ShotStream(Stream):
             self.add(Shot((self._time or (line.stamp or 0) / 1000) + offset, value))
 
 
+class LineStream(Stream):
+    """The lines that a statement writes to the Channel ``answers``, as they come."""
+
+    def __init__(self, statement: str, size: int = MAX_ITEMS) -> None:
+        super().__init__(size)
+        self.statement = statement
+
+    def start_text(self, dialect: Native, channel: str) -> str:
+        """The statement that begins it."""
+        body = guarded(f'var answers = Channel.new("{self.channel}") | {self.statement}', self.channel)
+        return f"{self.channel}: {{ {body} }},\n" + dialect.evaluate(channel, "nil")
+
+    def stop_text(self, dialect: Native, channel: str) -> str:
+        """The statement that ends it."""
+        return dialect.evaluate(channel, f"{self.channel}.stop")
+
+    def take(self, line: Line, convert: Convert, offset: float) -> None:
+        """Store a line, or the error that it tells."""
+        self.add(UrbiError(line.shown.removeprefix("!!! ")) if line.is_error else line)
+
+
 class EventStream(Stream):
     """The emissions of an event."""
 
     def __init__(self, event: str, size: int = MAX_ITEMS) -> None:
+        """Raises ValueError for a wrong path."""
         super().__init__(size)
-        self.event = event
+        self.event = written_path(checked_path(event))
 
     def start_text(self, dialect: Native, channel: str) -> str:
         """The statement that begins it."""

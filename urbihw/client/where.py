@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -39,6 +40,24 @@ class Where:
 def where_is(host: str, port: int, tls: bool | None = None) -> Where:
     """The address of a server.  ``tls`` None means the default: TLS to other machines, none to this one."""
     return Where(host, port, "/" not in host and (not is_loopback(host) if tls is None else tls))
+
+
+def why(error: Exception) -> str:
+    """The reason why a host or port is not available, in a few words.  An impossible host name is a UnicodeError."""
+    if isinstance(error, TimeoutError):
+        return "no answer"
+    if isinstance(error, UnicodeError):
+        return "this is no name of a host"
+    number = getattr(error, "errno", None)
+    return os.strerror(number) if number and number > 0 else getattr(error, "strerror", None) or str(error)
+
+
+def explain_absence(where: Where, error: OSError | UnicodeError) -> str:
+    """The sentence for a server that cannot be reached."""
+    if where.path is not None and isinstance(error, FileNotFoundError | ConnectionRefusedError):
+        left = " any more, and the file may go" if where.path.exists() else ""
+        return f"nobody listens at {where.path}{left}; start the server: urbihw serve"
+    return f"cannot connect to {where}: {why(error)}; is the server running, is this its port?"
 
 
 def is_loopback(host: str) -> bool:

@@ -14,7 +14,7 @@ from typing import BinaryIO, Final
 from urbihw.cli.lobby_client import LobbyClient
 from urbihw.cli.options import Refused
 from urbihw.client.credentials import Credentials
-from urbihw.client.lines import Line
+from urbihw.client.session import Message
 from urbihw.client.where import Where
 from urbihw.exitcodes import EX_RUNTIME, EX_SYNTAX, EX_UNAVAILABLE
 from urbihw.kernel.stages import Input
@@ -74,8 +74,8 @@ class PipeSession:
         self._link.send(f'\n;\nChannel.new("{self._end}") << 1|;\n'.encode())
         self._incomplete = watched.ends_within()
 
-    def _show(self, line: Line) -> None:
+    def _show(self, line: Message) -> None:
         if line.is_error and line.channel == "error" and not self._code:
-            self._code = EX_SYNTAX if b": syntax error: " in line.text else EX_RUNTIME
+            self._code = EX_SYNTAX if ": syntax error: " in line.text else EX_RUNTIME
         sys.stdout.buffer.write(line.raw + b"\n")
         sys.stdout.buffer.flush()

@@ -8,12 +8,11 @@ from collections.abc import Callable
 from typing import Final, Literal
 
 from urbihw.backoff import BackOff
-from urbihw.cli.options import why
 from urbihw.client.credentials import Credentials, Denied
 from urbihw.client.dial import open_streams
 from urbihw.client.lines import BadLine, Line, Lines
 from urbihw.client.login import NOTICE, explain_close
-from urbihw.client.where import Where
+from urbihw.client.where import Where, why
 
 CHUNK: Final = 256 * 1024
 CONNECT_TIMEOUT_S: Final = 5.0
