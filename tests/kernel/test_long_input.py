@@ -163,8 +163,9 @@ def begin(kernel: Kernel, text: str) -> Lobby:
 def runs(kernel: Kernel, lobby: Lobby, text: bytes) -> list[str]:
     """What a lobby answers to a short statement."""
     lobby.feed(text)
-    for _ in range(100):
-        kernel.run()
+    for _ in range(100_000):
+        if kernel.run() is None:
+            break
     return lines(lobby)
 
 
@@ -195,7 +196,7 @@ def test_a_client_that_is_gone_in_the_midst_of_it(kernel: Kernel, text: str) -> 
 
 def test_a_stop_of_the_connection_ends_the_statement_only(kernel: Kernel) -> None:
     lobby = begin(kernel, "+".join(["1"] * 20_000) + "; 2;")
-    for _ in range(1000):  # until it is compiled: what is being read belongs to no statement yet
+    for _ in range(100_000):  # until it is compiled: what is being read belongs to no statement yet
         if not lobby.shell.waiting:
             break
         kernel.run()

@@ -22,6 +22,8 @@ from urbihw.kernel.stages import Input
 CHUNK: Final = 64 * 1024
 SILENCE_TIMEOUT_S: Final = 2.0
 """Seconds without output after which an input that ends within a statement counts as run."""
+END_TIMEOUT_S: Final = 1.0
+"""Seconds in which the end of the input is read after the server has closed: it may have been closed by the input."""
 
 
 def run_session(where: Where, who: Credentials, source: BinaryIO) -> int:
@@ -42,7 +44,7 @@ class PipeSession:
         self._source = source
         self._end = f"__urbihw_end_{os.getpid()}"
         self._incomplete = False
-        self._all_sent = False
+        self._all_sent = threading.Event()
         self._code = 0
 
     def run(self) -> int:
@@ -54,7 +56,7 @@ class PipeSession:
                 return self._code
             if line is not None:
                 self._show(line)
-            elif self._link.ended and self._all_sent:
+            elif self._link.ended and self._all_sent.wait(END_TIMEOUT_S):
                 # The input contained quit or shutdown.
                 return self._code
             elif self._link.ended:
@@ -70,7 +72,7 @@ class PipeSession:
             watched.feed(data)
             self._link.send(data)
         watched.feed(b"\n;\n")
-        self._all_sent = True
+        self._all_sent.set()
         self._link.send(f'\n;\nChannel.new("{self._end}") << 1|;\n'.encode())
         self._incomplete = watched.ends_within()
 
