@@ -10,6 +10,7 @@ A robot is a package here with a module `start`: a line of help, its options, an
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import signal
@@ -20,7 +21,7 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from urbihw_fakes.console import Command, Console
-from urbihw_fakes.errors import FakeError
+from urbihw_fakes.errors import FakeError, UnknownRequest
 from urbihw_fakes.serving import Endpoint
 
 EXIT_CONFIG = 78
@@ -49,6 +50,8 @@ def main(arguments: list[str] | None = None) -> int:
     known = robots()
     options = _parser(known).parse_args(arguments)
     try:
+        if getattr(options, "refused_world", None):
+            raise UnknownRequest(f"--world: {options.robot} has no body for a simulated world")
         endpoint, words = known[options.robot].start(options)
     except (FakeError, OSError) as error:
         print(f"fakes: {error}", file=sys.stderr)
@@ -75,6 +78,9 @@ def _parser(known: Mapping[str, Start]) -> argparse.ArgumentParser:
     for name, robot in known.items():
         own = parsers.add_parser(name, help=robot.HELP)
         robot.options(own)
+        # A program may ask any robot for a world; one without a body says so in one line.
+        with contextlib.suppress(argparse.ArgumentError):
+            own.add_argument("--world", dest="refused_world", help=argparse.SUPPRESS)
         own.add_argument("--until-eof", action="store_true", help="end when standard input ends")
         own.add_argument("--json", action="store_true", help="answer each line of input with one line of JSON")
     return parser

@@ -13,7 +13,7 @@ from urbihw_fakes.p3dx import sips
 from urbihw_fakes.p3dx.codec import ArcosReader, SickReader, arcos_packet, parse_command, sick_telegram
 from urbihw_fakes.p3dx.kit import P3dx
 from urbihw_fakes.p3dx.sips import Settings, SipFields
-from urbihw_fakes.p3dx.world import World, add_box
+from urbihw_fakes.p3dx.world import World
 
 EXCHANGES = captures.read("p3dx")
 
@@ -350,7 +350,7 @@ def test_rays_and_crates() -> None:
     world = World.room()
     assert world.ray(0, 0, 0, 10) == pytest.approx(3.0)
     assert world.ray(0, 1.5, 0, 10) == pytest.approx(6.0)
-    add_box(world, 1.0, 0.0)
+    world.add_crate(1.0, 0.0)
     assert world.ray(0, 0, 0, 10) == pytest.approx(0.8)
     assert world.nearest(0, 0)[0] == pytest.approx(0.8)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from urbihw_fakes.bioloid.kit import Bioloid
+from urbihw_fakes.bodies.humanoid import Humanoid, describe
 from urbihw_fakes.console import Command
 from urbihw_fakes.dynamixel.ax12 import DEGREES, Ax12
 from urbihw_fakes.dynamixel.axs1 import AxS1
@@ -33,6 +34,27 @@ def commands(kit: Bioloid, clock: Callable[[], float]) -> dict[str, Command]:
         "connect": Command("NUMBER...|all", "plug in only these units, counted from 1", actions.connect),
         "turn": Command("ID DEGREES", "turn the horn by hand (without torque), from where it is", actions.turn),
         "state": Command("[ID]", "show the positions of all, or all registers of one", actions.state),
+    }
+
+
+def in_world(kit: Humanoid, words: dict[str, Command]) -> dict[str, Command]:
+    """The commands of a kit that is a humanoid in a world: what the world decides is not set by hand."""
+    kept = {word: command for word, command in words.items() if word not in ("ir", "turn")}
+
+    def stand(_: list[str]) -> str:
+        kit.stand()
+        return "ok"
+
+    def push(words: list[str]) -> str:
+        forward, left = (float(word) for word in (*words, "0")[:2])
+        kit.push(forward, left)
+        return "ok"
+
+    return {
+        **kept,
+        "stand": Command("", "put it on its feet where it started; limp joints as at the start", stand),
+        "push": Command("FORWARD [LEFT]", "push its chest for 0.1 s, N", push),
+        "where": Command("", "where it is, and whether it stands", lambda _: describe(kit)),
     }
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 
-from urbihw_fakes.bioloid.console import commands
+from urbihw_fakes.bioloid.console import commands, in_world
 from urbihw_fakes.bioloid.kit import Bioloid
+from urbihw_fakes.bodies.humanoid import Humanoid
 from urbihw_fakes.console import Command
 from urbihw_fakes.dynamixel.catalogue import make_servos
 from urbihw_fakes.dynamixel.xseries import XSeries
 from urbihw_fakes.endpoint import PtyEndpoint, TcpEndpoint
+from urbihw_fakes.errors import UnknownRequest
 from urbihw_fakes.serving import Endpoint
 
 HELP = "18 AX-12 (1..18) and an AX-S1 (100), or X-series servos"
@@ -31,6 +33,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--add-x", type=int, default=0, metavar="COUNT", help="X-series servos besides, from id 21 on")
     parser.add_argument("--servos", metavar="MODEL:ID,...", help='other units instead, for instance "MX-28:3,XL-320:4"')
     parser.add_argument("--cm5", action="store_true", help="behind a CM-5 in manage mode; the wire has 57600 bps")
+    parser.add_argument("--world", metavar="WORLD", help="as a humanoid in MuJoCo: room, flat, or a file .xml")
     parser.add_argument("--model", default="XL430-W250", help="of the X-series servos (%(default)s)")
 
 
@@ -38,11 +41,16 @@ def start(options: argparse.Namespace) -> tuple[Endpoint, Mapping[str, Command]]
     """The kit on its transport, and its words for the console."""
     kit = _kit(options)
     endpoint = _endpoint(options, kit)
-    return endpoint, commands(kit, endpoint.clock)
+    words = commands(kit, endpoint.clock)
+    return endpoint, in_world(kit, words) if isinstance(kit, Humanoid) else words
 
 
 def _kit(options: argparse.Namespace) -> Bioloid:
     baud = DEFAULT_BAUD if options.cm5 else options.baud or DEFAULT_BAUD
+    if options.world is not None:
+        if options.servos is not None or options.x_series is not None or options.add_x:
+            raise UnknownRequest("--world: the humanoid is the kit of 18 AX-12 and an AX-S1; leave the other units out")
+        return Humanoid(options.world, baud=baud, cm5=options.cm5)
     if options.servos is not None:
         return Bioloid(units=make_servos(options.servos), baud=baud)
     if options.x_series is not None:

@@ -15,6 +15,7 @@ end.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import exp
 
 from urbihw_fakes.dynamixel import packet1
@@ -238,7 +239,7 @@ class Ax12(Unit1):
         torque = self.powered and bool(get("torque_enable"))
         wheel = self.wheel
         limit = get("torque_limit") / 1023
-        law = _Wheel(get("moving_speed"), limit) if wheel else _Joint(self, limit)
+        law = WheelDrive(get("moving_speed"), limit) if wheel else _Joint(self, limit)
         full = FULL_SPEED * max(self.volts, 0.0) / NOMINAL_VOLTS if self.powered else FULL_SPEED
         for _ in range(steps):
             drive = law.drive(self.position, self.load) if torque else 0.0
@@ -252,9 +253,12 @@ class Ax12(Unit1):
                 self.speed = 0.0
             self.drive = drive
             self.position = self._bounded(self.position + self.speed * STEP)
-        span = steps * STEP
+        self._strain(steps * STEP, limit if torque else 0.0)
+
+    def _strain(self, span: float, limit: float) -> None:
+        """What ``span`` seconds of this drive do to the motor: a stall counts, and it warms up."""
         along = self.speed if self.drive > 0 else -self.speed
-        stalled = torque and limit > 0 and abs(self.drive) >= limit - 1e-6 and along < 0.02 * FULL_SPEED
+        stalled = limit > 0 and abs(self.drive) >= limit - 1e-6 and along < 0.02 * FULL_SPEED
         self._stalled_for = self._stalled_for + span if stalled else 0.0
         self._warm(span)
 
@@ -295,7 +299,7 @@ class Ax12(Unit1):
         self.drive = 0.0
 
 
-class _Wheel:
+class WheelDrive:
     """Wheel mode: the speed register is a voltage."""
 
     def __init__(self, speed: int, limit: float) -> None:
@@ -303,7 +307,26 @@ class _Wheel:
         self._drive = max(-limit, min(limit, -wanted if speed & CLOCKWISE else wanted))
 
     def drive(self, position: float, load: float) -> float:
+        """The drive, -1..1, wherever the horn is."""
         return self._drive
+
+
+class Compliance:
+    """The drive of a joint by how far it is from its goal: nothing inside the margin, then the punch and a ramp."""
+
+    def __init__(self, get: Callable[[str], int]) -> None:
+        """``get`` reads a register."""
+        self._punch = get("punch") / 1023
+        self._ccw = (get("ccw_margin"), _floor_slope(get("ccw_slope")))
+        self._cw = (get("cw_margin"), _floor_slope(get("cw_slope")))
+
+    def drive(self, error: float) -> float:
+        """The drive, -1..1, for an error in position steps."""
+        margin, slope = self._ccw if error > 0 else self._cw
+        beyond = abs(error) - margin
+        if beyond <= 0.0:
+            return 0.0
+        return (1.0 if error > 0 else -1.0) * min(1.0, self._punch + (1.0 - self._punch) * beyond / slope)
 
 
 class _Joint:
@@ -313,24 +336,17 @@ class _Joint:
         get = servo.registers.get
         self._goal = get("goal_position")
         self._limit = limit
-        self._punch = get("punch") / 1023
-        self._ccw = (get("ccw_margin"), _floor_slope(get("ccw_slope")))
-        self._cw = (get("cw_margin"), _floor_slope(get("cw_slope")))
+        self._compliance = Compliance(get)
         speed = get("moving_speed") & 1023
         full = FULL_SPEED * max(servo.volts, 0.1) / NOMINAL_VOLTS
         # 0 is full speed without control.
         self._cruise = speed * SPEED_STEP / full if speed else None
 
     def drive(self, position: float, load: float) -> float:
-        error = self._goal - position
-        margin, slope = self._ccw if error > 0 else self._cw
-        beyond = abs(error) - margin
-        if beyond <= 0.0:
-            return 0.0
-        sign = 1.0 if error > 0 else -1.0
-        drive = sign * min(1.0, self._punch + (1.0 - self._punch) * beyond / slope)
-        if self._cruise is not None:
+        drive = self._compliance.drive(self._goal - position)
+        if drive and self._cruise is not None:
             # The drive that keeps the cruise speed against load and friction.
+            sign = 1.0 if drive > 0 else -1.0
             needed = sign * (self._cruise + FRICTION) - load
             drive = min(drive, needed) if sign > 0 else max(drive, needed)
         return max(-self._limit, min(self._limit, drive))

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from urbihw_fakes.bodies.tribot import SimulatedTriBot
+from urbihw_fakes.bodies.words import world_words
 from urbihw_fakes.console import Command
 from urbihw_fakes.nxt.codes import LIGHT_ACTIVE, LIGHT_INACTIVE
 from urbihw_fakes.nxt.inputs import raw_of
@@ -14,7 +16,7 @@ from urbihw_fakes.nxt.stream import NxtDevice
 def commands(device: NxtDevice, clock: Callable[[], float]) -> dict[str, Command]:
     """Return the commands of one robot; `clock` gives its simulated time in seconds."""
     actions = _Actions(device, clock)
-    return {
+    words = {
         "bump": Command("on|off", "press or release the bumper", actions.bump),
         "obstacle": Command("CM|none", "hold something before the ultrasonic sensor", actions.obstacle),
         "put": Command("CM [DEGREES]", "place the robot at a distance from the wall, turned left", actions.put),
@@ -25,6 +27,12 @@ def commands(device: NxtDevice, clock: Callable[[], float]) -> dict[str, Command
         "slip": Command("SHARE", "set the share 0..1 of the wheels' rotation that is lost to slip", actions.slip),
         "state": Command("", "show motors, position and sound", actions.state),
     }
+    robot = device.robot
+    if isinstance(robot, SimulatedTriBot):
+        # What the world decides is not set by hand.
+        kept = {word: command for word, command in words.items() if word not in ("obstacle", "put", "slip")}
+        return kept | world_words(robot, lambda: device.brick.advance(clock()))
+    return words
 
 
 class _Actions:
@@ -80,11 +88,10 @@ class _Actions:
 
     def state(self, words: list[str]) -> str:
         self._advance()
-        robot, brick = self._robot, self._brick
+        brick = self._brick
         motors = ", ".join(f"{port} power {brick.motor(port).power} at {brick.motor(port).rotation}" for port in "ABC")
         sounding = f"{brick.sound.frequency} Hz" if brick.sound.sounding(brick.now) else "silent"
-        place = f"{-robot.x * 100:.0f} cm before the wall, heading {math.degrees(robot.heading):.0f}"
-        return f"{'on' if brick.awake else 'off'}; {motors}; {place}; {sounding}"
+        return f"{'on' if brick.awake else 'off'}; {motors}; {self._robot.describe_place()}; {sounding}"
 
 
 def _switch(text: str) -> bool:

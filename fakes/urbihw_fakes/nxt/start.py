@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 
+from urbihw_fakes.bodies.tribot import SimulatedTriBot
 from urbihw_fakes.console import Command
 from urbihw_fakes.endpoint import PtyEndpoint, TcpEndpoint
 from urbihw_fakes.nxt.console import commands
@@ -24,11 +25,13 @@ def options(parser: argparse.ArgumentParser) -> None:
     where.add_argument("--tcp", type=int, metavar="PORT", help="Bluetooth: a TCP port of this machine; 0: a free one")
     parser.add_argument("--instant", action="store_true", help="answer at once, not a telegram each ms: for benches")
     parser.add_argument("--distance", type=float, default=START, metavar="M", help="from the wall (%(default)s)")
+    parser.add_argument("--world", metavar="WORLD", help="with a body in MuJoCo: room, flat, or a file .xml")
 
 
 def start(options: argparse.Namespace) -> tuple[Endpoint, Mapping[str, Command]]:
     """Return the robot on its transport, and its console commands."""
-    device = NxtDevice(TriBot(options.distance), pass_time=0.0 if options.instant else PASS)
+    robot = TriBot(options.distance) if options.world is None else SimulatedTriBot(options.world)
+    device = NxtDevice(robot, pass_time=0.0 if options.instant else PASS)
     endpoint = _endpoint(options, device)
     return endpoint, commands(device, endpoint.clock)
 

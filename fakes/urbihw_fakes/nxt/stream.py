@@ -61,6 +61,10 @@ class NxtDevice(Device):
         self.brick.advance(now)
         return []
 
+    def due(self) -> float | None:
+        """When a robot in a world wants to move on, though nobody asks."""
+        return None if self.robot.pace is None or not self.brick.now else self.brick.now + self.robot.pace
+
     def hang_up(self) -> None:
         """The cable was unplugged: an incomplete frame is dropped, open files are closed."""
         self._buffer = b""

@@ -31,7 +31,10 @@ class TriBot:
         slip: share of the wheels' rotation that is lost; the encoders do not show it.
         obstacle: metres to an object in front of the sensor; None for the wall only.
         pushed: the bumper is pressed by hand.
+        pace: s after which it wants to move on while nobody asks; None: it catches up when asked.
     """
+
+    pace: float | None = None
 
     def __init__(self, distance: float = START) -> None:
         self.brick = Brick()
@@ -49,6 +52,10 @@ class TriBot:
         ahead = math.cos(self.heading)
         wall = -self.x / ahead if ahead > 0.1 else math.inf
         return wall if self.obstacle is None else min(wall, self.obstacle)
+
+    def describe_place(self) -> str:
+        """Where it is, in a few words."""
+        return f"{-self.x * 100:.0f} cm before the wall, heading {math.degrees(self.heading):.0f}"
 
     def _centimetres(self) -> int:
         metres = self.distance()

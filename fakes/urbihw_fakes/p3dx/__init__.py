@@ -7,5 +7,6 @@ as MobileSim sends it), ``camera`` (pan, tilt and zoom on AUX1), ``laser`` (the 
 
 Typed from the ARCOS chapter of the Pioneer 3 manual, the LMS2xx telegram listing, ARIA, Player and MobileSim; checked
 against ``captures/p3dx.hex``.  Not modelled: the gripper, the arm, docking, AUX2 and AUX3, the compass module,
-wheels that slip apart, sonars that see around corners or hear each other, glass, the laser's configuration telegrams.
+sonars that see around corners or hear each other, glass, the laser's configuration telegrams; and, but in a world of
+``urbihw_fakes.bodies``, wheels that slip apart.
 """

@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 from urbihw_fakes.device import Answer, Device
 from urbihw_fakes.p3dx import numbers, sips
-from urbihw_fakes.p3dx.body import BUMPERS, Body
+from urbihw_fakes.p3dx.body import BUMPERS, HALF_TRACK, Body
 from urbihw_fakes.p3dx.codec import ArcosReader, Command, arcos_packet, parse_command
 from urbihw_fakes.p3dx.extras import Extras
 from urbihw_fakes.p3dx.simlaser import SimLaser
@@ -255,7 +255,7 @@ class Arcos(Device):
             else {
                 "battery_x10": volts,
                 "charge_state": 0,
-                "rotation": round(math.degrees(body.turning.speed) * 10),
+                "rotation": round(math.degrees((right - left) / 2 / HALF_TRACK) * 10),
                 "faults": 0,
             },
         )

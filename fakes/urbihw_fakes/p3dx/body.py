@@ -109,6 +109,11 @@ class Body:
         """Whether the robot moves."""
         return abs(self.forward.speed) > 1e-4 or abs(self.turning.speed) > 1e-4
 
+    @property
+    def turn_rate(self) -> float:
+        """How fast the body truly turns: rad/s."""
+        return self.turning.speed * (1 - self.slip)
+
     def stop(self) -> None:
         """Brake; the motors stay on."""
         self.forward.set_speed(0.0)
@@ -136,7 +141,7 @@ class Body:
         allowed = self.motors and not self.halted
         way = self.forward.step(dt, allowed=allowed)
         angle = self.turning.step(dt, allowed=allowed)
-        self.volts = max(0.0, self.volts - dt * (DRAIN_MOVING if self.moving else DRAIN_RESTING))
+        self._drain(dt)
         if not way and not angle:
             self._press_bumpers(0.0)
             return
@@ -149,6 +154,9 @@ class Body:
             to = (x, y)
         self.pose = (*to, _turned(heading, angle * (1 - self.slip)))
         self._update_odometry(way, angle)
+
+    def _drain(self, dt: float) -> None:
+        self.volts = max(0.0, self.volts - dt * (DRAIN_MOVING if self.moving else DRAIN_RESTING))
 
     def _blocked(self, x: float, y: float, way: float) -> bool:
         distance, direction = self.world.nearest(x, y)

@@ -8,10 +8,11 @@ from functools import partial
 from pathlib import Path
 from typing import Protocol
 
+from urbihw_fakes.bodies.pioneer import SimulatedBody
+from urbihw_fakes.bodies.words import FRICTION_HELP
 from urbihw_fakes.console import Command
 from urbihw_fakes.errors import UnknownRequest
 from urbihw_fakes.p3dx.kit import P3dx
-from urbihw_fakes.p3dx.world import add_box, without
 
 
 class Cable(Protocol):
@@ -33,14 +34,21 @@ def commands(kit: P3dx, clock: Callable[[], float], laser_line: Cable) -> dict[s
         "place": Command("X Y DEGREES", "move the robot; its odometry does not notice", actions.place),
         "where": Command("", "show the true position, and that of the odometry", actions.where),
         "volts": Command("VOLTS", "set the voltage of the battery", _number(partial(setattr, kit.body, "volts"))),
-        "slip": Command("SHARE", "set the share 0..1 of each turn that is lost to slip",
-                        _number(partial(setattr, kit.body, "slip"))),
+        **_grip(kit),
         "button": Command("on|off", "press or release the STOP button", _switch(kit.robot.press_stop_button)),
         "dirty": Command("on|off", "soil or clean the laser's window", _switch(partial(setattr, kit.laser, "dirty"))),
         "unplug-laser": Command("", "unplug the laser's cable", _simple(laser_line.unplug)),
         "plug-laser": Command("", "plug the laser's cable", _simple(laser_line.plug)),
         "map": Command("FILE", "save this world as a map in ARIA's format", actions.save_map),
     }  # fmt: skip
+
+
+def _grip(kit: P3dx) -> dict[str, Command]:
+    """How much the wheels slip, in the words of its world."""
+    if isinstance(kit.body, SimulatedBody):
+        return {"friction": Command("VALUE", FRICTION_HELP, _number(kit.body.base.set_friction))}
+    help = "set the share 0..1 of each turn that is lost to slip"
+    return {"slip": Command("SHARE", help, _number(partial(setattr, kit.body, "slip")))}
 
 
 class _Actions:
@@ -52,9 +60,9 @@ class _Actions:
         self._crates = 0
 
     def add_crate(self, words: list[str]) -> str:
-        x, y = float(words[0]), float(words[1])
+        x, y, *size = (float(word) for word in words[:3])
         with self._kit.lock:
-            add_box(self._kit.world, x, y, float(words[2]) if len(words) > 2 else 0.4)
+            self._kit.world.add_crate(x, y, *size)
         self._crates += 1
         return "ok"
 
@@ -62,7 +70,7 @@ class _Actions:
         if not self._crates:
             raise UnknownRequest("unbox: there is no crate to take away")
         with self._kit.lock:
-            self._kit.world.walls = without(self._kit.world.walls, 4)
+            self._kit.world.remove_crate()
         self._crates -= 1
         return "ok"
 

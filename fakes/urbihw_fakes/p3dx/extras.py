@@ -98,7 +98,7 @@ class Extras:
 
     def _gyro(self) -> bytes:
         # The gyro feels the true turn of the body.  Its noise spreads the readings over the steps of the converter.
-        rate = self.gyro_rest - math.degrees(self._body.turning.speed * (1 - self._body.slip)) / GYRO_SCALE
+        rate = self.gyro_rest - math.degrees(self._body.turn_rate) / GYRO_SCALE
         return sips.gyro([max(0, min(1023, round(rate + noise / 8))) for noise in (-3, -1, 1, 3)], 30)
 
 

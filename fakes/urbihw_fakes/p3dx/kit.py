@@ -32,18 +32,24 @@ LASERS: dict[str, Callable[[Body, threading.RLock], Laser]] = {
 
 
 class P3dx:
-    """A robot in a world (the room of ``World.room`` if none is given).
+    """A robot in a world (the room of ``World.room`` if none is given), or a ``body`` that brings its world.
 
     Attributes:
         world, body: where it is and how it moves; robot, laser: the devices to serve.
     """
 
     def __init__(
-        self, world: World | None = None, *, slip: float = 0.01, settings: Settings | None = None, laser: str = "lms200"
+        self,
+        world: World | None = None,
+        *,
+        slip: float = 0.01,
+        settings: Settings | None = None,
+        laser: str = "lms200",
+        body: Body | None = None,
     ) -> None:
         """``laser`` is a row of LASERS."""
-        self.world = world if world is not None else World.room()
-        self.body = Body(self.world, slip)
+        self.body = body if body is not None else Body(world if world is not None else World.room(), slip)
+        self.world = self.body.world
         self.lock = threading.RLock()
         self.robot = Arcos(self.body, settings, self.lock)
         self.laser: Any = LASERS[laser](self.body, self.lock)

@@ -10,12 +10,15 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
+from pathlib import Path
 
+from urbihw_fakes.bodies.pioneer import SimulatedBody
+from urbihw_fakes.bodies.simulation import is_simulated, unknown_world
 from urbihw_fakes.console import Command
 from urbihw_fakes.endpoint import PtyEndpoint, TcpEndpoint
 from urbihw_fakes.lasers.cola import ColaLaser
 from urbihw_fakes.p3dx.arcos import DISTANCE_CONV, Arcos
-from urbihw_fakes.p3dx.body import BUMPERS
+from urbihw_fakes.p3dx.body import BUMPERS, Body
 from urbihw_fakes.p3dx.console import commands
 from urbihw_fakes.p3dx.kit import LASERS, Laser, P3dx
 from urbihw_fakes.p3dx.sips import Settings
@@ -73,8 +76,12 @@ def options(parser: argparse.ArgumentParser) -> None:
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--pty", nargs="?", const="", metavar="PATH", help="pseudo terminals: PATH, PATH-laser")
     where.add_argument("--tcp", type=int, metavar="PORT", help="TCP ports of this machine; 0 takes free ones")
-    parser.add_argument("--world", metavar="MAP", help="walls from a map in ARIA's format (default: a room)")
-    parser.add_argument("--slip", type=float, default=0.01, help="share of the wheels' turning lost (%(default)s)")
+    parser.add_argument(
+        "--world", metavar="WORLD", help="a world in MuJoCo (room, flat, or a file .xml), or walls from a map in ARIA's"
+        " format (default: a room without physics)",
+    )  # fmt: skip
+    parser.add_argument("--slip", type=float, default=0.01,
+                        help="without physics: share of the wheels' turning lost (%(default)s)")  # fmt: skip
     parser.add_argument("--subclass", default="p3dx-sh", choices=sorted(DISTANCE_CONV), help="(%(default)s)")
     parser.add_argument("--cycle", type=int, default=100, help="ms between SIPs (%(default)s)")
     parser.add_argument("--laser", default="lms200", choices=sorted(LASERS), help="(%(default)s)")
@@ -85,15 +92,22 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 def start(options: argparse.Namespace) -> tuple[Endpoint, Mapping[str, Command]]:
     """The robot on its lines, and its console commands."""
-    world = World.read(options.world) if options.world else World.room()
     settings = Settings(
         subclass=options.subclass, sip_cycle=options.cycle, front_bumps=BUMPERS, rear_bumps=BUMPERS,
         gripper=int(options.gripper), gyro_type=int(options.gyro),
     )  # fmt: skip
-    kit = P3dx(world, slip=options.slip, settings=settings, laser=options.laser)
+    kit = P3dx(settings=settings, laser=options.laser, body=_body(options))
     line: TwoPtys | TwoPorts
     if options.tcp is not None:
         line = TwoPorts(kit.robot, kit.laser, options.tcp)
     else:
         line = TwoPtys(kit.robot, kit.laser, options.pty or None, follow_baud=not options.any_baud)
     return line, commands(kit, line.clock, line.laser_line)
+
+
+def _body(options: argparse.Namespace) -> Body:
+    if options.world and is_simulated(options.world):
+        return SimulatedBody(options.world)
+    if options.world and not Path(options.world).exists():
+        raise unknown_world(options.world, "a file: MJCF (.xml) or a map in ARIA's format")
+    return Body(World.read(options.world) if options.world else World.room(), options.slip)

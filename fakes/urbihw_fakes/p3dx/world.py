@@ -6,7 +6,7 @@ All in m and rad, x to the right, y up, angles counterclockwise.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -108,6 +108,15 @@ class World:
                 best, direction = distance, math.atan2(py, px)
         return best, direction
 
+    def add_crate(self, x: float, y: float, size: float = 0.4) -> None:
+        """Put a crate into the world, its middle at x, y."""
+        half = size / 2
+        self.walls = [*self.walls, *box(x - half, y - half, x + half, y + half)]
+
+    def remove_crate(self) -> None:
+        """Take the last crate away again."""
+        self.walls = self.walls[:-4]
+
     def as_map(self) -> str:
         """This world as a map that the planner of a gateway can load."""
         corners = [(x, y) for x1, y1, x2, y2 in self.walls for x, y in ((x1, y1), (x2, y2))]
@@ -125,18 +134,6 @@ class World:
                 "",
             ]
         )
-
-
-def add_box(world: World, x: float, y: float, size: float = 0.4) -> None:
-    """Put a crate into the world, its middle at x, y."""
-    half = size / 2
-    world.walls.extend(box(x - half, y - half, x + half, y + half))
-
-
-def without(walls: Iterable[Wall], count: int) -> list[Wall]:
-    """The walls but the last ``count``."""
-    kept = list(walls)
-    return kept[: len(kept) - count]
 
 
 def _mm(metres: float) -> int:

@@ -72,8 +72,8 @@ class Body:
     def drive(self, speed: float, turn: float, acceleration: float, balancing: bool) -> None:
         """Advance one servo frame with motors, towards `speed` and `turn`; `acceleration` is a share of the maximum."""
         before, turned = self.speed, self.turn
-        self.speed = _towards(before, speed, MOST_ACCELERATION * acceleration * STEP)
-        self.turn = _towards(turned, turn, MOST_TURN_ACCELERATION * STEP)
+        self.speed = towards(before, speed, MOST_ACCELERATION * acceleration * STEP)
+        self.turn = towards(turned, turn, MOST_TURN_ACCELERATION * STEP)
         gained = (self.speed - before) / STEP
         thrust = _MASS * gained * _WHEEL_RADIUS / 2
         spin = (self.turn - turned) / STEP * 2.0
@@ -86,8 +86,8 @@ class Body:
 
     def coast(self, stands: bool) -> None:
         """Advance one servo frame without motors; the body falls unless it `stands` on casters."""
-        self.speed = _towards(self.speed, 0.0, _COASTING * STEP)
-        self.turn = _towards(self.turn, 0.0, _COASTING * STEP)
+        self.speed = towards(self.speed, 0.0, _COASTING * STEP)
+        self.turn = towards(self.turn, 0.0, _COASTING * STEP)
         self.left_torque = self.right_torque = 0.0
         if not stands and not self.fallen:
             tip = self.pitch or 1e-3
@@ -107,6 +107,11 @@ class Body:
         self.fallen = False
         self.pitch = self.pitch_rate = 0.0
 
+    def drain(self, seconds: float) -> None:
+        """What some time of the present torques takes from the battery."""
+        work = abs(self.left_torque) + abs(self.right_torque)
+        self.volts = max(0.0, self.volts - (_IDLE_DRAIN + _WORK_DRAIN * work) * seconds)
+
     def _lean(self, wanted: float) -> None:
         force = _FREQUENCY**2 * (wanted - self.pitch) - 2 * _DAMPING * _FREQUENCY * self.pitch_rate
         self.pitch_rate += force * STEP
@@ -122,9 +127,9 @@ class Body:
         self.heading += self.turn * STEP * grip
         self.left += self.left_speed * STEP
         self.right += self.right_speed * STEP
-        work = abs(self.left_torque) + abs(self.right_torque)
-        self.volts = max(0.0, self.volts - (_IDLE_DRAIN + _WORK_DRAIN * work) * STEP)
+        self.drain(STEP)
 
 
-def _towards(value: float, goal: float, most: float) -> float:
+def towards(value: float, goal: float, most: float) -> float:
+    """The value after a change of at most ``most`` towards the goal."""
     return min(goal, value + most) if goal > value else max(goal, value - most)

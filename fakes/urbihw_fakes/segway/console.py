@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from urbihw_fakes.bodies.balance import BalancingBody
+from urbihw_fakes.bodies.words import world_words
 from urbihw_fakes.console import Command
 from urbihw_fakes.errors import UnknownRequest
 from urbihw_fakes.segway.rmp import SegwayRmp
@@ -13,7 +15,7 @@ from urbihw_fakes.segway.rmp import SegwayRmp
 def commands(base: SegwayRmp) -> Mapping[str, Command]:
     """Return the commands of one base."""
     actions = _Actions(base)
-    return {
+    words = {
         "push": Command("DEGREES", "tilt the body", actions.push),
         "battery": Command("VOLTS", "set the voltage of the battery", actions.battery),
         "estop": Command("on|off", "press or release the emergency stop", actions.estop),
@@ -24,6 +26,12 @@ def commands(base: SegwayRmp) -> Mapping[str, Command]:
         "lift": Command("", "put a fallen base upright", actions.lift),
         "show": Command("", "show mode, speeds, distance and battery", actions.show),
     }
+    if isinstance(base.body, BalancingBody):
+        # What the world decides is not set by hand.
+        kept = {word: command for word, command in words.items() if word != "slip"}
+        # The machine moves on by itself, a frame each 10 ms.
+        return kept | world_words(base.body, lambda: None)
+    return words
 
 
 class _Actions:

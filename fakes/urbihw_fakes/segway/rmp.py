@@ -61,11 +61,12 @@ class SegwayRmp(CanNode):
         mode: int = f.BALANCE,
         old_firmware: bool = False,
         turn_factor: float = f.PER_RADIAN,
+        body: Body | None = None,
     ) -> None:
         if model not in f.MODELS:
             raise UnknownRequest(f"model {model!r}: no such RMP; say one of {', '.join(f.MODELS)}")
         self.model = f.MODELS[model]
-        self.body = Body()
+        self.body = body if body is not None else Body()
         self.turn_factor = turn_factor
         self.old_firmware = old_firmware
         self.box_volts = 6.4

@@ -11,12 +11,14 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 
+from urbihw_fakes.bodies.balance import BalancingBody
 from urbihw_fakes.can.device import CanDevice
 from urbihw_fakes.can.records import Records
 from urbihw_fakes.can.slcan import Slcan
 from urbihw_fakes.can.slcan_pty import SlcanPty
 from urbihw_fakes.console import Command
 from urbihw_fakes.endpoint import PtyEndpoint, TcpEndpoint
+from urbihw_fakes.segway.body import Body
 from urbihw_fakes.segway.console import commands
 from urbihw_fakes.segway.frames import BALANCE, MODELS, TRACTOR
 from urbihw_fakes.segway.rmp import SegwayRmp
@@ -56,6 +58,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--port", type=int, default=MULTICAST_PORT, help="of multicast (%(default)s)")
     parser.add_argument("--model", default="200", choices=sorted(MODELS), help="(%(default)s)")
     parser.add_argument("--tractor", action="store_true", help="standing on casters, not balancing")
+    parser.add_argument("--world", metavar="WORLD", help="with a body in MuJoCo: room, flat, or a file .xml")
     parser.add_argument("--old", action="store_true", help="the oldest firmware, with five frames a cycle")
 
 
@@ -65,7 +68,9 @@ def start(options: argparse.Namespace) -> tuple[Endpoint, Mapping[str, Command]]
     Raises:
         FakeError: the transport is not available.
     """
-    base = SegwayRmp(options.model, mode=TRACTOR if options.tractor else BALANCE, old_firmware=options.old)
+    body = Body() if options.world is None else BalancingBody(options.world, options.tractor)
+    mode = TRACTOR if options.tractor else BALANCE
+    base = SegwayRmp(options.model, mode=mode, old_firmware=options.old, body=body)
     return _endpoint(options, base), commands(base)
 
 

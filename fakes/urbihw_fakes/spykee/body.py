@@ -31,11 +31,13 @@ DRAIN, DRIVE_DRAIN, CHARGE = 0.002, 0.01, 0.05
 
 
 class Body:
-    """Attributes: x, y (m), heading (rad), speeds and ways of the tracks (m/s, m), docked, level (percent), doing
-    ("", "docking" or "leaving"); `news` are the events of the dock that were not told yet: 1 undocked, 2 docked."""
+    """Attributes: x, y (m), heading (rad), speeds and ways of the tracks (m/s, m), dock (where it is: m), docked, level
+    (percent), doing ("", "docking" or "leaving"); `news` are the events of the dock that were not told yet: 1 undocked,
+    2 docked."""
 
     def __init__(self) -> None:
         self.x = self.y = self.heading = 0.0
+        self.dock = DOCK
         self.wanted = [0.0, 0.0]
         self.speeds = [0.0, 0.0]
         self.ways = [0.0, 0.0]
@@ -77,7 +79,7 @@ class Body:
 
     def put_on_dock(self) -> None:
         """A hand puts it on its dock."""
-        self.place(*DOCK, 0.0)
+        self.place(*self.dock, 0.0)
         self._dock()
 
     def cut_power(self) -> None:
@@ -96,12 +98,7 @@ class Body:
         self._now = now
 
     def _step(self, now: float, dt: float) -> None:
-        if self.doing == "docking":
-            self._steer()
-        elif self.doing == "leaving":
-            self.wanted = [SEARCH_SPEED, SEARCH_SPEED]
-            if now - self._left_at > LEAVING:
-                self.cancel()
+        self._seek(now)
         for side in (0, 1):
             wanted = self.wanted[side] / 100 * FULL_SPEED if self.powered else 0.0
             change = min(max(wanted - self.speeds[side], -ACCELERATION * dt), ACCELERATION * dt)
@@ -112,12 +109,25 @@ class Body:
         self.x += (left + right) / 2 * math.cos(self.heading) * dt
         self.y += (left + right) / 2 * math.sin(self.heading) * dt
         self._keep_inside()
+        self._discharge(dt)
+
+    def _seek(self, now: float) -> None:
+        """Go on to the dock, or away from it."""
+        if self.doing == "docking":
+            self._steer()
+        elif self.doing == "leaving":
+            self.wanted = [SEARCH_SPEED, SEARCH_SPEED]
+            if now - self._left_at > LEAVING:
+                self.cancel()
+
+    def _discharge(self, dt: float) -> None:
+        left, right = self.speeds
         effort = (abs(left) + abs(right)) / 2 / FULL_SPEED
         change = CHARGE if self.docked else -(DRAIN + DRIVE_DRAIN * effort)
         self.level = min(100.0, max(0.0, self.level + change * dt)) if self.powered else self.level
 
     def _steer(self) -> None:
-        dx, dy = DOCK[0] - self.x, DOCK[1] - self.y
+        dx, dy = self.dock[0] - self.x, self.dock[1] - self.y
         if math.hypot(dx, dy) < REACHED:
             self._dock()
             return

@@ -7,6 +7,8 @@ import wave
 from collections.abc import Callable
 from pathlib import Path
 
+from urbihw_fakes.bodies.tracked import TrackedBody
+from urbihw_fakes.bodies.words import world_words
 from urbihw_fakes.console import Command
 from urbihw_fakes.errors import UnknownRequest
 from urbihw_fakes.spykee.device import Spykee
@@ -19,7 +21,7 @@ APART = 0.4
 def commands(robot: Spykee, clock: Callable[[], float]) -> dict[str, Command]:
     """Return the commands of one robot; `clock` gives its simulated time in seconds."""
     actions = _Actions(robot, clock)
-    return {
+    words = {
         "clap": Command("[COUNT]", "clap COUNT times", actions.clap),
         "tone": Command("HZ [SECONDS]", "play a tone to its microphone", actions.tone),
         "hear": Command("FILE", "play a WAVE file to its microphone", actions.hear),
@@ -29,6 +31,10 @@ def commands(robot: Spykee, clock: Callable[[], float]) -> dict[str, Command]:
         "battery": Command("PERCENT", "set the charge of the battery", actions.battery),
         "where": Command("", "show its position in the room", actions.where),
     }
+    body = robot.body
+    if isinstance(body, TrackedBody):
+        return words | world_words(body, lambda: body.advance(clock()))
+    return words
 
 
 class _Actions:

@@ -49,10 +49,19 @@ class Spykee(Device):
         frames: pictures that were sent; dark: there is no light in the room but its own.
     """
 
-    def __init__(self, uid: str = UID, user: str = "admin", password: str = "admin") -> None:
+    def __init__(
+        self,
+        uid: str = UID,
+        user: str = "admin",
+        password: str = "admin",
+        *,
+        body: Body | None = None,
+        look: Callable[[bool], bytes] | None = None,
+    ) -> None:
+        """``look`` takes a picture, as ``camera.picture`` does; its argument is whether it is dark."""
         super().__init__()
         self.uid, self.user, self.password = uid, user, password
-        self.body = Body()
+        self.body = body if body is not None else Body()
         self.speaker = sound.Speaker()
         self.microphone = sound.Microphone(self.speaker)
         self.on_close: Callable[[], None] = lambda: None
@@ -68,7 +77,8 @@ class Spykee(Device):
         self.music: list[bytes] = []
         self.cut_music = 0
         self.frames = 0
-        self.pictures = camera.has_pictures()
+        self.pictures = look is not None or camera.has_pictures()
+        self._look = look if look is not None else self._look_into_room
         self.dark = False
         self._streams: set[int] = set()
         self._seen = 0
@@ -256,12 +266,14 @@ class Spykee(Device):
             said += self._answer(p.AUDIO, heard, now)
         return said
 
+    def _look_into_room(self, dark: bool) -> bytes:
+        return camera.picture(self.body.x, self.body.y, self.body.heading, dark)
+
     def _picture(self, now: float) -> Iterator[Answer]:
         self._frame_at = max(self._frame_at + FRAME_PERIOD, now)
         self._seen += 1
         if self.pictures and self._seen % LEFT_OUT:
-            body = self.body
-            data = camera.picture(body.x, body.y, body.heading, self.dark and not self.leds[0])
+            data = self._look(self.dark and not self.leds[0])
             self.frames += 1
             yield from self._answer(p.VIDEO, data, now)
 
