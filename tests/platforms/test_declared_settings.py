@@ -53,7 +53,8 @@ def test_the_limits_of_the_manifest_are_those_that_act(name: str) -> None:
         found = {motor: found[motor] | limited(lab)[motor]}
     assert bool(found) == bool(declared)
     for device, kinds in found.items():
-        (pattern,) = [each for each in declared if re.fullmatch(each.replace("#", "[0-9]+"), device)]
+        forms = {each: re.escape(each).replace(r"\#", "[0-9]+").replace(r"\*", ".*") for each in declared}
+        (pattern,) = [each for each, form in forms.items() if re.fullmatch(form, device)]
         assert kinds == set(declared[pattern])
 
 

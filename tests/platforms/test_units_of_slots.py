@@ -113,6 +113,23 @@ UNITS: Final[dict[str, dict[str, Units]]] = {
         "SegwayPlanner": _PLANNER,
         "robot": _MOBILE,
     },
+    "webots": {  # chapter "Webots": the devices of pioneer-wander
+        "Webots": _BUS | {"s": "time step", "1": "epoch stops factor"},
+        "DifferentialWheels": {
+            "rad": "angle val requested applied", "rad/s": "speed maxSpeed", "turn": "turn", "N m": "torque",
+            "1": f"load encoder encoderResolution {_GAINS}",
+        },
+        "DistanceSensor": {"m": "distance val", "1": "load factor"},
+        "TouchSensor": {"1": "pressure val load"},
+        "Gyro": {"rad/s": "speed val", "1": "load"},
+        "GPS": {"m": "x y z val", "1": "load"},
+        "InertialUnit": {"rad": "roll pitch yaw val", "1": "load"},
+        "Lidar": {
+            "m": "val distanceMin distanceMax", "rad": "angleMin angleMax resolution", "Hz": "rate", "1": "load",
+        },
+        "Camera": _PICTURE | {"rad": "xfov yfov", "m": "near far", "1": "load gain wb quality resolution"},
+        "robot": _MOBILE,
+    },
     "p3dx": {
         "P3dx": _BUS | {"m/s": "speedDelta", "rad/s": "speedAlpha", "m": "distMin distMax",
                         "1": "epoch stops motorsLoad laserLoad"},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import importlib.util
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -33,6 +34,43 @@ class Plug:
     def __init__(self) -> None:
         self.world: MujocoWorld | None = None
         self.plugged = True
+
+    @property
+    def faults(self) -> Plug:
+        """The faults of a fake, which a simulation has not: all of them cut it off for a while, or do nothing."""
+        return self
+
+    def __iter__(self) -> Iterator[str]:
+        """The present faults."""
+        return iter(() if self.plugged else ("cut off",))
+
+    def unplug(self) -> None:
+        """Cut it off."""
+        self.plugged = False
+
+    def replug(self) -> None:
+        """Let it be reached again."""
+        self.plugged = True
+
+    def start(self, word: str, unit: Any = None, times: int = 0) -> None:
+        """A fault begins."""
+        if word == "silence":
+            self.plugged = False
+
+    def stop(self, word: str, unit: Any = None) -> None:
+        """A fault ends."""
+        self.plugged = True
+
+    def power_off(self, now: float, unit: Any = None) -> None:
+        """It is cut off."""
+        self.plugged = False
+
+    def power_on(self, now: float, unit: Any = None) -> None:
+        """It answers again."""
+        self.plugged = True
+
+    def send(self, data: bytes, at: float) -> None:
+        """Garbage on a wire that there is not."""
 
     def open(self, port: ports.MujocoPort) -> None:
         """Take the place of opening the model."""
@@ -99,8 +137,8 @@ class Lab(RobotLab):
         return self.world._data.body(name)
 
     def joint(self, name: str) -> float:
-        """The angle of a joint in the physics, in rad."""
-        return float(self.world._data.joint(name).qpos[0])
+        """The angle of a joint in the physics, in rad; 0 before there is any."""
+        return 0.0 if self.world is None else float(self.world._data.joint(name).qpos[0])
 
     def turned(self, name: str) -> float:
         """How fast a joint has turned since the last look, in rad/s: a world that stands still turns nothing."""

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from urbihw.kernel.boot import KernelHooks, build
 from urbihw.kernel.lobby.host_process import HostProcess
 from urbihw.kernel.lobby.lobby import Lobby
-from urbihw.kernel.sched.clock import Clock, RealClock, SimClock
+from urbihw.kernel.sched.clock import Clock, LedClock, RealClock, SimClock
 from urbihw.kernel.sched.scheduler import Scheduler
 
 __all__ = ["HostProcess", "Kernel"]
@@ -25,7 +25,8 @@ NO_PROCESS = HostProcess()
 class Kernel:
     """One urbiscript world with its scheduler.
 
-    ``clock`` provides the time: a ``RealClock`` in the daemon, a ``SimClock`` in tests and with ``fast``.  Run it by
+    ``clock`` provides the time: a ``RealClock`` in the daemon, a ``LedClock`` with ``led`` for a robot that is a
+    simulation, a ``SimClock`` in tests and with ``fast``.  Run it by
     ``run()``, which returns when to call it again; pass input with ``feed``; read a lobby's output with
     ``lobby.output.take_bytes()``.  Device code gets ``host``.  ``process`` is what programs can do with the process,
     such as to end it.  ``post`` is the only method that other threads may call.
@@ -37,10 +38,11 @@ class Kernel:
         wake_host: Callable[[], None] = lambda: None,
         *,
         fast: bool = False,
+        led: bool = False,
         process: HostProcess = NO_PROCESS,
     ) -> None:
         sys.setrecursionlimit(max(RECURSION_LIMIT, sys.getrecursionlimit()))
-        self.clock = clock if clock is not None else SimClock() if fast else RealClock()
+        self.clock = clock if clock is not None else SimClock() if fast else LedClock() if led else RealClock()
         self.scheduler = Scheduler(self.clock, wake_host, KernelHooks())
         self.programs, self.host = build(self.scheduler, process)
         self.world = self.programs.world

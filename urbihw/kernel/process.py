@@ -165,16 +165,18 @@ class KernelProcess:
         limits: Bounds = NONE,
         *,
         fast: bool = False,
+        led: bool = False,
         name: str = "urbi",
         arguments: Sequence[str] = (),
         reboot: Callable[[], None] | None = None,
     ) -> Kernel:
-        """Create the kernel and its driver; with ``fast`` it runs in simulated time.
+        """Create the kernel and its driver; with ``fast`` it runs in simulated time, with ``led`` in that of the robot,
+        which is a simulation (``LedClock``).
 
         ``name`` and ``arguments`` are those of the process for its programs; ``reboot`` begins a shutdown after which
         the process restarts, None if it cannot.
         """
-        self.kernel = Kernel(fast=fast, process=HostProcess(name, arguments, self.stop, reboot))
+        self.kernel = Kernel(fast=fast, led=led, process=HostProcess(name, arguments, self.stop, reboot))
         self.driver = Driver(self.kernel.scheduler, limits)
         self.interrupter = Interrupter(self.kernel.scheduler, self.stop, second_is_fatal=self._second_is_fatal)
         self._log_tap = LogTap(self.kernel.post, self.kernel.programs.log.add)

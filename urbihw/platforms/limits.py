@@ -29,7 +29,8 @@ from urbihw.kernel.uobject import BadConfig
 from urbihw.settings import Mistake, Table, checked, guess, positive, rising, setting
 
 Devices = Mapping[str, Collection[str]]
-"""The devices of a platform -> their kinds of limits; ``#`` in a name stands for a number."""
+"""The devices of a platform -> their kinds of limits; ``#`` in a name stands for a number, and the name
+``*`` for any."""
 
 
 TEMPERATURES: Final = (-40.0, 200.0)
@@ -151,7 +152,8 @@ def _wrong(rows: Mapping[str, Any], place: str, known: Collection[str] | None) -
 
 
 def _pattern(name: str, devices: Devices) -> str | None:
-    return next((each for each in devices if re.fullmatch(re.escape(each).replace(r"\#", "[0-9]+"), name)), None)
+    found = (each for each in devices if re.fullmatch(re.escape(each).replace(r"\#", "[0-9]+"), name))
+    return next(found, "*" if "*" in devices else None)
 
 
 def _guess_device(name: str, devices: Devices, joints: Collection[str]) -> str:

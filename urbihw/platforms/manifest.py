@@ -75,7 +75,9 @@ class Manifest:
             prints it; "" for none.
         devices: whether the settings may name the expected devices (``[devices]``): a chain of servos.
         system: what it needs of the operating system.
-        limits: the devices that can have ``[limits]`` -> their kinds of limits; ``#`` in a name stands for a number.
+        leads_time: whether the robot is a simulation whose time is that of the programs.
+        limits: the devices that can have ``[limits]`` -> their kinds of limits; ``#`` in a name stands for a number,
+            and the name ``*`` for any.
         joints: names of joints -> the ids of their devices, where the platform names them.
     """
 
@@ -95,6 +97,7 @@ class Manifest:
     trace: str = ""
     on_robot: str = ""
     devices: bool = False
+    leads_time: bool = False
     system: SystemNeeds = SystemNeeds()
     limits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     joints: Mapping[str, int] = field(default_factory=dict)
@@ -160,9 +163,9 @@ def _value(key: str, value: Any) -> Any:
         if not isinstance(value, list) or not all(isinstance(member, str) for member in value):
             raise BadManifest(f'{key} must be a list of texts, such as ["a", "b"], not {value!r}')
         return tuple(value)
-    if key == "devices":
+    if key in ("devices", "leads_time"):
         if not isinstance(value, bool):
-            raise BadManifest(f"devices must be true or false, not {value!r}")
+            raise BadManifest(f"{key} must be true or false, not {value!r}")
         return value
     if key == "system":
         return _system(value)

@@ -40,6 +40,48 @@ class RealClock:
         return time.monotonic() - self._origin
 
 
+class LedClock:
+    """A clock that the robot leads: a simulator, whose time is that of the programs.
+
+    Until the robot leads it for the first time it stands at 0, so that a start takes no time; after ``release``, while
+    there is no simulator, it runs like the clock of the machine.  It never goes back.
+    """
+
+    ROUNDING_S = 1e-9
+    """The clock is ahead of the simulation by this: what is due at the time of a step must be due although sums of
+    fractions are not exact."""
+
+    def __init__(self) -> None:
+        self._now = 0.0
+        self._led = True
+        self._since = 0.0
+
+    @property
+    def is_led(self) -> bool:
+        """Whether time passes by ``lead`` only."""
+        return self._led
+
+    def now(self) -> float:
+        """The time, in seconds."""
+        return self._now if self._led else self._now + time.monotonic() - self._since
+
+    def lead(self, seconds: float) -> None:
+        """It is this time, until the next call."""
+        self._now, self._led = max(self.now(), seconds + self.ROUNDING_S), True
+
+    def release(self) -> None:
+        """Nobody leads any more: go on in real time."""
+        if self._led:
+            self._led, self._since = False, time.monotonic()
+
+    def idle(self, deadline: float) -> None:
+        """Time passes by ``lead``."""
+
+    def round(self) -> float:
+        """The time, in seconds."""
+        return self.now()
+
+
 class SimClock:
     """A simulated clock: it stands still while jobs run, and jumps to the next deadline when all jobs sleep.
 

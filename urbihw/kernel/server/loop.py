@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import asyncio
 
-from urbihw.kernel.sched.clock import SimClock
+from urbihw.kernel.sched.clock import LedClock, SimClock
 from urbihw.kernel.sched.collector import COLLECTOR
 from urbihw.kernel.sched.scheduler import Scheduler
 from urbihw.kernel.server.bounds import NONE, Bounds
@@ -71,6 +71,8 @@ class Driver:
         if isinstance(clock, SimClock):
             clock.idle(deadline)
         delay = deadline - clock.now()
+        if isinstance(clock, LedClock) and clock.is_led and delay > 0:
+            return  # whoever leads the clock posts the next step
         if delay <= 0:
             # Not call_soon: input that has arrived on the sockets meanwhile goes first.
             self._timer = self._loop.call_soon(self.drive)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.sched.clock import LedClock
 from urbihw.kernel.uobject.modules import classes_of, import_module
 from urbihw.kernel.uobject.registry import Registry
 from urbihw.kernel.uobject.uevent import UEvent
@@ -108,6 +109,26 @@ class Host:
     def now(self) -> float:
         """Present time of the kernel's clock, in seconds."""
         return self.world.scheduler.clock.now()
+
+    # ---------------------------------------------------------------- time that a simulation leads
+
+    def lead_time(self, seconds: float) -> None:
+        """It is this time of the kernel's clock, until the next call; of no effect on a clock that nobody leads."""
+        clock = self.world.scheduler.clock
+        if isinstance(clock, LedClock):
+            clock.lead(seconds)
+
+    def release_time(self) -> None:
+        """The simulation is gone: the kernel's clock runs by itself."""
+        clock = self.world.scheduler.clock
+        if isinstance(clock, LedClock):
+            clock.release()
+            self.world.scheduler.post(lambda: None)
+
+    def is_idle(self) -> bool:
+        """Whether no job wants to run at the present time of the clock."""
+        scheduler = self.world.scheduler
+        return not scheduler.ready and scheduler.timers.soonest > scheduler.clock.now()
 
     # ---------------------------------------------------------------- classes and instances
 

@@ -72,6 +72,13 @@ class Robot(UObject):
         """
         raise NotImplementedError
 
+    def await_programs(self) -> None:
+        """Called before ``open`` if programs of the user follow: a simulation stands still until they begin, so that
+        the same program runs alike twice.  Others do nothing."""
+
+    def begin_programs(self) -> None:
+        """The first program of the user has begun."""
+
     def configure(self, settings: RobotSettings) -> None:
         """Apply new settings while running; a new url takes effect at the next ``open``."""
         raise NotImplementedError
