@@ -28,8 +28,8 @@ PIP = $(BIN)/python -m pip --disable-pip-version-check install --quiet
 # as they mostly wait, there are two for each processor.  Those that fail are run once more, alone: see CONTRIBUTING.md.
 .PHONY: run test lint types check bench fuzz hostile witnesses soak deb clean
 
-run: .venv/installed
-	$(BIN)/urbihw serve --platform $(PLATFORM) --fake $(if $(PANEL),--web) $(ARGS)
+run: .venv/installed $(if $(filter webots,$(PLATFORM)),.venv/installed-mujoco)
+	$(BIN)/urbihw serve --platform $(PLATFORM) $(if $(filter webots,$(PLATFORM)),,--fake) $(if $(PANEL),--web) $(ARGS)
 
 test: lint types check
 
@@ -91,6 +91,10 @@ clean:
 # The project is installed in place: an edited file needs no new installation, an edited pyproject.toml does.
 .venv/installed: .venv/made pyproject.toml
 	$(PIP) -e '.[all]'
+	@touch $@
+
+.venv/installed-mujoco: .venv/installed
+	$(PIP) -e '.[mujoco]'
 	@touch $@
 
 .venv/installed-dev: .venv/installed

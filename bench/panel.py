@@ -1,9 +1,10 @@
-"""What browsers cost: `python -m bench.panel [--seconds 10]`.
+"""What browsers cost: `python -m bench.panel [--seconds 10 | --clicks 20 | --minutes 5]`.
 
 A real daemon serves a simulated Bioloid, with the gateway beside it; 0, 1 and 10 WebSocket clients of this process
 subscribe to 60 slots at 50 Hz each.  Measured are the processor shares of the interpreter, the bus worker and the
 gateway (percent of one core), the rate of samples at each client, their delay, and the rate of the bus, which should
 stay as it is.  The delay is counted from the fastest sample of the same client: clocks of two processes are compared.
+With `--clicks` or `--minutes` a real Chromium is measured (`bench.panel_browser`).
 """
 
 from __future__ import annotations
@@ -13,12 +14,13 @@ import asyncio
 import contextlib
 import os
 import re
+import socket
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -57,8 +59,9 @@ def wait_for_port(file: Path, process: subprocess.Popen[str]) -> int:
 
 
 @contextlib.contextmanager
-def served(folder: Path) -> Iterator[tuple[int, int, str]]:
-    """Serve a simulated Bioloid and its panel: process numbers of daemon and gateway, and the address to pair."""
+def served(folder: Path, robot: Sequence[str] = ("--fake",)) -> Iterator[tuple[int, int, int, str]]:
+    """Serve a simulated Bioloid and its panel: process numbers of daemon and gateway, the port of the daemon, and the
+    address to pair."""
     files = folder / "daemon", folder / "panel"
     environment = os.environ | {"XDG_STATE_HOME": str(folder), "XDG_RUNTIME_DIR": str(folder)}
     with contextlib.ExitStack() as stack:
@@ -69,7 +72,7 @@ def served(folder: Path) -> Iterator[tuple[int, int, str]]:
             stack.callback(process.terminate)
             return process
 
-        daemon = start("serve", "--platform", "bioloid", "--fake", "--port", "0", "--port-file", str(files[0]))
+        daemon = start("serve", "--platform", "bioloid", *robot, "--port", "0", "--port-file", str(files[0]))
         port = wait_for_port(files[0], daemon)
         panel = start("panel", f":{port}", "--port", "0", "--port-file", str(files[1]))
         assert panel.stderr is not None
@@ -77,7 +80,7 @@ def served(folder: Path) -> Iterator[tuple[int, int, str]]:
         found = re.search(r"http://\S+/pair\?c=[\w-]+", line)
         assert found is not None, line
         wait_for_port(files[1], panel)
-        yield daemon.pid, panel.pid, found[0]
+        yield daemon.pid, panel.pid, port, found[0]
 
 
 class Browser:
@@ -152,12 +155,39 @@ def row(browsers: list[Browser], took: float) -> str:
             f"{delays[int(len(delays) * 0.99)] * 1e3:6.1f}")
 
 
+def measure_stop(clicks: int) -> None:
+    """Print how long a click on E-STOP takes to the body."""
+    sys.path.append(str(Path(__file__).parent))
+    from panel_browser import a_body, measure_clicks
+
+    with contextlib.ExitStack() as stack:
+        name, body = stack.enter_context(tempfile.TemporaryDirectory()), stack.enter_context(a_body())
+        _, _, port, url = stack.enter_context(served(Path(name), ("--url", body.url)))
+
+        def say(text: str) -> None:
+            connection = stack.enter_context(socket.create_connection(("127.0.0.1", port), TIMEOUT_S))
+            connection.sendall(text.encode() + b"\n")
+
+        measure_clicks(body, say, url, clicks)
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=10.0, help="of each row (%(default)s)")
+    parser.add_argument("--clicks", type=int, help="clicks on E-STOP in a browser, instead")
+    parser.add_argument("--minutes", type=float, help="of 60 plots in a browser, instead")
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as name, served(Path(name)) as (daemon, panel, url):
+    if options.clicks:
+        measure_stop(options.clicks)
+        return
+    with tempfile.TemporaryDirectory() as name, served(Path(name)) as (daemon, panel, _, url):
+        if options.minutes:
+            sys.path.append(str(Path(__file__).parent))
+            from panel_browser import measure_growth
+
+            measure_growth(url, SLOTS, options.minutes)
+            return
         pids = [daemon, child_of(daemon, "urbihw.buses.child"), panel]
         asyncio.run(measure(pids, url, options.seconds))
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import gc
 import os
 from collections.abc import Iterator
+from ctypes.util import find_library
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,9 @@ SHARED_OUT = ("tests/platforms/", "tests/e2e/test_faults.py", "tests/hostile/tes
 """Where cases of one file may run in several workers."""
 MOST_DESCRIPTORS = 400
 """Of a process that runs tests; `select` takes numbers up to 1023."""
+if find_library("EGL"):
+    # mujoco chooses how it renders when it is imported, by whatever test comes first.
+    os.environ.setdefault("MUJOCO_GL", "egl")
 GC_THRESHOLDS = 30_000, 5, 5
 """Python's own are 700, 10, 10; a kernel has about 60000 objects."""
 

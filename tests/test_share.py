@@ -61,7 +61,9 @@ def test_a_platform_declares_what_its_default_url_needs(name: str) -> None:
 @pytest.mark.parametrize("name", PLATFORMS)
 def test_systemd_understands_the_unit_and_rates_it_safe(name: str, tmp_path: Path) -> None:
     true = shutil.which("true")
-    words = ["install-service", "robot", "--platform", name, "--fake", "--root", str(tmp_path), "--program", str(true)]
+    manifest = platforms.find(name)
+    robot = ["--fake"] if manifest.fake else ["--url", manifest.default_url]
+    words = ["install-service", "robot", "--platform", name, *robot, "--root", str(tmp_path), "--program", str(true)]
     assert main(words) == 0
     units = tmp_path / "etc" / "systemd" / "system"
     for unit in ("urbihw@robot.service", "urbihw@robot.socket"):

@@ -6,15 +6,16 @@ The robot is judged by its own console, which says where its body is, not by wha
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import re
 import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 
@@ -98,9 +99,9 @@ class Scene:
         self._log = (folder / "daemon.log").open("w+")
         self._processes: list[subprocess.Popen[str]] = []
         try:
-            port_file = str(folder / "port")
-            self._start("serve", "--platform", platform, *robot, "--port", "0", "--port-file", port_file)
-            self.port = self._wait_for_port(folder / "port")
+            self._serving = "serve", "--platform", platform, *robot, "--port-file", str(folder / "port")
+            self.port = 0
+            self.start_daemon()
             self._fake = ["--fake"] if body is None else []
             self.gateway_port = 0
             self.start_gateway()
@@ -123,6 +124,18 @@ class Scene:
             assert time.monotonic() < end, (self._folder / "daemon.log").read_text()
             time.sleep(0.02)
         return int(path.read_text())
+
+    def start_daemon(self) -> None:
+        """Start the daemon, at the port it had before if there was one."""
+        (self._folder / "port").unlink(missing_ok=True)
+        self._daemon = self._start(*self._serving, "--port", str(self.port))
+        self.port = self._wait_for_port(self._folder / "port")
+
+    def kill_daemon(self) -> None:
+        """Kill the daemon, which leaves everything as it is."""
+        self._daemon.kill()
+        self._daemon.wait(TIMEOUT_S)
+        self._processes.remove(self._daemon)
 
     def start_gateway(self) -> None:
         """Start the gateway, at the port it had before if there was one."""
@@ -197,8 +210,29 @@ class Visitor:
         self.page.wait_for_selector(f"main.{name} .card")
         return self.page
 
+    def ask(self, verb: str, **fields: object) -> Any:
+        """The answer to a request that the page sends, or the code of its error."""
+        asked = "([v, f]) => import('/static/js/connection.js').then(m => m.connection.ask(v, f)).catch(e => e.code)"
+        return self.page.evaluate(asked, [verb, fields])
+
     def close(self) -> None:
         self._context.close()
+
+
+def axe_findings(visitor: Visitor, pages: Iterable[str]) -> list[str]:
+    """What axe-core finds serious or critical on pages of the panel.  Skips the test where it is missing."""
+    axe = pytest.importorskip("axe_playwright_python", reason="no axe-core: pip install 'urbihw[browser]'")
+    source = next(Path(axe.__file__).parent.glob("**/axe.min.js")).read_text("utf-8")
+    visitor.page.evaluate(source)
+    found = []
+    for name in pages:
+        visitor.open(name)
+        told = json.loads(visitor.page.evaluate("axe.run().then(told => JSON.stringify(told.violations))"))
+        found += [
+            f"{name}: {rule['id']}: {rule['nodes'][0]['html'][:160]}"
+            for rule in told if rule["impact"] in ("serious", "critical")
+        ]  # fmt: skip
+    return found
 
 
 def wait_until(condition: object, seconds: float = 10.0) -> None:

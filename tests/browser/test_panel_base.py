@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
+import re
+import struct
 import time
+import wave
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
-from panel_lab import Scene, Visitor, browser, scenes, visit, wait_until
+from panel_lab import Scene, Visitor, axe_findings, browser, scenes, visit, wait_until
 
 pytestmark = pytest.mark.e2e
 
@@ -62,6 +67,143 @@ def test_a_pioneer_drives_while_a_key_or_the_pad_is_held_and_to_a_click_on_the_m
     page.wait_for_selector("#stop-line.ok")
 
 
+PAD = """pad => {
+  window.pad = {connected: true, axes: [0, 0], buttons: Array.from({length: 16}, () => ({pressed: false}))};
+  navigator.getGamepads = () => [window.pad];
+}"""
+
+
+def test_a_gamepad_drives_while_a_shoulder_button_is_held_and_its_start_button_stops(
+    scenes: Callable[..., Scene], visit: Visit
+) -> None:
+    scene = scenes("p3dx")
+    body = scene.body
+    assert body is not None
+    with scene.run("P3dx.motorsLoad = 1;"):
+        page = visit(scene.pair("drive", "bert")).page
+        page.wait_for_selector("#pad")
+        page.evaluate(PAD)
+        began = body.place()
+        page.evaluate("window.pad.axes = [0.9, 0]")  # to the right
+        time.sleep(0.5)
+        assert far(body.place(), began) < 0.02, "nothing is held"
+        page.evaluate("window.pad.axes = [0, 1]; window.pad.buttons[5].pressed = true")  # backwards
+        wait_until(lambda: far(body.place(), began) > 0.1)
+        page.evaluate("window.pad.buttons[5].pressed = false")
+        time.sleep(1.5)
+        stood = body.place()
+        time.sleep(0.4)
+        assert far(body.place(), stood) < 0.02
+        page.evaluate("window.pad.buttons[5].pressed = true")
+        wait_until(lambda: far(body.place(), stood) > 0.05)
+        page.evaluate("window.pad.buttons[9].pressed = true")
+        page.wait_for_selector("#stop-line.ok")
+        time.sleep(1.0)
+        stood = body.place()
+        time.sleep(0.5)
+        assert far(body.place(), stood) < 0.02, "after a stop the held stick does not drive on"
+        # A gamepad whose plug is pulled lets go.
+        page.evaluate("window.pad.buttons.forEach(b => b.pressed = false)")
+        time.sleep(0.3)
+        page.evaluate("window.pad.buttons[5].pressed = true")
+        wait_until(lambda: far(body.place(), stood) > 0.05)
+        page.evaluate("window.pad.connected = false")
+        time.sleep(1.5)
+        stood = body.place()
+        time.sleep(0.4)
+        assert far(body.place(), stood) < 0.02
+
+
+def test_role_drive_goes_no_faster_than_its_limit(scenes: Callable[..., Scene], visit: Visit) -> None:
+    scene = scenes("p3dx")
+    body = scene.body
+    assert body is not None
+    with scene.run("P3dx.motorsLoad = 1;"):
+        visitor = visit(scene.pair("drive", "bert"))
+        end = time.monotonic() + 4.0
+        places = []
+        while time.monotonic() < end:
+            told = visitor.ask("drive", x=-5, yaw=0)
+            if isinstance(told, dict) and (told["deferred"] or told["late"]):
+                visitor.ask("drive", x=0, yaw=0)
+            places.append((time.monotonic(), body.place()))
+            time.sleep(0.05)
+        (first, began), (last, ended) = places[len(places) // 2], places[-1]
+        way = math.dist(began, ended)
+        assert 0.05 < way / (last - first) < 0.36
+        visitor.ask("drive", x=0, yaw=0)
+
+
+def test_a_loaded_map_is_drawn_with_its_walls_and_a_click_drives_along_a_path(
+    scenes: Callable[..., Scene], visit: Visit, tmp_path: Path
+) -> None:
+    scene = scenes("p3dx")
+    body = scene.body
+    assert body is not None
+    body.say("reset")
+    assert body.say(f"map {tmp_path / 'room.map'}").startswith("ok")
+    page = visit(scene.pair("full", "anna")).page
+    walls = "document.getElementById('map').dataset.walls"
+    wait_until(lambda: page.evaluate(walls) == "0")
+    program = f'P3dx.motorsLoad = 1|; robot.planner.mapFileName = "{tmp_path / "room.map"}"|;'
+    with scene.run(program):
+        wait_until(lambda: int(page.evaluate(walls)) > 3)
+        # In the colour of walls, there are pixels in the picture.
+        assert page.evaluate(
+            """() => {
+              const canvas = document.getElementById('map');
+              const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+              let dark = 0;
+              for (let at = 0; at < data.length; at += 4) {
+                if (data[at + 3] && data[at] < 120 && data[at + 2] < 140) dark++;
+              }
+              return dark;
+            }"""
+        ) > 100
+        before = body.place()
+        page.click("#click-to-go")
+        box = page.locator("#map").bounding_box()
+        assert box is not None
+        page.mouse.click(box["x"] + box["width"] / 2 + 50, box["y"] + box["height"] / 2)
+        wait_until(lambda: far(body.place(), before) > 0.2, 20)
+        page.keyboard.press("Escape")
+        page.wait_for_selector("#stop-line.ok")
+        with scene.run('robot.planner.mapFileName = "";'):
+            wait_until(lambda: page.evaluate(walls) == "0")
+
+
+def test_a_sound_file_is_played_by_the_loudspeaker(
+    scenes: Callable[..., Scene], visit: Visit, tmp_path: Path
+) -> None:
+    scene = scenes("spykee", simulated=True)
+    visitor = visit(scene.pair("full", "anna"))
+    page = visitor.page
+    file = tmp_path / "tone.wav"
+    with wave.open(str(file), "wb") as made:
+        made.setnchannels(2)
+        made.setsampwidth(2)
+        made.setframerate(22050)
+        made.writeframes(b"".join(
+            struct.pack("<hh", *[round(12000 * math.sin(0.125 * index))] * 2) for index in range(55125)
+        ))  # fmt: skip
+    page.wait_for_selector("#lamp-link.ok")
+
+    def played() -> float:
+        """Seconds that its loudspeaker has played, by the console of the simulated robot."""
+        found = re.search(r"loudspeaker ([0-9.]+) s", visitor.ask("fake", tell="played")["answer"])
+        assert found is not None
+        return float(found[1])
+
+    before = played()
+    page.set_input_files("#card-sound input[type=file]", file)
+    wait_until(lambda: 2.3 < played() - before < 3.5, 20)
+    page.wait_for_selector("#card-sound :text('2.5 s sent')")
+    text = tmp_path / "no.wav"
+    text.write_text("this is no sound")
+    page.set_input_files("#card-sound input[type=file]", text)
+    page.wait_for_selector("#card-sound :text('no sound that this browser can read')")
+
+
 def test_a_spykee_shows_its_picture_lights_its_lamp_and_has_a_page_of_faults(
     scenes: Callable[..., Scene], visit: Visit
 ) -> None:
@@ -83,6 +225,7 @@ def test_a_spykee_shows_its_picture_lights_its_lamp_and_has_a_page_of_faults(
     page.wait_for_selector("#lamp-link.bad")
     page.click("#fault-plug")
     page.wait_for_selector("#lamp-link.ok")
+    assert axe_findings(visitor, ("control", "faults")) == []
 
 
 @pytest.mark.parametrize(
@@ -98,7 +241,10 @@ def test_a_spykee_shows_its_picture_lights_its_lamp_and_has_a_page_of_faults(
 def test_each_platform_has_its_cards_and_values_without_a_line_of_its_own(
     scenes: Callable[..., Scene], visit: Visit, platform: str, cards: tuple[str, ...]
 ) -> None:
-    page = visit(scenes(platform, simulated=True).pair("view", "anna")).page
+    visitor = visit(scenes(platform, simulated=True).pair("view", "anna"), width=390, height=800)
+    page = visitor.page
     for card in cards:
         page.wait_for_selector(f"#card-{card}", state="attached")
     wait_until(lambda: any(text not in ("", "–") for text in page.locator("main .live").all_text_contents()))
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    assert axe_findings(visitor, ("control",)) == []

@@ -257,7 +257,7 @@ def test_a_vanished_peer_is_link_gone(peer: Peer, link: Link) -> None:
 
 def test_every_row_is_covered() -> None:
     # A CAN bus moves frames, not bytes: `test_can_port` is about it; libqi has a session: `test_qi_contract`.
-    assert {*PEERS, "can", "libqi", "libqis"} == set(buses.BUSES)
+    assert {*PEERS, "can", "libqi", "libqis", "mujoco", "ipc", "tcp", "webots"} == set(buses.BUSES)
 
 
 def test_urls() -> None:

@@ -38,11 +38,11 @@ def test_a_file_fills_every_setting(file: Path) -> None:
     # What each setting is in a file that leaves none at its default; a new setting comes here by its rule.
     tables = {"platform": "bioloid", "url": "/dev/ttyUSB7", "limits": {"speed": 1.5}, "options": {"protocol": 1}}
     tables |= {"devices": {"hip": 3}, "metrics": "127.0.0.1:9100"}
-    given = {name: tables.get(name, another(name)) for name in Config.rules() if name != "fake"}
+    given = {name: tables.get(name, another(name)) for name in Config.rules() if name not in ("fake", "world")}
     file.write_text("\n".join(f"{name} = {toml(value)}" for name, value in given.items()))
     made, default = configure(file), Config()
     unset = {name for name in Config.rules() if getattr(made, name) == getattr(default, name)}
-    assert unset == {"fake"}
+    assert unset == {"fake", "world"}
     assert {name: getattr(made, name) for name in given} == {
         name: tuple(value) if isinstance(value, list) else value for name, value in given.items()
     }
@@ -79,6 +79,7 @@ def test_flags_override_the_file(file: Path) -> None:
     [
         ('url = "pipe://a"', {"fake": True}, "", True),
         ("fake = true", {"url": "pipe://a"}, "pipe://a", False),
+        ("fake = true\nworld = 'room'", {"url": "pipe://a"}, "pipe://a", False),
         ('url = "pipe://a"', {"url": "pipe://b"}, "pipe://b", False),
     ],
 )
@@ -227,6 +228,7 @@ def test_a_name_like_nothing_lists_what_there_is(file: Path) -> None:
     [
         ({"port": 70000}, "--port: wants a whole number from 0 to 65535, not 70000"),
         ({"log_level": "loud"}, '--log-level: wants one of debug, info, warning, error, not "loud"'),
+        ({"url": "a", "world": "room"}, "--world: only a simulated robot has a world; give fake, too"),
         ({"url": "a", "fake": True}, "--fake: a fake robot has no url; give one or the other"),
     ],
 )

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from health_sample import HEALTHY
 
-from urbihw.daemon import metrics
+from urbihw.daemon import control_client, metrics
 from urbihw.daemon.metrics import MetricsServer, parse_address
 from urbihw.daemon.metrics_text import render
 
@@ -196,7 +196,7 @@ def test_idle_clients_shut_nobody_out(site: Site) -> None:
 
 
 def test_more_requests_than_places_are_turned_away(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(metrics, "WORKER_TIMEOUT_S", 30.0)
+    monkeypatch.setattr(control_client, "ANSWER_TIMEOUT_S", 30.0)
     monkeypatch.setattr(metrics, "DEADLINE_S", 30.0)
     site.worker.answer = None
     with contextlib.ExitStack() as stack:
@@ -209,7 +209,7 @@ def test_more_requests_than_places_are_turned_away(site: Site, monkeypatch: pyte
 
 
 def test_a_worker_that_hangs_is_told_as_down(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(metrics, "WORKER_TIMEOUT_S", 0.1)
+    monkeypatch.setattr(control_client, "ANSWER_TIMEOUT_S", 0.1)
     site.worker.answer = None
     assert 'urbihw_up{robot="bioloid-54000"} 0' in site.get()
 

@@ -75,6 +75,8 @@ BIOLOID = 'platform = "bioloid"\n'
         ("log_level = 'loud'", False),
         ("quiet = 1", False),
         ("fake = true\nurl = 'x'", False),
+        ("fake = true\nworld = 'room'", True),
+        ("world = 'room'", False),
         ("platform = 'biolid'", False),
         (BIOLOID + "[options]\noffset = 3", False),
         (BIOLOID + "[options]\nprotocol = 3", False),

@@ -105,14 +105,15 @@ class Scene:
 
 
 @asynccontextmanager
-async def scene(folder: Path, rig: Rig, *roles: str) -> AsyncIterator[Scene]:
-    """A scene while the block runs."""
+async def scene(folder: Path, rig: Rig, *roles: str, remote: bool = False) -> AsyncIterator[Scene]:
+    """A scene while the block runs.  With ``remote`` the gateway does not reach the bus worker."""
     made = Scene(folder, rig)
     port_file = folder / "panel-port"
     environment = {**os.environ, "XDG_STATE_HOME": str(folder), "STATE_DIRECTORY": ""}
+    control = () if remote else ("--control", str(made.control))
     panel = subprocess.Popen(
         (*URBIHW, "panel", f"127.0.0.1:{made.daemon.port}", "--port", "0", "--port-file", str(port_file),
-         "--control", str(made.control)), env=environment, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+         *control), env=environment, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
     try:
         while not port_file.exists():
@@ -137,11 +138,13 @@ async def scene(folder: Path, rig: Rig, *roles: str) -> AsyncIterator[Scene]:
         made.close()
 
 
-def play(folder: Path, rig: Rig, roles: tuple[str, ...], test: Callable[[Scene], Any]) -> None:
+def play(
+    folder: Path, rig: Rig, roles: tuple[str, ...], test: Callable[[Scene], Any], *, remote: bool = False
+) -> None:
     """Play a test in a scene."""
 
     async def run() -> None:
-        async with scene(folder, rig, *roles) as made:
+        async with scene(folder, rig, *roles, remote=remote) as made:
             await test(made)
 
     asyncio.run(run())
@@ -178,6 +181,41 @@ def test_a_browser_stops_a_moving_robot_and_sees_its_devices_beside_a_held_inter
         await full.event("state", lambda told: told["estop"] and told["worker"] and not told["daemon"])
 
     play(tmp_path, WHEEL, ("full", "view"), test)
+
+
+def test_a_robot_of_another_machine_is_stopped_by_its_daemon_and_told_as_that(tmp_path: Path) -> None:
+    async def test(made: Scene) -> None:
+        full, view = made.tabs
+
+        async def turn() -> None:
+            await full.run(WHEEL.go)
+            await until(lambda: made.watcher.speed() > WHEEL.moving, 5.0, "a turning wheel")
+
+        state = await view.event("state", lambda told: told["daemon"] and told["link"])
+        assert state["remote"] and not state["worker"]
+        await full.run(f"{WHEEL.prepare} waituntil({WHEEL.until});")
+        await turn()
+        answer = await view.ask("stop")
+        assert answer["confirmed"] and answer["by"] == "daemon" and answer["link"] is True and answer["estop"] == ""
+        await until(lambda: made.watcher.speed() < WHEEL.rest, 1.0, "a standing wheel")
+        await turn()
+        answer = await view.ask("estop")
+        assert answer["confirmed"] and answer["by"] == "daemon" and answer["estop"] == "view (panel)"
+        await until(lambda: made.watcher.speed() < WHEEL.rest, 1.0, "a standing wheel")
+        await full.event("state", lambda told: told["estop"] == "view (panel)")
+        assert (await view.ask("release"))["code"] == "role"
+        await full.ask("run", text=WHEEL.go)
+        await asyncio.sleep(0.5)
+        assert made.watcher.speed() < WHEEL.rest
+        answer = await full.ask("release")
+        assert answer["confirmed"] and answer["estop"] == ""
+        await turn()
+        await full.ask("run", text="loop|{};")
+        await full.event("state", lambda told: told["silent"] > 0.5)
+        answer = await view.ask("estop")
+        assert answer["code"] == "gone" and answer["error"].startswith("NOT CONFIRMED: the daemon has not answered")
+
+    play(tmp_path, WHEEL, ("full", "view"), test, remote=True)
 
 
 def test_a_base_stands_soon_after_the_last_order_and_when_the_browser_is_closed(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,9 @@ from urbihw.navigation.drive import Limits, State
 from urbihw.navigation.follow import BLOCKED_TIMEOUT_S, PathFollower, Tolerance
 from urbihw.navigation.frames import compose, frame_of
 from urbihw.navigation.grid import MAX_CELLS, Grid
+from urbihw.navigation.loading import MAX_BOXES, wall_boxes
 from urbihw.navigation.localize import CELL, match_scan
+from urbihw.navigation.maps import Map
 from urbihw.navigation.planner import NoPath, plan
 from urbihw_fakes.p3dx.world import World
 
@@ -171,6 +174,30 @@ def lowest_distance(grid: Grid, path: list[tuple[float, float]]) -> float:
             share = step / 100
             found = min(found, grid.distance(a[0] + (b[0] - a[0]) * share, a[1] + (b[1] - a[1]) * share))
     return found
+
+
+def covered(boxes: Sequence[Sequence[float]], x: float, y: float) -> bool:
+    """Whether a point lies in one of the boxes."""
+    return any(left <= x <= right and bottom <= y <= top for left, bottom, right, top in boxes)
+
+
+def test_the_walls_of_a_map_as_boxes() -> None:
+    grid = Grid.of(Map((0.0, 0.0, 4.0, 3.0), lines=((0.0, 0.0, 4.0, 0.0), (2.0, 0.0, 2.0, 3.0)),
+                       boxes=((3.0, 1.0, 3.5, 2.0),)), 0.1)  # fmt: skip
+    boxes = wall_boxes(grid)
+    assert len(boxes) <= 8
+    for row in range(grid.height):
+        for column in range(grid.width):
+            x, y = grid.left + (column + 0.5) * grid.cell, grid.bottom + (row + 0.5) * grid.cell
+            assert covered(boxes, x, y) == bool(grid.blocked[row * grid.width + column]), (x, y)
+
+
+def test_a_map_of_many_specks_gets_fewer_and_larger_boxes() -> None:
+    specks = tuple((0.2 * x, 0.2 * y, 0.2 * x + 0.05, 0.2 * y + 0.05) for x in range(100) for y in range(100))
+    grid = Grid.of(Map((0.0, 0.0, 20.0, 20.0), boxes=specks), 0.1)
+    boxes = wall_boxes(grid)
+    assert 0 < len(boxes) <= MAX_BOXES
+    assert all(covered(boxes, *speck[:2]) for speck in specks)
 
 
 def test_a_path_leads_through_the_door_with_room_to_spare() -> None:

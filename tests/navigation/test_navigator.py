@@ -74,6 +74,16 @@ def test_what_bumpers_see_is_driven_around(garage: Garage, tmp_path: Path) -> No
     assert drive(garage, "[2.5, 1, 0]")[-1] == "*** path 1"
 
 
+def test_a_panel_can_read_the_walls_while_there_is_a_map(garage: Garage, tmp_path: Path) -> None:
+    assert garage.say("cart.planner.walls;") == ["[]"]
+    name_map(garage, tmp_path)
+    garage.think()
+    (line,) = garage.say("cart.planner.walls.size > 2 && cart.planner.walls[0].size == 4;")
+    assert line == "true"
+    garage.say('cart.planner.mapFileName = "";')
+    assert garage.say("cart.planner.walls;") == ["[]"]
+
+
 def test_a_goal_named_while_another_map_is_read_waits_for_it(garage: Garage, tmp_path: Path) -> None:
     name_map(garage, tmp_path)
     said = garage.say(f'cart.planner.mapFileName = "{tmp_path}/garage.map"|; cart.moveTo([2, 1, 0]);')

@@ -46,7 +46,7 @@ class Daemon:
         self.open += 1
         with contextlib.suppress(ConnectionError, asyncio.IncompleteReadError):
             while line := await reader.readline():
-                text = line.decode()
+                text = line.decode("utf-8", "surrogateescape")
                 self.said += text
                 for mark in ('Channel.new("', 'lobby.answerSlot("'):
                     channel = text.partition(mark)[2].partition('"')[0]
@@ -63,11 +63,12 @@ class Daemon:
 
 
 class Worker:
-    """A control socket; ``asked`` are the verbs but for health."""
+    """A control socket; ``asked`` are the verbs but for health; of each in ``dies`` it ends once without an answer."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.asked: list[str] = []
+        self.dies: list[str] = []
         self._server: asyncio.Server
 
     async def start(self) -> None:
@@ -75,6 +76,10 @@ class Worker:
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         told = json.loads(await reader.readline())
+        if told["do"] in self.dies:
+            self.dies.remove(told["do"])
+            writer.close()
+            return
         if told["do"] != "health":
             self.asked.append(f"{told['do']} {told.get('who', '')}".strip())
         state = {"ok": True, "do": told["do"], "epoch": 1, "estop": "", "link": True, "time": 1.0, "last_stop": None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import base64
 import json
 from collections.abc import Awaitable, Callable
 from pathlib import Path
@@ -18,11 +19,15 @@ from urbihw.web.verbs import VERBS
 
 SLOT = {"kind": "number", "unit": "", "min": None, "max": None, "readable": True, "writable": True, "effector": False}
 GO = {**SLOT, "name": "go", "kind": "function"}
-TREE = Tree({"robot": {"name": "robot", "path": "robot", "global": "robot", "slots": [GO], "parts": [
+TREE = Tree({"robot": {"name": "robot", "path": "robot", "global": "robot", "slots": [
+    GO, {**SLOT, "name": "speed", "kind": "list", "unit": "m/s", "effector": True},
+], "parts": [
     {"name": "joint", "path": "robot.joint[6]", "global": "motor6", "slots": [
         {**SLOT, "name": "val", "unit": "rad", "effector": True},
         {**SLOT, "name": "speed", "unit": "rad/s", "effector": True},
         {**SLOT, "name": "offset", "unit": "rad"},
+    ]}, {"name": "speaker", "path": "robot.speaker", "global": "speaker", "slots": [
+        {**SLOT, "name": "val", "kind": "binary", "effector": True},
     ]}]}, "platform": {"name": "toy", "path": "toy", "slots": [{**SLOT, "name": "lost", "kind": "event"}]},
 })  # fmt: skip
 
@@ -62,6 +67,17 @@ def test_role_view_only_looks_and_stops(tmp_path: Path) -> None:
     play(tmp_path, test)
 
 
+def test_an_emergency_stop_that_a_worker_left_unanswered_reaches_its_replacement(tmp_path: Path) -> None:
+    async def test(made: Site) -> None:
+        browser = await made.browser("view")
+        made.worker.dies = ["estop"]
+        assert (await browser.ask("estop"))["confirmed"]
+        assert made.worker.asked == ["estop anna (panel)"]
+        assert made.worker.path.with_suffix(".estop").read_text() == "anna (panel)\n", "for one that begins now"
+
+    play(tmp_path, test)
+
+
 def test_role_drive_has_effectors_and_limits(tmp_path: Path) -> None:
     async def test(made: Site) -> None:
         browser = await made.browser("drive")
@@ -76,6 +92,18 @@ def test_role_drive_has_effectors_and_limits(tmp_path: Path) -> None:
         assert (await browser.ask("set", slot="motor6.speed", value=-50))["ok"]
         assert "motor6.speed = (-1.0)" in made.daemon.said
         assert (await browser.ask("call", slot="robot.go", args=[0.5]))["ok"]
+
+    play(tmp_path, test)
+
+
+@pytest.mark.parametrize("value", [True, "1", [1], {"a": 1}, None, float("nan"), float("inf"), 10**400])
+def test_role_drive_writes_nothing_that_passes_by_its_limits(tmp_path: Path, value: Any) -> None:
+    async def test(made: Site) -> None:
+        browser = await made.browser("drive")
+        for slot in ("motor6.val", "motor6.speed", "robot.speed"):
+            assert await refused(browser.ask("set", slot=slot, value=value)) in ("role", "bad")
+        assert await refused(browser.ask("set", slot="robot.speed", value=[9, 0, 0, 0, 0, 0])) == "role"
+        assert "motor6" not in made.daemon.said and "robot.speed = [9" not in made.daemon.said
 
     play(tmp_path, test)
 
@@ -97,6 +125,23 @@ def test_values_are_quoted(tmp_path: Path) -> None:
         browser = await made.browser("full")
         assert (await browser.ask("set", slot="speech.text", value='"; robot.go(1); "\n'))["ok"]
         assert '= "\\"; robot.go(1); \\"\\n"' in made.daemon.said
+
+    play(tmp_path, test)
+
+
+def test_sound_goes_to_loudspeakers_as_it_is(tmp_path: Path) -> None:
+    async def test(made: Site) -> None:
+        drive, full = await made.browser("drive"), await made.browser("full", "bob")
+        data = base64.b64encode(bytes(range(10, 256))).decode()
+        sound = {"slot": "speaker.val", "keywords": "raw 1 16000 16 1", "data": data}
+        assert await refused(drive.ask("sound", **{**sound, "slot": "motor6.offset"})) == "role"
+        for wrong in ({"keywords": "raw 1 16000 16 1; 1"}, {"data": "?"}, {"data": 7}, {"slot": "a;b"}):
+            assert await refused(full.ask("sound", **{**sound, **wrong})) == "bad"
+        assert "BIN" not in made.daemon.said
+        assert (await drive.ask("sound", **sound))["ok"]
+        assert await refused(full.ask("sound", **sound)) == "lease"
+        told = made.daemon.said.encode("utf-8", "surrogateescape")
+        assert b"speaker.val = BIN 246 raw 1 16000 16 1;" + bytes(range(10, 256)) + b"; 1" in told
 
     play(tmp_path, test)
 

@@ -14,6 +14,9 @@ A bus is a url; a fake robot is just one more url::
     spykee://192.168.1.20        a Spykee; without an address, the one that is found
     qi://192.168.1.30            NAOqi on a Nao, port 9559; qis:// the same over TLS, port 9503
     libqi://192.168.1.30         the same by the library of Aldebaran; libqis:// over TLS
+    mujoco:///home/me/arm.xml    a simulated world: a MuJoCo model, a URDF, or the name of a bundled world
+    ipc://1234/NAME              a robot of Webots on this machine; tcp://host:1234/NAME elsewhere
+    webots://NAME                of the last Webots that was started here; without a name, the only robot
     spy:///dev/ttyUSB0           the same as without spy://, printing every byte
     pipe://name                  an in-memory pair, for tests
 """
@@ -40,6 +43,10 @@ BUSES: Final = {
     "qis": "urbihw.buses.qi.link:QisLink",
     "libqi": "urbihw.buses.qi.libqi:LibqiPort",
     "libqis": "urbihw.buses.qi.libqi:LibqisPort",
+    "mujoco": "urbihw.platforms.webots.port:MujocoPort",
+    "ipc": "urbihw.platforms.webots.port:WebotsPort",
+    "tcp": "urbihw.platforms.webots.port:WebotsPort",
+    "webots": "urbihw.platforms.webots.port:WebotsPort",
 }
 ENTRY_POINTS: Final = "urbihw.buses"  # group under which other packages add rows: name = scheme, value = module:Class
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 DEFAULT_BAUD = 1_000_000  # factory speed of the AX series, the commonest bus here
 BAUD = Rule((int,), "a number such as 57600 or 1000000", least=1)
 _BITS_PER_BYTE = 10  # start, 8 data, stop
-_FIND_THEIR_TARGET = {"spykee"}  # schemes of ports that look for their robot themselves
+_FIND_THEIR_TARGET = {"spykee", "webots"}  # schemes of ports that look for their robot themselves
 _MOST_DISCARDED = 1 << 16  # far more than any system holds for a reader that sleeps
 
 

@@ -29,9 +29,12 @@ def options(parser: argparse.ArgumentParser) -> None:
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--url", help="url of its bus, such as /dev/ttyUSB0?baud=1000000 or socket://host:port")
     where.add_argument("--fake", action="store_true", default=None, help="serve a simulated robot of the same kind")
+    parser.add_argument("--world", help="with --fake: the simulated world of its body, such as room")
     parser.add_argument("--host", help="address to listen on (127.0.0.1); clients of other machines need a token")
     parser.add_argument("--port", type=partial(port, least=0), help="port to listen on, 0 for a free one (54000)")
     parser.add_argument("--port-file", metavar="FILE", help="write the port to FILE when clients can connect")
+    parser.add_argument("--file", action="append", dest="load", metavar="FILE",
+                        help="run a file of urbiscript at the start, as the setting load; may be given several times")
     parser.add_argument("--quiet", action="store_true", default=None, help="no banner for clients")
     parser.add_argument("--web", action="store_true", default=None, help="serve the panel for browsers")
     parser.add_argument("--panel-port", type=port, help="port for browsers (54080)")

@@ -70,6 +70,7 @@ class Config(Table):
         platform: the robot to serve: the name of a folder of ``urbihw/platforms``; empty for none.
         url: url of the robot's bus (``urbihw.buses``); empty for the platform's own default.
         fake: serve a simulated robot instead; not together with ``url``.
+        world: the simulated world of that robot's body: a name such as ``room``, or a file of MuJoCo; empty for none.
         host: the address to listen on.  The default accepts only clients on the same machine: urbiscript has all rights
             of the user that runs the daemon.
         allow_plain: accept every client, without TLS and token, on an address that other machines can reach.
@@ -112,6 +113,7 @@ class Config(Table):
     platform: str = setting("", TEXT)
     url: str = setting("", TEXT)
     fake: bool = setting(False, SWITCH)
+    world: str = setting("", TEXT)
     host: str = setting("127.0.0.1", TEXT)
     allow_plain: bool = setting(False, SWITCH)
     tls_cert: str = setting("", TEXT)
@@ -148,6 +150,8 @@ class Config(Table):
         """The conflicts between settings that are valid by themselves."""
         if self.url and self.fake:
             yield Mistake("fake", "a fake robot has no url; give one or the other")
+        if self.world and not self.fake:
+            yield Mistake("world", "only a simulated robot has a world; give fake, too")
         if not self.host.isprintable() or " " in self.host:
             yield Mistake("host", f"wants an address or a name, such as 127.0.0.1 or ::1, not {self.host!r}")
         if self.tls_key and not self.tls_cert:
@@ -239,6 +243,7 @@ def load(file: Path | None = None, flags: Mapping[str, Any] | None = None) -> Lo
     if typed.get("url") or typed.get("fake"):
         values.pop("url", None)
         values.pop("fake", None)
+        values.pop("world", None)
     config = Config(**{**values, **typed})
     if file is not None and "options" in values:
         config = replace(config, options=_files_beside(file, config))

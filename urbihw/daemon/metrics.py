@@ -10,29 +10,25 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import ipaddress
-import json
 import re
 import socket
 import threading
 from pathlib import Path
 from typing import Any, Final
 
+from urbihw.daemon.control_client import NoWorker, Worker
 from urbihw.daemon.metrics_text import CONTENT_TYPE, render
 
 MAX_CLIENTS: Final = 8
 """Connections at a time; a further one replaces the oldest without a whole request, or is closed if there is none."""
 MAX_HEAD_BYTES: Final = 8192
-MAX_ANSWER_BYTES: Final = 1024 * 1024
-"""Largest answer of a worker: 300 devices take about 200 kB."""
 DEADLINE_S: Final = 5.0
 """Seconds for a whole request, its answer included; then the connection is cut."""
-WORKER_TIMEOUT_S: Final = 1.0
 KEPT_S: Final = 0.2
 """Seconds for which an answer of the worker is given again."""
 _END_TIMEOUT_S: Final = 2.0
 _ADDRESS: Final = re.compile(r"(?:\[(?P<v6>[0-9a-fA-F:]+)\]|(?P<v4>[0-9.]+)):(?P<port>[0-9]{1,5})")
 _HOST: Final = re.compile(r"(?:localhost|127(?:\.[0-9]{1,3}){3}|\[::1\])(?::[0-9]{1,5})?", re.IGNORECASE)
-_QUESTION: Final = b'{"do":"health"}\n'
 
 
 def parse_address(text: str) -> tuple[str, int]:
@@ -156,17 +152,9 @@ class MetricsServer:
 
     async def _ask(self) -> dict[str, Any] | None:
         """The answer of the worker; None without one."""
-        try:
-            async with asyncio.timeout(WORKER_TIMEOUT_S):
-                reader, writer = await asyncio.open_unix_connection(str(self._control), limit=MAX_ANSWER_BYTES)
-                try:
-                    writer.write(_QUESTION)
-                    told = json.loads(await reader.readline())
-                finally:
-                    writer.transport.abort()
-        except (OSError, TimeoutError, ValueError):
-            return None
-        return told if isinstance(told, dict) and told.get("ok") is True else None
+        with contextlib.suppress(NoWorker):
+            return await Worker(self._control).ask("health")
+        return None
 
 
 async def _cancel_all() -> None:

@@ -32,8 +32,10 @@ def schema() -> dict[str, Any]:
         "title": "The settings of urbihw",
         **made,
         "not": {
-            "properties": {"url": {"minLength": 1}, "fake": {"const": True}},
-            "required": ["url", "fake"],
+            "anyOf": [
+                {"properties": {"url": {"minLength": 1}, "fake": {"const": True}}, "required": ["url", "fake"]},
+                {"properties": {"world": {"minLength": 1}, "fake": {"const": False}}, "required": ["world"]},
+            ]
         },
         "allOf": [_of_platform(manifest) for manifest in manifests],
     }

@@ -139,8 +139,9 @@ class Service:
         if config.fake:
             if not manifest.fake:
                 raise StartError(f"platform {manifest.name} has no simulated robot; give its --url")
-            self._fake = Fake(manifest.fake)
-        kernel = self._process.boot(bounds(config.hold_limit, config.memory_limit, config.max_jobs))
+            self._fake = Fake((*manifest.fake, *(("--world", config.world) if config.world else ())))
+        limits = bounds(config.hold_limit, config.memory_limit, config.max_jobs)
+        kernel = self._process.boot(limits, led=manifest.leads_time)
         kernel.programs.quiet = config.quiet
         for known in (kind, *kind.classes):
             kernel.host.register(known)
@@ -152,6 +153,9 @@ class Service:
             await self._open(manifest, kind)
         except DeviceError as error:
             raise StartError(self._explained(str(error))) from error
+        if self._robot is not None:
+            # Called when the first file waits, or is over: not later, since a file may wait for the robot's time.
+            asyncio.get_running_loop().call_soon(self._robot.begin_programs)
         for name in config.load:
             await self._load(Path(name))
         self._slot = manifest.slot
@@ -238,6 +242,7 @@ class Service:
         self._robot = self._process.kernel.host.create(kind, manifest.slot)
         self._control_path = self._control()
         settings = _robot_settings(self._config, url, self._control_path, self._memory())
+        self._robot.await_programs()
         self._robot.open(settings, answered)
         self._process.drive()
         try:

@@ -34,7 +34,7 @@ from urbihw.navigation.goal import Goal
 from urbihw.navigation.grid import Grid
 from urbihw.navigation.loading import check_map, load_map
 from urbihw.navigation.locator import Locator
-from urbihw.navigation.maps import BadMap, Map
+from urbihw.navigation.maps import BadMap, Bounds, Map
 from urbihw.navigation.obstacles import ObstacleLayer, closes_path, free_way
 from urbihw.navigation.options import SCAN
 from urbihw.navigation.planner import NoPath, Obstructed, check_goal, plan_around
@@ -71,6 +71,7 @@ class Navigator(UObject):
     ready = reading(False)
     active = reading(False)
     path = reading([])
+    walls = reading([])
     score = reading(math.nan)
     failure = reading("")
     mapping = reading(False)
@@ -84,6 +85,7 @@ class Navigator(UObject):
         "ready": ("the robot knows where it is on the map", ""),
         "active": ("a goal is pursued", ""),
         "path": ("corners of the path", "m"),
+        "walls": ("boxes of the map that are occupied: left, bottom, right, top", "m"),
         "score": ("how well the last scan matches the map, 0 to 1", "1"),
         "failure": ("why the last goal failed; \"\" if it did not", ""),
         "mapping": ("a map is being built", ""),
@@ -150,13 +152,15 @@ class Navigator(UObject):
         self.cancel()
         self._work.drop()
         self._map = self._grid = self._seen = None
+        self.walls.sense([])
         self._locator.use_map(None)
         self.ready.sense(False)
         self.score.sense(math.nan)
         self.mapFileName.sense("")
 
-    def _map_loaded(self, loaded: tuple[Map, Grid, Grid]) -> None:
-        self._map, self._grid, walls = loaded
+    def _map_loaded(self, loaded: tuple[Map, Grid, Grid, list[Bounds]]) -> None:
+        self._map, self._grid, walls, boxes = loaded
+        self.walls.sense([list(box) for box in boxes])
         map_ = self._map
         self._seen = ObstacleLayer(self._grid)
         if map_.home is not None:

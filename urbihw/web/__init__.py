@@ -5,8 +5,8 @@ worker, so that stop, emergency stop, state and plots of devices work while the 
 
 Reading order: ``settings``, ``gateway`` (what runs), ``pages`` and ``guards`` (HTTP), ``pairing`` (who may come in),
 ``session`` (one browser) with ``outbox`` (what it has not read yet) and ``verbs`` (what it may ask), ``lobby`` (a
-connection to the daemon), ``worker`` (the control socket), ``robot`` (state, devices and tree for all browsers),
-``tree`` (what may be read, written and called).
+connection to the daemon), ``worker`` (what the control socket tells), ``remote`` (a robot of another machine),
+``robot`` (state, devices and tree for all browsers), ``tree`` (what may be read, written and called).
 
 May import the client side (``urbihw.client``), the state folder and the certificate of the daemon, and the verdict on
 the health of a robot.  It never imports the kernel or a platform.  Needs the extra ``web``.

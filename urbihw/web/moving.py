@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import base64
+import re
 from collections.abc import Mapping
 from typing import Any, Final
 
 from urbihw.client.driving import order_text, parse_answer
 from urbihw.client.lines import Line
 from urbihw.client.literals import literal
-from urbihw.web.asked import number_of, path_of, truth_of
+from urbihw.web.asked import number_of, path_of, text_of, truth_of
 from urbihw.web.lobby import LobbyError, plain_value
 from urbihw.web.session import Refusal, Session
 from urbihw.web.tree import FREE_CALLS
@@ -20,6 +22,9 @@ MAX_SPEED: Final = 20.0
 TAKEN_S: Final = 0.1
 """Seconds in which a movement that fails at once is told as the answer; a later error is told as output."""
 MAX_ARGUMENTS: Final = 8
+MAX_NUMBER: Final = 1e9
+"""Greatest number that role drive writes; nan, inf and what no float can be are none."""
+_SOUND: Final = re.compile(r"raw [12] [0-9]{4,6} (8|16) [12]", re.ASCII)
 Request = Mapping[str, Any]
 
 
@@ -60,8 +65,12 @@ def _limited(session: Session, slot: str, value: Any, extra: str, request: Reque
     """A write of role drive: a goal is reached no faster than the limit, a speed is no higher."""
     about = session.gateway.robot.tree.slots.get(slot, {})
     unit, limits = str(about.get("unit") or ""), session.gateway.settings.limits
-    if not isinstance(value, int | float) or isinstance(value, bool):
+    kind = about.get("kind")
+    if kind == "truth" and isinstance(value, bool) or kind == "text" and isinstance(value, str):
         return value, extra
+    # Anything else than a number, such as true for 1 or a list of speeds, would pass by the limits.
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= MAX_NUMBER:
+        raise Refusal(f"role {session.role} writes numbers to {slot}", "role")
     factor = 57.29577951308232 if unit.startswith("deg") and unit != "degC" else 1.0
     if unit in ("rad", "deg", "m"):
         most = limits.speed * factor if unit != "m" else limits.x
@@ -77,6 +86,24 @@ def _limited(session: Session, slot: str, value: Any, extra: str, request: Reque
 def _is_speed(slot: str, about: Mapping[str, Any]) -> bool:
     """Whether a slot without a unit of its own is a speed: by its name, or as a share of full power."""
     return "speed" in slot.rpartition(".")[2].lower() or about.get("unit") == "%"
+
+
+async def play_sound(session: Session, request: Request) -> dict[str, Any]:
+    """A piece of sound for a loudspeaker, which plays it behind what it has: samples as base64."""
+    slot, keywords = path_of(request, "slot"), text_of(request, "keywords")
+    if not _SOUND.fullmatch(keywords):
+        raise Refusal('keywords wants raw, channels, samples a second, bits, and 1 for signed: "raw 1 16000 16 1"')
+    try:
+        samples = base64.b64decode(text_of(request, "data"), validate=True)
+    except ValueError as error:
+        raise Refusal("data wants samples as base64") from error
+    if session.role != "full" and not session.gateway.robot.tree.may_write(slot):
+        raise Refusal(f"{slot} is no effector of the robot", "role")
+    session.gateway.take_lease(session)
+    # The link encodes text as UTF-8, bytes that are none as they are.
+    content = samples.decode("utf-8", "surrogateescape")
+    await session.link.ask(f"{slot} = BIN {len(samples)} {keywords};{content}; 1")
+    return {}
 
 
 async def call(session: Session, request: Request) -> dict[str, Any]:

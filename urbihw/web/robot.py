@@ -1,7 +1,8 @@
 """The robot as all browsers see it: whether daemon and worker answer, health, devices, tree.
 
 The worker is asked for its health whatever the interpreter does; the daemon is asked for its time over a connection of
-the gateway's own, and ``silent`` tells for how long it has not answered.
+the gateway's own, and ``silent`` tells for how long it has not answered.  The worker of another machine is not reached:
+then the daemon is asked for what it knows (``remote``).
 """
 
 from __future__ import annotations
@@ -15,12 +16,16 @@ from typing import Any, Final
 from urbihw.backoff import BackOff
 from urbihw.buses.verdict import judge, level_of
 from urbihw.client.lines import Line
+from urbihw.daemon.control_client import NoWorker, Worker
+from urbihw.web import remote
 from urbihw.web.lobby import LobbyError, LobbyLink
 from urbihw.web.settings import Settings
 from urbihw.web.tree import EMPTY, Tree
-from urbihw.web.worker import NoWorker, Worker, worker_state
+from urbihw.web.worker import worker_state
 
 STATE_PERIOD_S: Final = 0.25
+REMOTE_PERIOD_S: Final = 0.5
+"""Seconds between two looks at a robot of another machine."""
 DEVICES_PERIOD_S: Final = 0.5
 PING_PERIOD_S: Final = 0.25
 SILENT_S: Final = 1.0
@@ -60,8 +65,14 @@ class Robot:
         self._state: dict[str, Any] = {**_NO_WORKER, "health": _bad("the bus worker has not answered yet")}
         self._known_devices: object = None
         self._tree_wanted = asyncio.Event()
+        self._held_by = ""
 
     # ---------------------------------------------------------------- what is known
+
+    @property
+    def is_remote(self) -> bool:
+        """Whether the robot is on another machine, whose bus worker is not reached."""
+        return self.worker.path is None
 
     @property
     def silent(self) -> float:
@@ -80,7 +91,29 @@ class Robot:
     def state(self) -> dict[str, Any]:
         """The fields of the event ``state``, but for ``driver``."""
         silent = self.silent
-        return {"daemon": self._link is not None and silent < SILENT_S, "silent": silent, **self._state}
+        daemon = self._link is not None and silent < SILENT_S
+        return {"daemon": daemon, "silent": silent, "remote": self.is_remote, **self._state}
+
+    # ---------------------------------------------------------------- stopping
+
+    async def obey(self, verb: str, who: str, link: LobbyLink | None) -> dict[str, Any]:
+        """Carry out stop, estop or release; who holds it then, and whether there is a link.
+
+        The worker does it, which does not need the interpreter; for a robot of another machine the daemon does it, by
+        ``link``.  Raises NoWorker or LobbyError when it is not confirmed.
+        """
+        if not self.is_remote:
+            told = await self.worker.ask(verb, who)
+            return {"estop": told.get("estop") or "", "link": told.get("link") is True}
+        if link is None:
+            raise LobbyError("the daemon is not connected", "gone")
+        told = await remote.obey(link, verb, self.tree.platform_path)
+        self._held_by = who if verb == "estop" else self._held_by
+        return {"estop": self._holder(told), "link": told["link"]}
+
+    def _holder(self, told: dict[str, Any]) -> str:
+        """Who holds a robot of another machine, as far as it is known here."""
+        return (self._held_by or "another user") if told["estop"] else ""
 
     # ---------------------------------------------------------------- watching
 
@@ -93,6 +126,9 @@ class Robot:
 
     async def look(self) -> None:
         """Ask the worker now, and tell all browsers."""
+        if self.is_remote:
+            await self._look_remote()
+            return
         try:
             told = await self.worker.ask("health")
         except NoWorker as error:
@@ -103,6 +139,22 @@ class Robot:
             self._state = {**worker_state(told), "health": {"verdict": level_of(found).word, "reasons": reasons}}
             self.devices = told.get("devices") or []
             self._note_devices(told)
+        self.on_state()
+
+    async def _look_remote(self) -> None:
+        reasons = []
+        try:
+            told = await remote.look(self.link)
+        except LobbyError as error:
+            self._state, reasons = {**_NO_WORKER}, [str(error)]
+        else:
+            self._held_by = self._held_by if told["estop"] else ""
+            self._state, reasons = {**_NO_WORKER, "link": told["link"], "estop": self._holder(told)}, told["problems"]
+            if told["key"] != self._known_devices:
+                self._known_devices = told["key"]
+                self._tree_wanted.set()
+        verdict = "ok" if not reasons else "warning" if self._state["link"] else "bad"
+        self._state["health"] = {"verdict": verdict, "reasons": reasons}
         self.on_state()
 
     def _note_devices(self, told: dict[str, Any]) -> None:
@@ -119,7 +171,7 @@ class Robot:
             if turn % round(DEVICES_PERIOD_S / STATE_PERIOD_S) == 0:
                 self.on_devices()
             turn += 1
-            await asyncio.sleep(STATE_PERIOD_S)
+            await asyncio.sleep(REMOTE_PERIOD_S if self.is_remote else STATE_PERIOD_S)
 
     async def _watch_daemon(self) -> None:
         pauses = BackOff(FIRST_PAUSE_S, MAX_PAUSE_S)

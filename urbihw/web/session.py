@@ -220,6 +220,11 @@ class Session:
     # ---------------------------------------------------------------- the daemon
 
     @property
+    def daemon(self) -> LobbyLink | None:
+        """The connection for questions; None while there is none."""
+        return self._link
+
+    @property
     def link(self) -> LobbyLink:
         """The connection for questions.  Raises LobbyError while there is none."""
         if self._link is None:

@@ -38,6 +38,12 @@ class Tree:
         platform = (self.told or {}).get("platform")
         return str(platform.get("name") or "") if isinstance(platform, Mapping) else ""
 
+    @property
+    def platform_path(self) -> str:
+        """The path of the object of the platform, which stops the robot; "" if it is not known."""
+        platform = (self.told or {}).get("platform")
+        return str(platform.get("path") or "") if isinstance(platform, Mapping) else ""
+
     def may_write(self, path: str) -> bool:
         """Whether role drive may write a slot: it is an effector."""
         slot = self.slots.get(path)

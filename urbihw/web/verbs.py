@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Any, Final, NamedTuple
 
+from urbihw.daemon.control_client import NoWorker
 from urbihw.web import language, moving, streams
+from urbihw.web.lobby import LobbyError
 from urbihw.web.session import Refusal, Session
-from urbihw.web.worker import NoWorker
 
 _ALL: Final = ("view", "drive", "full")
 _DRIVING: Final = ("drive", "full")
@@ -30,18 +32,17 @@ async def tree(session: Session, request: Request) -> dict[str, Any]:
 
 
 async def obey(session: Session, request: Request) -> dict[str, Any]:
-    """Stop, emergency stop and release: by the worker, which does not need the interpreter."""
-    import time
-
+    """Stop, emergency stop and release: by the worker, which does not need the interpreter; for a robot of another
+    machine by the daemon."""
     robot, verb = session.gateway.robot, str(request["do"])
     began = time.monotonic()
     try:
-        told = await robot.worker.ask(verb, session.title)
-    except NoWorker as error:
+        told = await robot.obey(verb, session.title, session.daemon)
+    except (NoWorker, LobbyError) as error:
         raise Refusal(f"NOT CONFIRMED: {error}", "gone") from error
     milliseconds = round(1000 * (time.monotonic() - began), 1)
     session.tasks["look"] = session.spawn(robot.look())
-    return {"confirmed": True, "ms": milliseconds, "estop": told.get("estop") or "", "link": told.get("link") is True}
+    return {"confirmed": True, "ms": milliseconds, "by": "daemon" if robot.is_remote else "worker", **told}
 
 
 VERBS: Final[dict[str, Verb]] = {
@@ -58,6 +59,7 @@ VERBS: Final[dict[str, Verb]] = {
     "log": Verb(_ALL, streams.log),
     "get": Verb(_ALL, moving.get),
     "set": Verb(_DRIVING, moving.set_slot),
+    "sound": Verb(_DRIVING, moving.play_sound),
     "call": Verb(_DRIVING, moving.call),
     "drive": Verb(_DRIVING, moving.drive, waits=False),
     "go": Verb(_DRIVING, moving.go),

@@ -1,85 +1,9 @@
-"""The control socket of the bus worker, for asyncio: stop, emergency stop, release, health and values of devices.
-
-It needs no interpreter (docs/safety.md).
-"""
+"""What the bus worker tells, as browsers get it."""
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
-import json
-from collections.abc import Callable, Mapping
-from pathlib import Path
-from typing import Any, Final
-
-from urbihw.backoff import BackOff
-from urbihw.client.latch import write_latch
-
-ANSWER_TIMEOUT_S: Final = 1.0
-MAX_ANSWER_BYTES: Final = 4 * 1024 * 1024
-MAX_NAME_LENGTH: Final = 100
-_FIRST_PAUSE_S: Final = 0.25
-_MAX_PAUSE_S: Final = 2.0
-
-
-class NoWorker(Exception):
-    """The bus worker did not answer; the message is one line that tells why, and what to do."""
-
-
-class Worker:
-    """The worker behind a control socket; ``path`` None for a robot of another machine."""
-
-    def __init__(self, path: Path | None) -> None:
-        self.path = path
-
-    async def ask(self, verb: str, who: str = "") -> dict[str, Any]:
-        """The answer to a verb, by a connection of its own: nothing else delays it.  Raises NoWorker."""
-        if self.path is None:
-            raise NoWorker("the bus worker is on another machine: it is not reached from here")
-        line = json.dumps({"do": verb, "who": who[:MAX_NAME_LENGTH]}).encode() + b"\n"
-        try:
-            async with asyncio.timeout(ANSWER_TIMEOUT_S):
-                reader, writer = await asyncio.open_unix_connection(str(self.path), limit=MAX_ANSWER_BYTES)
-                try:
-                    writer.write(line)
-                    told = json.loads(await reader.readline())
-                finally:
-                    writer.transport.abort()
-        except (TimeoutError, OSError, ValueError, RecursionError) as error:
-            raise NoWorker(self._explain(verb, who, error)) from error
-        if not isinstance(told, dict) or not told.get("ok"):
-            raise NoWorker(f"the bus worker did not understand {verb}")
-        return told
-
-    def _explain(self, verb: str, who: str, error: Exception) -> str:
-        if isinstance(error, FileNotFoundError | ConnectionRefusedError):
-            return "there is no bus worker; if the robot moves, cut its power"
-        if isinstance(error, PermissionError):
-            return f"no permission for the control socket {self.path}"
-        if not isinstance(error, TimeoutError):
-            return "the bus worker ended before it answered; try again"
-        text = f"the bus worker has not answered for {ANSWER_TIMEOUT_S:g} s; cut the power, or try again"
-        if verb == "estop" and self.path is not None and write_latch(self.path, who):
-            text += "; whatever serves the robot next will hold it until the release"
-        return text
-
-    async def values(self, hz: float, heard: Callable[[dict[str, Any]], None]) -> None:
-        """Pass on the values of the devices, so many times in a second, until it is cancelled; a worker that has ended
-        is waited for."""
-        pauses = BackOff(_FIRST_PAUSE_S, _MAX_PAUSE_S)
-        while self.path is not None:
-            with contextlib.suppress(OSError, ValueError):
-                reader, writer = await asyncio.open_unix_connection(str(self.path), limit=MAX_ANSWER_BYTES)
-                try:
-                    writer.write(json.dumps({"do": "values", "hz": hz}).encode() + b"\n")
-                    while line := await reader.readline():
-                        told = json.loads(line)
-                        if isinstance(told, dict) and told.get("event") == "Values":
-                            pauses.reset()
-                            heard(told)
-                finally:
-                    writer.transport.abort()
-            await asyncio.sleep(pauses.next_pause())
+from collections.abc import Mapping
+from typing import Any
 
 
 def worker_state(told: Mapping[str, Any]) -> dict[str, Any]:

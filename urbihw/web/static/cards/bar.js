@@ -27,7 +27,8 @@ export async function stopRobot(verb) {
     const answer = await connection.ask(verb, {}, 5000);
     if (mine !== turn) return;
     const link = answer.link === false ? ", but there is no link to the robot" : "";
-    tellStop(link ? "bad" : "ok", `${verb === "estop" ? "Held" : "Stopped"} after ${Math.round(answer.ms)} ms${link}`);
+    const by = answer.by === "daemon" ? ", by the server" : "";
+    tellStop(link ? "bad" : "ok", `${verb === "estop" ? "Held" : "Stopped"} after ${Math.round(answer.ms)} ms${by}${link}`);
   } catch (error) {
     if (mine === turn) tellStop("bad", `${word} NOT CONFIRMED: ${error.message.replace(/^NOT CONFIRMED: /, "")}`);
   } finally {
@@ -100,7 +101,7 @@ function staleText(state, now) {
   }
   if (!state) return "Waiting for the robot.";
   if (now - connection.lastHeard > 1500) return `Nothing heard for ${((now - connection.lastHeard) / 1000).toFixed(0)} s: what you see is old.`;
-  if (!state.daemon) return `The interpreter has not answered for ${state.silent.toFixed(1)} s: its values are old. Stop and devices go by the bus worker.`;
+  if (!state.daemon) return `The interpreter has not answered for ${state.silent.toFixed(1)} s: its values are old. ${state.remote ? "It cannot stop the robot either." : "Stop and devices go by the bus worker."}`;
   return "";
 }
 
@@ -122,9 +123,10 @@ export function Bar() {
           .filter(Boolean).join(" · ")}</span></div>
       ${state && html`<div class="lamps">
         <${Lamp} name="server" level=${store.isOpen && state.daemon ? "ok" : "bad"} />
-        <${Lamp} name="worker" level=${store.isOpen && state.worker ? "ok" : "bad"} />
-        <${Lamp} name="link" level=${state.link ? "ok" : "bad"} text=${state.link ? `${Math.round(state.rate)} Hz` : "down"} />
-        <span class="lamp load"><span class="what">bus</span><b>${Math.round(100 * state.load)} %</b></span>
+        ${!state.remote && html`<${Lamp} name="worker" level=${store.isOpen && state.worker ? "ok" : "bad"} />`}
+        <${Lamp} name="link" level=${state.link ? "ok" : "bad"} text=${!state.link ? "down" : state.remote ? "up" : `${Math.round(state.rate)} Hz`} />
+        ${state.remote ? html`<span class="lamp" id="remote" title="The bus worker is on another machine: the server stops the robot, unless a program holds it">stop by the server</span>`
+          : html`<span class="lamp load"><span class="what">bus</span><b>${Math.round(100 * state.load)} %</b></span>`}
         ${state.battery !== null && state.battery !== undefined && html`<span class="lamp battery"><span class="what">battery</span><b>${state.battery.toFixed(1)} V</b></span>`}
         <${Driver} state=${state} />
       </div>`}

@@ -201,6 +201,30 @@ function drawRobot(context, x, y, angle) {
   context.restore();
 }
 
+const WALLS_MS = 1000;
+
+/** The walls of the loaded map, boxes in m: asked for once for each map, as they are many. */
+function useWalls(planner) {
+  const walls = useRef([]);
+  useEffect(() => {
+    if (!planner) return undefined;
+    let [map, asked] = ["", 0];
+    const look = async (name) => {
+      if (name !== map) [map, asked, walls.current] = [name, 0, []];
+      if (!map || walls.current.length || performance.now() - asked < WALLS_MS) return;
+      asked = performance.now();
+      try {
+        const { value } = await connection.ask("get", { slot: `${planner}.walls` });
+        if (name === map && Array.isArray(value)) walls.current = value.filter((box) => Array.isArray(box) && box.length === 4);
+      } catch {
+        // The interpreter is held: the next sample asks again.
+      }
+    };
+    return hearSamples(`${planner}.mapFileName`, 2, (name) => look(typeof name === "string" ? name : ""));
+  }, [planner]);
+  return walls;
+}
+
 export function Chart() {
   useTopics("state");
   const { model } = store;
@@ -208,7 +232,8 @@ export function Chart() {
   const planner = model.robot.slot("planner") ? "robot.planner" : "";
   const laserSlots = laser ? ["val", "angleMin", "angleMax"].map((name) => laser.slotPath(name)) : [];
   const values = useNewest(["robot.position", ...laserSlots]);
-  const paths = useNewest(planner && store.hello.role === "full" ? [`${planner}.path`] : [], 2);
+  const paths = useNewest(planner ? [`${planner}.path`] : [], 2);
+  const walls = useWalls(planner);
   const trail = useRef([]);
   const [scale, setScale] = useState(60);
   const [goal, setGoal] = useState(null);
@@ -220,6 +245,12 @@ export function Chart() {
     centre.current = [x0, y0];
     const screen = ([x, y]) => [width / 2 + (x - x0) * scale, height / 2 - (y - y0) * scale];
     drawGrid(context, width, height, scale, x0, y0);
+    context.fillStyle = colour("soft");
+    for (const [left, bottom, right, top] of walls.current) {
+      const [x, y] = screen([left, top]);
+      context.fillRect(x, y, Math.max(1, (right - left) * scale), Math.max(1, (top - bottom) * scale));
+    }
+    canvas.current.dataset.walls = String(walls.current.length);
     const last = trail.current[trail.current.length - 1];
     if (!last || Math.hypot(last[0] - x0, last[1] - y0) > 0.02) trail.current.push([x0, y0]);
     if (trail.current.length > TRAIL) trail.current.shift();

@@ -3,7 +3,7 @@
 import { html, useEffect, useRef, useState } from "../vendor/htm-preact.js";
 import { connection } from "../js/connection.js";
 import { hearSamples } from "../js/samples.js";
-import { store, useTopics } from "../js/store.js";
+import { showToast, store, useTopics } from "../js/store.js";
 import { Card, colour, saveText } from "../js/ui.js";
 
 const KEPT_S = 600;
@@ -42,8 +42,8 @@ class Series {
   }
 }
 
-/** What is plotted; it goes on while another page is shown. */
-export const plot = { hz: 50, series: new Map(), ends: new Map(), isPaused: false, window: 10 };
+/** What is plotted; it goes on while another page is shown.  A paused plot shows `range`, and ends at `pausedAt`. */
+export const plot = { hz: 50, series: new Map(), ends: new Map(), isPaused: false, pausedAt: 0, window: 10, range: null };
 let deviceHz = 0;
 
 function unitOf(path) {
@@ -86,12 +86,22 @@ export function dropSeries(path) {
   askDevices();
 }
 
-/** The columns of a chart: times relative to the newest one, and a column for each series, no more points than shown. */
-function columnsOf(list, range) {
-  const leader = list.reduce((most, each) => (each.count > most.count ? each : most), list[0]);
-  if (!leader.count) return null;
+/** The series with the most samples: its times are those of its chart. */
+const leaderOf = (list) => list.reduce((most, each) => (!most || each.count > most.count ? each : most), null);
+
+/** The window of time that ends now: [from, to]; null without samples. */
+function windowNow(list) {
+  const leader = leaderOf(list);
+  if (!leader || !leader.count) return null;
   const newest = leader.times[(leader.count - 1) % leader.size];
-  const [from, to] = range || [newest - plot.window, newest];
+  return [newest - plot.window, newest];
+}
+
+/** The columns of a chart in a range of time: its times and a column for each series, no more points than shown. */
+function columnsOf(list, range) {
+  if (!range) return null;
+  const leader = leaderOf(list);
+  const [from, to] = range;
   const begin = leader.first(from);
   const end = Math.min(leader.count, leader.first(to) + 1);
   const stride = Math.max(1, Math.ceil((end - begin) / MAX_POINTS));
@@ -109,27 +119,37 @@ function columnsOf(list, range) {
 }
 
 /** One uPlot of all series of a unit. */
-function Chart({ unit, paths, paused }) {
+function Chart({ unit, paths, zoom }) {
   const box = useRef(null);
-  const isPaused = useRef(paused);
-  isPaused.current = paused;
   useEffect(() => {
     const axis = { stroke: colour("text"), grid: { stroke: colour("grid") }, ticks: { stroke: colour("grid") } };
     const series = paths.map((path, index) => ({ label: path, stroke: COLOURS[index % COLOURS.length], width: 1.5, spanGaps: false }));
     const time = { ...axis, values: (chart, splits) => splits.map((each) => (each - (chart.data[0][chart.data[0].length - 1] || 0)).toFixed(plot.window > 60 ? 0 : 1)) };
     const chart = new window.uPlot({
-      width: box.current.clientWidth, height: 240, cursor: { sync: { key: "panel" }, drag: { x: true, y: false } },
+      width: box.current.clientWidth, height: 240, cursor: { sync: { key: "panel" }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => zoom(null) } },
+      hooks: { setSelect: [(drawn) => {
+        const { left, width } = drawn.select;
+        if (width < 5) return;
+        const range = [drawn.posToVal(left, "x"), drawn.posToVal(left + width, "x")];
+        drawn.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+        zoom(range);
+      }] },
       scales: { x: { time: false } }, axes: [time, { ...axis, label: unit === "1" ? "" : unit, size: 60 }], legend: { live: true },
       series: [{ label: "s" , value: (self, value) => (value === null ? "–" : value.toFixed(2)) }, ...series],
     }, [[], ...paths.map(() => [])], box.current);
     let frame = null;
     let next = 0;
+    let shown = null; // the range that a paused plot shows
     const draw = (now) => {
       frame = requestAnimationFrame(draw);
-      if (isPaused.current || now < next) return;
-      const columns = columnsOf(paths.map((path) => plot.series.get(path)).filter(Boolean), null);
+      if (now < next || (plot.isPaused && plot.range === shown)) return;
+      shown = plot.isPaused ? plot.range : null;
+      const list = paths.map((path) => plot.series.get(path)).filter(Boolean);
+      const columns = columnsOf(list, shown || windowNow(list));
       if (!columns || columns.length !== paths.length + 1) return;
       chart.setData(columns);
+      const [times] = columns;
+      if (box.current) box.current.dataset.span = times.length ? (times[times.length - 1] - times[0]).toFixed(2) : "0";
       // A drawing that takes long leaves most of the time to the rest of the page.
       next = now + Math.max(50, 5 * (performance.now() - now));
     };
@@ -147,7 +167,7 @@ function Chart({ unit, paths, paused }) {
 
 function saveCsv() {
   const list = [...plot.series.values()];
-  const leader = list.reduce((most, each) => (each.count > most.count ? each : most), list[0]);
+  const leader = leaderOf(list);
   const rows = [`time,${list.map(({ slot, unit }) => `"${slot}${unit ? ` [${unit}]` : ""}"`).join(",")}`];
   for (let index = Math.max(0, leader.count - leader.size); index < leader.count; index++) {
     const time = leader.times[index % leader.size];
@@ -176,7 +196,8 @@ export function Plots() {
   const drop = (event) => {
     event.preventDefault();
     const path = event.dataTransfer.getData("text/plain");
-    if (store.model.find(path)) addSeries(path);
+    if (choices().includes(path)) addSeries(path);
+    else showToast(`${path.slice(0, 60) || "this"} is no slot with a number`);
     again();
   };
   const add = (event) => {
@@ -190,6 +211,17 @@ export function Plots() {
   const change = (name, value) => {
     plot[name] = value;
     again();
+  };
+  const pause = (isPaused) => {
+    plot.range = isPaused ? windowNow([...plot.series.values()]) : null;
+    plot.pausedAt = plot.range ? plot.range[1] : 0;
+    change("isPaused", isPaused);
+  };
+  // A range that was dragged over is shown, standing; a double click shows all of the window again.
+  const zoom = (range) => {
+    if (!plot.isPaused && !range) return;
+    if (!plot.isPaused) pause(true);
+    change("range", range || [plot.pausedAt - plot.window, plot.pausedAt]);
   };
   const changeRate = (hz) => {
     const paths = [...plot.series.keys()];
@@ -205,8 +237,11 @@ export function Plots() {
   const units = new Map();
   for (const { slot, unit } of plot.series.values()) units.set(unit, [...(units.get(unit) || []), slot]);
   const pairs = store.model.of("joint", "speed").filter((part) => part.slot("requested"));
-  const tools = html`<button class="small" id="pause" aria-pressed=${plot.isPaused ? "true" : "false"} onClick=${() => change("isPaused", !plot.isPaused)}>Pause</button>
-    <label>Window <select onChange=${(event) => change("window", Number(event.target.value))}>${WINDOWS.map((each) => html`<option value=${each} selected=${each === plot.window}>${each < 600 ? `${each} s` : "10 min"}</option>`)}</select></label>
+  const tools = html`<button class="small" id="pause" aria-pressed=${plot.isPaused ? "true" : "false"} onClick=${() => pause(!plot.isPaused)}>Pause</button>
+    <label>Window <select onChange=${(event) => {
+      plot.window = Number(event.target.value);
+      change("range", plot.isPaused ? [plot.pausedAt - plot.window, plot.pausedAt] : null);
+    }}>${WINDOWS.map((each) => html`<option value=${each} selected=${each === plot.window}>${each < 600 ? `${each} s` : "10 min"}</option>`)}</select></label>
     <label>Rate <select onChange=${(event) => changeRate(Number(event.target.value))}>${[10, 20, 50].map((each) => html`<option value=${each} selected=${each === plot.hz}>${each}/s</option>`)}</select></label>
     <button class="small" disabled=${!plot.series.size} onClick=${saveCsv}>CSV</button><button class="small" onClick=${clear}>Clear</button>`;
   return html`<${Card} title="Plots" name="plots" tools=${tools} wide=${true}>
@@ -219,8 +254,8 @@ export function Plots() {
         again();
       }}><option value="">of ...</option>${pairs.map((part) => html`<option value=${part.path}>${part.title}</option>`)}</select></label>`}</form>
     <div class="drop" id="drop" onDragOver=${(event) => event.preventDefault()} onDrop=${drop}>
-      ${units.size === 0 && html`<p class="hint">Choose a slot above, or drag one here from the list of slots. A slot that begins with @ is a device's value from the bus worker: it goes on when the interpreter is held. Drag over a chart to zoom (pause first), double click to see all.</p>`}
-      ${[...units].map(([unit, paths]) => html`<${Chart} key=${`${unit}:${paths.join()}:${plot.hz}`} unit=${unit} paths=${paths} paused=${plot.isPaused} />`)}</div>
+      ${units.size === 0 && html`<p class="hint">Choose a slot above, or drag one here from the list of slots. A slot that begins with @ is a device's value from the bus worker: it goes on when the interpreter is held. Drag over a chart to zoom, which pauses it; double click to see all.</p>`}
+      ${[...units].map(([unit, paths]) => html`<${Chart} key=${`${unit}:${paths.join()}:${plot.hz}`} unit=${unit} paths=${paths} zoom=${zoom} />`)}</div>
     <ul class="chips">${[...plot.series.keys()].map((path) => html`<li><button class="small" aria-label=${`remove ${path} from the plots`} onClick=${() => {
       dropSeries(path);
       again();

@@ -144,6 +144,69 @@ function Caller({ part, name }) {
     onInput=${(event) => setText(event.target.value)} /></label><button class="small" disabled=${!mayDrive()}>${name === "say" ? "Say" : "Do"}</button></form>`;
 }
 
+const SOUND_RATE = 16000;
+const MAX_SOUND_S = 300;
+
+/** The samples of a sound file that the browser can read: one channel, 16 bits, SOUND_RATE samples a second. */
+async function samplesOf(file) {
+  const made = await new OfflineAudioContext(1, 1, SOUND_RATE).decodeAudioData(await file.arrayBuffer());
+  const channels = Array.from({ length: made.numberOfChannels }, (_, index) => made.getChannelData(index));
+  const samples = new Int16Array(Math.min(made.length, MAX_SOUND_S * SOUND_RATE));
+  for (let at = 0; at < samples.length; at++) {
+    const mean = channels.reduce((sum, channel) => sum + channel[at], 0) / channels.length;
+    samples[at] = Math.round(32767 * Math.max(-1, Math.min(1, mean)));
+  }
+  return samples;
+}
+
+/** Samples as base64, little endian as all browsers have them. */
+function base64Of(samples) {
+  const bytes = new Uint8Array(samples.buffer, samples.byteOffset, samples.byteLength);
+  let text = "";
+  for (let at = 0; at < bytes.length; at += 8192) text += String.fromCharCode(...bytes.subarray(at, at + 8192));
+  return btoa(text);
+}
+
+/** Play a file of the user: a second of sound in each request, behind what the loudspeaker has. */
+function SoundFile({ part }) {
+  const turn = useRef(0);
+  const [line, setLine] = useState("");
+  useEffect(() => () => turn.current++, []);
+  const play = async (event) => {
+    const [file] = event.target.files;
+    event.target.value = "";
+    if (!file) return;
+    const mine = ++turn.current;
+    setLine(`reading ${file.name}`);
+    let samples;
+    try {
+      samples = await samplesOf(file);
+    } catch {
+      if (mine === turn.current) setLine(`${file.name} is no sound that this browser can read`);
+      return;
+    }
+    const keywords = `raw 1 ${SOUND_RATE} 16 1`;
+    for (let at = 0; at < samples.length && mine === turn.current; at += SOUND_RATE) {
+      setLine(`${file.name}: ${Math.round((100 * at) / samples.length)} % sent`);
+      const data = base64Of(samples.subarray(at, at + SOUND_RATE));
+      if (!(await ask("sound", { slot: part.slotPath("val"), keywords, data }))) {
+        if (mine === turn.current) setLine(`${file.name}: not sent to its end`);
+        return;
+      }
+    }
+    if (mine === turn.current) setLine(`${file.name}: ${(samples.length / SOUND_RATE).toFixed(1)} s sent`);
+  };
+  const stop = () => {
+    turn.current++;
+    setLine("");
+    ask("call", { slot: part.slotPath("stop"), args: [] });
+  };
+  return html`<div class="caller"><label class=${`button small ${mayDrive() ? "" : "disabled"}`}>Play a file <input type="file" class="hidden" accept="audio/*" disabled=${!mayDrive()}
+      aria-label=${`play a file by ${part.title}`} onChange=${play} /></label>
+    ${part.slot("stop") && html`<button class="small" disabled=${!mayDrive()} onClick=${stop} aria-label=${`stop ${part.title}`}>Silence</button>`}
+    <span class="hint" role="status">${line}</span></div>`;
+}
+
 const SOUNDS = ["say", "play", "playSound", "playTone", "beep"];
 
 export function Sound() {
@@ -152,6 +215,7 @@ export function Sound() {
   return html`<${Card} title="Sound" name="sound"><ul class="list">${parts.map((part) => html`
     ${part.has("AudioIn") && html`<${Microphone} part=${part} />`}
     ${SOUNDS.filter((name) => part.slot(name)?.kind === "function").map((name) => html`<li><span>${part.title}</span><${Caller} part=${part} name=${name} /></li>`)}
+    ${part.slot("val")?.effector && part.slot("val").kind === "binary" && html`<li><span>${part.title}</span><${SoundFile} part=${part} /></li>`}
     ${part.slot("volume") && html`<li><span>${part.title} <span class="what">volume</span></span><${Live} slot=${part.slotPath("volume")} unit=${part.slot("volume").unit} hz=${4} /></li>`}
     ${part.slot("playing") && html`<li><span>${part.title} <span class="what">playing</span></span><${Live} slot=${part.slotPath("playing")} hz=${4} /></li>`}
   `)}</ul><//>`;
