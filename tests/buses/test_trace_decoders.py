@@ -49,7 +49,8 @@ def exchanges(name: str) -> dict[str, list[Chunk]]:
 
 
 def test_every_platform_says_how_its_traffic_is_decoded() -> None:
-    assert [folder.name for folder in platforms.folders()] == TRACED
+    # A simulator has no wire.
+    assert [folder.name for folder in platforms.folders() if folder.name != "webots"] == TRACED
 
 
 # ---------------------------------------------------------------- documented bytes

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import gc
+import os
+import subprocess
+import sys
 import weakref
 from collections.abc import Iterator
 
@@ -95,3 +98,27 @@ def test_long_work_in_a_server_leaves_it_frozen(time: list[float]) -> None:
         guarded.freeze_existing()
     assert gc.get_freeze_count() > 0
     guarded.release()
+
+
+FROZEN = """
+import gc, threading
+from urbihw.kernel import Kernel
+
+kept = []
+
+def serve():
+    kept.append(Kernel())
+    gc.freeze()
+
+thread = threading.Thread(target=serve)
+thread.start()
+thread.join()
+gc.unfreeze()
+used = [bytearray(100) for _ in range(10_000)]
+gc.collect()
+"""
+
+
+def test_a_kernel_that_is_frozen_survives_its_thread() -> None:
+    env = {**os.environ, "PYTHONMALLOC": "debug"}
+    assert subprocess.run((sys.executable, "-c", FROZEN), env=env, check=False).returncode == 0

@@ -39,7 +39,7 @@ _TAUGHT: Final[Units] = {"rad/s": "blendSpeed"}
 _BUS: Final[Units] = {"Hz": "rate", "ratio": "busLoad", "1": "epoch stops"}
 # docs/navigation.md.
 _ODOMETRY: Final[Units] = {"m": "x y z coveredDistance", "rad": "yaw coveredAngle", "m, rad": "position"}
-_PLANNER: Final[Units] = {"m": "path", "m/s": "speed", "rad/s": "turnSpeed", "1": "score"}
+_PLANNER: Final[Units] = {"m": "path walls", "m/s": "speed", "rad/s": "turnSpeed", "1": "score"}
 # The manual's Bioloid chapter, and the control tables of the makers.
 _ON_BUS: Final[Units] = {
     "V": "voltage minVoltage maxVoltage",

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import select
+import socket
 import subprocess
 import sys
 import threading
@@ -29,6 +31,10 @@ MAX_PAUSE_S: Final = 30.0
 STEADY_S: Final = 60.0
 """Seconds after which a child has run well, and the pauses begin anew."""
 END_TIMEOUT_S: Final = 3.0
+START_TIMEOUT_S: Final = 60.0
+"""Seconds within which a child sends its first sign of life."""
+SILENCE_TIMEOUT_S: Final = 4.0
+"""Seconds without a sign of life after which a child is killed: what a browser has begun ends with its connection."""
 
 
 def check_panel(config: Config) -> None:
@@ -60,6 +66,7 @@ class Panel:
         self._command = command
         self._ending = threading.Event()
         self._child: subprocess.Popen[bytes] | None = None
+        self._line: socket.socket | None = None
         self._thread = threading.Thread(target=self._keep, name="panel", daemon=True)
 
     def start(self) -> None:
@@ -69,10 +76,10 @@ class Panel:
     def close(self) -> None:
         """End the gateway.  A second call does nothing."""
         self._ending.set()
-        child = self._child
-        if child is not None and child.stdin is not None:
+        child, line = self._child, self._line
+        if line is not None:
             with contextlib.suppress(OSError):
-                child.stdin.close()
+                line.shutdown(socket.SHUT_WR)
         self._thread.join(END_TIMEOUT_S)
         if child is not None and child.poll() is None:
             child.kill()
@@ -97,7 +104,25 @@ class Panel:
 
     def _run(self) -> int:
         """Run the gateway once; returns its exit code."""
-        # Ctrl-C must reach the daemon alone, which ends its children in order.
-        with subprocess.Popen(self._command, stdin=subprocess.PIPE, start_new_session=True) as child:
-            self._child = child
-            return child.wait()
+        line, theirs = socket.socketpair()
+        with line:
+            # Ctrl-C must reach the daemon alone, which ends its children in order.
+            with theirs:
+                child = subprocess.Popen(self._command, stdin=theirs.fileno(), start_new_session=True)
+            with child:
+                self._child, self._line = child, line
+                self._watch(child, line)
+                return child.wait()
+
+    def _watch(self, child: subprocess.Popen[bytes], line: socket.socket) -> None:
+        """Read the signs of life until the child ends; kill one that is silent."""
+        patience = START_TIMEOUT_S
+        while select.select((line,), (), (), patience)[0]:
+            with contextlib.suppress(ConnectionError):
+                if line.recv(4096):
+                    patience = SILENCE_TIMEOUT_S
+                    continue
+            return
+        if not self._ending.is_set():
+            log.error("the panel has not answered for %g s: it is killed, and what its browsers move ends", patience)
+        child.kill()

@@ -29,6 +29,8 @@ HEADERS: Final = {
     "Cache-Control": "no-cache",
 }
 _HOST: Final = re.compile(r"(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+)(?::(\d{1,5}))?")
+MAX_PATH: Final = 200
+"""Characters of a path: more than any page of the gateway has, fewer than a file system refuses."""
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
@@ -48,6 +50,8 @@ class Guard:
             return web.Response(status=405, text="only GET\n", headers={"Allow": "GET, HEAD"})
         if not is_same_origin(request):
             return web.Response(status=403, text="pages of other sites have no access\n")
+        if len(request.path) > MAX_PATH:
+            return web.Response(status=404, text="there is no such page\n")
         return await handler(request)
 
     def _is_own_host(self, request: web.Request) -> bool:

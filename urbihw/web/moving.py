@@ -120,7 +120,9 @@ async def call(session: Session, request: Request) -> dict[str, Any]:
         text = ", ".join(map(literal, arguments))
     except (ValueError, TypeError, OverflowError) as error:
         raise Refusal(str(error)) from error
-    line = await _taken(session, session.link.begin(f"{slot}({text})"))
+    # A function without a value is no error.
+    body = f"var __value = {slot}({text}).acceptVoid | if (__value.isVoid) nil else __value"
+    line = await _taken(session, session.link.begin(body))
     return {} if line is None else {"value": plain_value(line)}
 
 

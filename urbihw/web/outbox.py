@@ -14,6 +14,8 @@ from typing import Any, Final, Protocol
 
 MAX_MESSAGES: Final = 4000
 """Messages that may wait; a browser with more is disconnected."""
+MAX_LENGTH: Final = 16 * 1024 * 1024
+"""Characters of messages that may wait, beside the last one."""
 FULL: Final = 500
 """Messages that wait, from which on a program's output is not read any more, until half of them are sent."""
 KEPT: Final = 8
@@ -37,6 +39,7 @@ class Outbox:
         """``flow(True)`` is called when much waits, ``flow(False)`` when it is sent."""
         self._flow = flow
         self._queue: deque[str] = deque()
+        self._length = 0
         self._newest: dict[Hashable, deque[Any]] = {}
         self._lost: dict[Hashable, int] = {}
         self._ready = asyncio.Event()
@@ -46,10 +49,12 @@ class Outbox:
 
     def put(self, message: Mapping[str, Any]) -> None:
         """Queue a message that must arrive."""
-        if len(self._queue) >= MAX_MESSAGES:
+        if len(self._queue) >= MAX_MESSAGES or self._length > MAX_LENGTH:
             self.overflowed = True
         else:
-            self._queue.append(to_text(message))
+            text = to_text(message)
+            self._queue.append(text)
+            self._length += len(text)
             if len(self._queue) >= FULL and not self._is_full:
                 self._is_full = True
                 self._flow(True)
@@ -87,7 +92,9 @@ class Outbox:
 
     async def _send_queued(self, socket: Socket) -> None:
         while self._queue:
-            await socket.send_str(self._queue.popleft())
+            text = self._queue.popleft()
+            self._length -= len(text)
+            await socket.send_str(text)
             if self._is_full and len(self._queue) < FULL // 2:
                 self._is_full = False
                 self._flow(False)
@@ -110,9 +117,10 @@ class Outbox:
 
 
 def to_text(message: Mapping[str, Any]) -> str:
-    """A message as JSON; numbers that JSON does not have are null."""
+    """A message as JSON.  Numbers that JSON does not have are null, characters that UTF-8 does not have are ``?``."""
     try:
-        return json.dumps(message, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+        text = json.dumps(message, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     except ValueError:
         plain = json.loads(json.dumps(message), parse_constant=lambda _: None)
-        return json.dumps(plain, ensure_ascii=False, separators=(",", ":"))
+        text = json.dumps(plain, ensure_ascii=False, separators=(",", ":"))
+    return text if text.isascii() else text.encode("utf-8", "replace").decode()

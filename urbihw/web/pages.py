@@ -44,7 +44,9 @@ class Pages:
 
     def _browser(self, request: web.Request) -> Browser | None:
         cookie = request.cookies.get(self._cookie, "")
-        return self._gateway.pairings.find(cookie, self._gateway.port) if 0 < len(cookie) <= 200 else None
+        if not (0 < len(cookie) <= 200 and cookie.isascii()):
+            return None
+        return self._gateway.pairings.find(cookie, self._gateway.port)
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
         if self._browser(request) is not None:

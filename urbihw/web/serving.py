@@ -22,6 +22,7 @@ from urbihw.web.settings import Settings
 
 log = logging.getLogger("urbihw.web")
 
+SIGN_OF_LIFE_S: Final = 1.0
 _SOMEWHERE: Final = ("192.0.2.1", 9)
 """An address of TEST-NET-1 (RFC 5737): a datagram socket that is connected to it tells the own address; nothing is
 sent."""
@@ -77,6 +78,7 @@ async def _run(gateway: Gateway, ends_with_input: bool) -> None:
         loop.add_signal_handler(number, stopped.set)
     if ends_with_input:
         loop.add_reader(sys.stdin.fileno(), _read_input, stopped)
+        loop.call_soon(_send_sign_of_life, stopped)
     watching, stopping = asyncio.create_task(gateway.run()), asyncio.create_task(stopped.wait())
     try:
         done, _ = await asyncio.wait((watching, stopping), return_when=asyncio.FIRST_COMPLETED)
@@ -96,6 +98,14 @@ def _published(file: Path, address: str) -> Iterator[None]:
         yield
     finally:
         file.unlink(missing_ok=True)
+
+
+def _send_sign_of_life(stopped: asyncio.Event) -> None:
+    """Tell the daemon that this process does not hang: see ``urbihw.daemon.panel``."""
+    if not stopped.is_set():
+        with contextlib.suppress(OSError):
+            os.write(sys.stdin.fileno(), b".")
+        asyncio.get_running_loop().call_later(SIGN_OF_LIFE_S, _send_sign_of_life, stopped)
 
 
 def _read_input(stopped: asyncio.Event) -> None:

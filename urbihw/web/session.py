@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import logging
 import re
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -31,6 +32,8 @@ from urbihw.web.pictures import frame_of
 
 if TYPE_CHECKING:
     from urbihw.web.gateway import Gateway
+
+log = logging.getLogger("urbihw.web")
 
 PROTOCOL: Final = 1
 REQUESTS_PER_S: Final = 200.0
@@ -181,6 +184,9 @@ class Session:
             self._answer(number, Refusal(str(error), error.code))
         except (ValueError, RecursionError):
             self._answer(number, Refusal("a request is a line of JSON"))
+        except Exception as error:
+            log.error("our bug in the gateway: %s: %s at a request of %s", type(error).__name__, error, self.name)
+            self._answer(number, Refusal("the gateway failed at this request: this is our bug"))
         else:
             if answer is not None:
                 self.outbox.put({"id": number, "ok": True, **answer})

@@ -114,13 +114,15 @@ class Pool:
     """
 
     def __init__(self) -> None:
-        self.hub = getcurrent()
+        self.enter_hub()
         self.resting: list[Carrier] = []
         """Carriers without a job.  Each is suspended at the point where a switch makes it start its next job."""
 
     def enter_hub(self) -> None:
         """Make the calling greenlet the hub."""
-        self.hub = getcurrent()
+        # Twice, since greenlet releases the last greenlet of a thread that ends if it has one reference left which
+        # `gc.get_referrers` does not find: that of an object which is frozen (`gc.freeze`).  The process crashes then.
+        self.hub = self._hub = getcurrent()
 
     def assign_carrier(self, job: Job) -> Carrier:
         """Give a job that starts a carrier, from the pool if there is one."""
