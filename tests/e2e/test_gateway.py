@@ -163,6 +163,7 @@ def test_a_browser_stops_a_moving_robot_and_sees_its_devices_beside_a_held_inter
         full, view = made.tabs
         assert (await view.ask("set", slot="motor6.val", value=1))["code"] == "role"
         assert (await full.ask("subscribe", slots=["motor6.val"], hz=20))["units"] == ["rad"]
+        assert (await full.ask("call", slot="robot.stop", args=[]))["ok"]
         assert (await full.ask("set", slot="motor6.val", value=1))["ok"]
         await full.event("samples", lambda told: told["v"][0] > 0.9)
         assert "full (panel)" in str((await full.ask("get", slot="motor6.why")).get("value"))
@@ -170,14 +171,14 @@ def test_a_browser_stops_a_moving_robot_and_sees_its_devices_beside_a_held_inter
         await until(lambda: made.watcher.speed() > WHEEL.moving, 5.0, "a turning wheel")
         await full.ask("run", text="loop|{};")
         await full.event("state", lambda told: told["silent"] > 0.5)
-        assert (await view.ask("values", hz=20))["ok"]
-        first = await view.event("values")
-        later = await view.event("values", lambda told: told["time"] > first["time"] + 0.5)
-        assert abs(later["values"]["6"]["position"] - 1) < 0.1
         assert made.watcher.speed() > WHEEL.moving, "it should still turn: the worker holds its goal"
         answer = await view.ask("estop")
         assert answer["confirmed"] and answer["estop"]
         await until(lambda: made.watcher.speed() < WHEEL.rest, 0.5, "a standing wheel")
+        assert (await view.ask("values", hz=20))["ok"]
+        first = await view.event("values")
+        later = await view.event("values", lambda told: told["time"] > first["time"] + 0.5)
+        assert abs(later["values"]["6"]["position"] - 1) < 0.1
         await full.event("state", lambda told: told["estop"] and told["worker"] and not told["daemon"])
 
     play(tmp_path, WHEEL, ("full", "view"), test)
@@ -321,6 +322,11 @@ def test_the_panel_of_a_daemon_is_started_again_and_ends_with_it(
         wait_for(answers, "another panel")
         second = panel()
         assert second != first and "it is started again in 1 s" in daemon.log()
+        os.kill(second, signal.SIGSTOP)
+        wait_for(lambda: not is_running(second), "the end of a panel that hangs")
+        wait_for(answers, "a third panel")
+        second = panel()
+        assert "the panel has not answered for 4 s: it is killed" in daemon.log()
         daemon.process.terminate()
         assert daemon.process.wait(TIMEOUT_S) == 0
         assert not is_running(second), "the panel has outlived its daemon"

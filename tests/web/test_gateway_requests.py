@@ -184,6 +184,10 @@ def test_nonsense_and_floods_are_refused(tmp_path: Path) -> None:
             while "event" in message:
                 message = await browser._read()
             assert message["ok"] is False and message["code"] == "bad"
+        await browser.socket.send_str('{"id": "\\ud800", "do": "tree"}')
+        while "event" in (message := await browser._read()):
+            pass
+        assert message["ok"] and message["id"] == "?"
         for _ in range(1000):
             await browser.socket.send_str('{"id": 9, "do": "tree"}')
         codes = set()
@@ -239,12 +243,13 @@ def test_a_slow_browser_gets_the_newest_samples_and_is_told_how_many_were_lost()
     asyncio.run(run())
 
 
-def test_a_browser_that_reads_nothing_is_given_up() -> None:
+@pytest.mark.parametrize(("count", "length"), [(5000, 1), (100, 1_000_000)])
+def test_a_browser_that_reads_nothing_is_given_up(count: int, length: int) -> None:
     async def run() -> None:
         outbox, socket = Outbox(), Stuck()
         task = asyncio.create_task(outbox.run(socket))
-        for number in range(5000):
-            outbox.put({"id": number})
+        for number in range(count):
+            outbox.put({"id": number, "text": "x" * length})
         socket.go.set()
         await asyncio.wait_for(task, 5)
         assert outbox.overflowed
