@@ -12,7 +12,7 @@ from kernel_socket import serve
 
 from urbihw.cli import main as urbihw
 from urbihw.cli import teach
-from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_RUNTIME, EX_UNAVAILABLE
+from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_RUNTIME, EX_UNAVAILABLE, INTERRUPTED
 
 ROBOT = """
 var Global.told = []|;
@@ -23,12 +23,19 @@ class Global.robot
   var teaching = nil;
   function motions() { ["bow.mtn", "wave"] };
   function poses() { ["home"] };
-  function play(names, speed, times) { told << ["play", names, speed, times] | sleep(5s) };
+  function play(names, speed, times)
+  {
+    told << ["play", names, speed, times] |
+    if (names == ["slack"])
+      lobby.send("!!! warning: motor 1 is off: switch it on with load = 1", "error") |
+    sleep(5s)
+  };
   function pose(name, speed) { told << ["pose", name, speed] | if (name == "far") throw Exception.new("too far") };
   function teach(name, joints, rate)
   {
     told << ["teach", name, joints, rate];
     if (name == "bad") throw Exception.new("a bad name");
+    if (name == "quoted") throw Exception.new("\\"joint[99]\\" is no joint");
     teaching = [name, [["joint[1]", 0.5]]];
     waituntil (ending?);
     teaching = nil
@@ -139,6 +146,30 @@ def test_a_lesson_that_cannot_begin(
     type_keys(b"")
     assert urbihw.main(["teach", "bad"]) == EX_RUNTIME
     assert capsys.readouterr().err == "urbihw teach: a bad name\n"
+
+
+def test_an_interrupted_lesson_tells_how_it_leaves_the_robot(
+    server: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(seconds: float) -> list[str]:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(teach, "_keys", interrupt)
+    assert urbihw.main(["teach", "wave"]) == INTERRUPTED
+    assert capsys.readouterr().err == "interrupted: wave is kept as far as it was recorded; the joints stay off\n"
+
+
+def test_an_error_of_the_server_is_shown_as_it_is(
+    server: Any, type_keys: Callable[[bytes], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    type_keys(b"")
+    assert urbihw.main(["teach", "quoted"]) == EX_RUNTIME
+    assert capsys.readouterr() == ("", 'urbihw teach: "joint[99]" is no joint\n')
+
+
+def test_play_shows_the_warnings_of_the_server(server: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    assert urbihw.main(["play", "slack"]) == EX_OK
+    assert capsys.readouterr().err == "urbihw play: warning: motor 1 is off: switch it on with load = 1\n"
 
 
 @pytest.mark.parametrize("name", ["../../evil", "", "a b", "x" * 65])

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import TracebackType
 from typing import Final
@@ -92,15 +92,23 @@ class LobbyClient:
         self._waiting.clear()
         return lines
 
-    def ask(self, expression: str, timeout: float = ANSWER_TIMEOUT_S) -> Line:
-        """The value of an expression.  Raises Refused with the server's message on an error."""
+    def ask(
+        self, expression: str, timeout: float = ANSWER_TIMEOUT_S, heard: Callable[[Message], None] = lambda line: None
+    ) -> Line:
+        """The value of an expression.  Raises Refused with the server's message on an error.
+
+        ``heard`` gets the other lines that came before the answer.
+        """
         def question(dialect: Native, channel: str) -> str:
             # In the background, so that it neither waits for nor disturbs other jobs.
             return guarded(f'Channel.new("{channel}") << {{ {sent(expression)} }}', channel) + ",\n"
 
         with self._refusing(f"did not answer within {timeout:g} s: is it busy, is it an urbiscript server?"):
-            answer: Line = self._connection.ask(question, timeout, located=True, raw=True)
-        self._waiting.clear()  # other output is not asked for
+            try:
+                answer: Line = self._connection.ask(question, timeout, located=True, raw=True)
+            finally:
+                while self._waiting:
+                    heard(self._waiting.popleft())
         return answer
 
     def follow(self, statement: str, timeout: float) -> Iterator[Line]:

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from typing import Final
 
 from urbihw.cli.lobby_client import LobbyClient
 from urbihw.cli.options import Refused, complain, number
 from urbihw.cli.reach import add_server, credentials, server
+from urbihw.client.session import Message
 from urbihw.exitcodes import EX_OK, EX_UNAVAILABLE, INTERRUPTED
 from urbihw.settings import one_line
 
@@ -41,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
                 print(one_line(link.ask('"motions: %s; poses: %s" % [robot.motions.join(" "), robot.poses.join(" ")]')
                                .shown.strip('"')))
                 return EX_OK
-            link.ask(f"{statement(options)} | true", LONGEST_S)
+            link.ask(f"{statement(options)} | true", LONGEST_S, show_warning)
     except Refused as error:
         return complain("urbihw play", error)
     except KeyboardInterrupt:
@@ -55,6 +57,12 @@ def statement(options: argparse.Namespace) -> str:
         return " | ".join(f"robot.pose({quoted(name)}, {options.speed!r})" for name in options.names)
     count = options.loop if math.isfinite(options.loop) else "inf"
     return f"robot.play([{', '.join(map(quoted, options.names))}], {options.speed!r}, {count})"
+
+
+def show_warning(line: Message) -> None:
+    """Show a warning of the server, such as that a joint is off."""
+    if line.is_error:
+        print(f"urbihw play: {one_line(line.text.removeprefix('!!! '))}", file=sys.stderr)
 
 
 def require_joints(link: LobbyClient) -> None:

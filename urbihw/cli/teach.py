@@ -22,12 +22,15 @@ from urbihw.cli.lobby_client import LobbyClient
 from urbihw.cli.options import Refused, complain, number
 from urbihw.cli.play import quoted, require_joints
 from urbihw.cli.reach import add_server, credentials, server
+from urbihw.client.values import value_of
 from urbihw.exitcodes import EX_OK, EX_RUNTIME, INTERRUPTED
 from urbihw.platforms.teach.store import check_name
 from urbihw.settings import one_line
 
 PERIOD_S: Final = 0.2
 """Seconds between two looks at the joints."""
+WAIT_S: Final = 0.02
+"""The same until the joints are off."""
 _KEYS: Final = {"q": "end", "\x03": "end", "\x04": "end", "\n": "pose", "\r": "pose"}
 
 
@@ -81,22 +84,36 @@ class Lesson:
         rate = 0.0 if self._key_poses else rate
         self._link.send(f"teach.begin({quoted(self._name)}, [{chosen}], {rate!r}),\n".encode())
         how = "Enter: take a pose; q: end" if self._key_poses else "q: end"
-        print(f"Move the joints by hand.  {how}", flush=True)
-        begun = time.monotonic()
-        with _single_keys():
+        begun: float | None = None
+        with _single_keys(), self._telling_interruption():
             ended = False
             while not ended:
                 state, _, told = self._ask("look").partition("|")
                 if state == "over":
                     break
-                if told:
-                    self._show(told, time.monotonic() - begun)
+                if state == "wait":
+                    time.sleep(WAIT_S)
+                    continue
+                if begun is None:
+                    print(f"Move the joints by hand.  {how}", flush=True)
+                    begun = time.monotonic()
+                self._show(told, time.monotonic() - begun)
                 ended = self._carry_out(_keys(PERIOD_S))
             problem = self._ask("end").partition("|")[2]
         if problem:
             raise Refused(problem, EX_RUNTIME)
         print(f"{self._name} is kept: urbihw play {self._name}", flush=True)
         return EX_OK
+
+    @contextlib.contextmanager
+    def _telling_interruption(self) -> Iterator[None]:
+        """Tell in which state Ctrl-C leaves the robot."""
+        try:
+            yield
+        except KeyboardInterrupt:
+            print(f"interrupted: {self._name} is kept as far as it was recorded; the joints stay off",
+                  file=sys.stderr, flush=True)
+            raise
 
     def _carry_out(self, keys: list[str]) -> bool:
         """Take key poses; returns whether to end."""
@@ -107,7 +124,7 @@ class Lesson:
         return "end" in keys
 
     def _ask(self, function: str) -> str:
-        return self._link.ask(f"teach.{function}").shown.strip('"')
+        return str(value_of(self._link.ask(f"teach.{function}")))
 
     def _show(self, told: str, seconds: float) -> None:
         """Show the time, and each joint with its angle, in place; nothing where standard output is no terminal."""
