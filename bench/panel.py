@@ -129,7 +129,7 @@ async def measure(pids: list[int], url: str, seconds: float) -> None:
                     opened = session.ws_connect(f"{address}/ws", headers={"Origin": address})
                     return await stack.enter_async_context(opened)
 
-                asker, browsers = await connect(), [Browser(await connect()) for _ in range(count)]
+                browsers = [Browser(await connect()) for _ in range(count)]
                 tasks = [asyncio.create_task(browser.run()) for browser in browsers]
                 await asyncio.sleep(SETTLE_S)
                 for browser in browsers:
@@ -138,6 +138,8 @@ async def measure(pids: list[int], url: str, seconds: float) -> None:
                 await asyncio.sleep(seconds)
                 took = time.monotonic() - began
                 shares = [(processor_seconds(pid) - at) / took for pid, at in zip(pids, before, strict=True)]
+                # Only now: a connection that is not read is closed.
+                asker = await connect()
                 rate, told = await ask(asker, "bioloid.rate"), await ask(asker, "bioloid.statistics")
                 for task in tasks:
                     task.cancel()
