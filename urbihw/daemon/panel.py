@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import select
 import socket
 import subprocess
 import sys
@@ -116,13 +115,14 @@ class Panel:
 
     def _watch(self, child: subprocess.Popen[bytes], line: socket.socket) -> None:
         """Read the signs of life until the child ends; kill one that is silent."""
-        patience = START_TIMEOUT_S
-        while select.select((line,), (), (), patience)[0]:
-            with contextlib.suppress(ConnectionError):
-                if line.recv(4096):
-                    patience = SILENCE_TIMEOUT_S
-                    continue
-            return
-        if not self._ending.is_set():
-            log.error("the panel has not answered for %g s: it is killed, and what its browsers move ends", patience)
-        child.kill()
+        line.settimeout(START_TIMEOUT_S)
+        try:
+            while line.recv(4096):
+                line.settimeout(SILENCE_TIMEOUT_S)
+        except TimeoutError:
+            if not self._ending.is_set():
+                log.error("the panel has not answered for %g s: it is killed, and what its browsers move ends",
+                          line.gettimeout())
+            child.kill()
+        except ConnectionError:
+            pass  # it has ended
