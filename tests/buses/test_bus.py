@@ -36,6 +36,24 @@ def test_reading_takes_wire_time_and_nothing_else(rig: Rig) -> None:
 
 
 @both_back_ends
+def test_nothing_is_waited_for_behind_the_answer_on_a_clock_that_goes_on(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = rig.clock.now
+
+    def ticking() -> float:
+        rig.clock.sleep_until(told() + 1e-6)
+        return told()
+
+    bus = rig.bus()
+    monkeypatch.setattr(rig.clock, "now", ticking)
+    for errand in (lambda: bus.ping(6), lambda: bus.read(6, 36, 8), lambda: bus.write(6, 25, b"\x01")):
+        start = told()
+        errand()
+        assert told() - start < 0.001
+
+
+@both_back_ends
 def test_a_damaged_answer_is_asked_for_again(rig: Rig) -> None:
     rig.kit.faults.start("checksum", 6, times=1)
     bus = rig.bus()

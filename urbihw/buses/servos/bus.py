@@ -50,9 +50,8 @@ class ServoBus(TransactionChannel):
 
     def ask_with_retries(self, request: bytes, device: int, size: int, retries: int) -> Status:
         """As `ask`, repeated up to `retries` times."""
-        first = last = self.clock.now()
+        first = self.clock.now()
         for left in range(retries, -1, -1):
-            last = self.clock.now()
             try:
                 status = self.ask(request, device, size)
                 break
@@ -60,7 +59,8 @@ class ServoBus(TransactionChannel):
                 if not left:
                     raise
                 self.counters.retried += 1
-        if last > first:
+                last = self.clock.now()
+        if left < retries:
             # This may be the late answer to the first try; discard the one to the last, or the next request takes it.
             self.discard_until(self.clock.now() + (last - first) + self.response_timeout.allowance)
         return status
