@@ -23,7 +23,9 @@ from urbihw.buses.servos.plan import read_blocks
 from urbihw.buses.servos.status import FEETECH, Status
 from urbihw.buses.servos.tables import table_of
 
-_SLOT: Final = 0.0010  # return delay of at most 508 us, processing time, and some jitter of the adapter
+# Return delay of at most 508 us, processing time, and some jitter of the adapter.  With the ping and its answer it is
+# at least as long as a frame of slow USB (1 ms) at up to 2 Mbps, so that two pings never leave in one frame.
+_SLOT: Final = 0.0009
 _LONGEST_LAST_WAIT: Final = 0.3  # behind answers that came later than that
 _LAST_WAIT: Final = 0.025  # longer than the 16 ms of an FTDI adapter that was not set to low latency
 _CONFLICT_PINGS: Final = 3
