@@ -20,12 +20,13 @@ from urbihw.buses.clock import SimClock
 from urbihw.buses.errors import BadFrame, BusTimeout, LinkGone
 from urbihw.buses.link import Context
 from urbihw.buses.pipe import PipeEnd
-from urbihw.buses.servos import packet
+from urbihw.buses.servos import packet, plan
 from urbihw.buses.servos.backend_sdk import SdkBus, split_packets
 from urbihw.buses.servos.crc import crc16
 from urbihw.buses.servos.cycle import Cycle
 from urbihw.buses.servos.scan import scan
 from urbihw.buses.servos.status import FEETECH
+from urbihw.buses.servos.tables import table_for
 from urbihw_fakes.bioloid import Bioloid
 from urbihw_fakes.device import Answer
 from urbihw_fakes.feetech.bus import FeetechBus
@@ -85,6 +86,16 @@ def test_stuffing_of_an_answer_is_removed() -> None:
     # From the same sheet: a status whose data is FF FF FD FF.
     wire.answers(bytes.fromhex("FFFFFD00 01 0900 55 00 FFFFFDFDFF DA9E"))
     assert wire.bus.read(1, 132, 4) == b"\xff\xff\xfd\xff"
+
+
+@pytest.mark.parametrize("goal", [0, 0xFDFFFF])
+def test_goals_of_more_servos_than_a_packet_of_the_package_holds_are_sent(goal: int) -> None:
+    wire = Wire(2)
+    runs = plan.write_runs(table_for(1060, 2), ("goal_position",))
+    rows = [(number, {"goal_position": goal}) for number in range(253)]
+    packets = plan.sync_writes(2, [(runs, rows)])
+    wire.bus.send(b"".join(packets))
+    assert wire.sent == packets and len(packets) == 2 and all(len(each) <= 1024 for each in packets)
 
 
 def test_no_payload_is_changed_by_stuffing() -> None:

@@ -11,6 +11,8 @@ import pytest
 from buses.line_rig import LineRig, ax, xl
 from worker_socket import WorkerSocket
 
+from urbihw.buses.link import Link
+from urbihw.buses.servos import changes
 from urbihw.buses.servos.bus import ServoBus
 from urbihw.buses.servos.device import Device, Scan
 from urbihw.buses.servos.line import Line
@@ -20,6 +22,7 @@ from urbihw.cli.dialogue import Dialogue
 from urbihw.cli.machine import Finding
 from urbihw.cli.main import main
 from urbihw.cli.tracing import WorkerTraffic, same_port
+from urbihw.cli.urls import check_url
 
 Capture = pytest.CaptureFixture[str]
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "diagnosis.md"
@@ -150,16 +153,66 @@ def test_measuring_writes_nothing(kit: LineRig) -> None:
     assert kit.instructions() <= {0x01, 0x02}
 
 
-def test_a_servo_that_fails_now_and_then_is_told(kit: LineRig, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("times", "verdict"), [(2, "note"), (3, "bad")])
+def test_a_servo_that_fails_now_and_then_is_told(
+    kit: LineRig, times: int, verdict: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def spoil(bus: ServoBus, device: Device) -> Servo:
         found = read_live(bus, device)
-        kit.kit.faults.start("checksum", 2, times=2)
+        if device.id == 3:
+            kit.kit.faults.start("checksum", 2, times=times)
         return found
 
     monkeypatch.setattr(robot_check, "read_live", spoil)
-    found = {each.text: each.verdict for each in robot_check.check_line(kit.line).findings}
-    assert any("damaged answers" in text and verdict == "bad" for text, verdict in found.items())
-    assert any("questions were repeated" in text and verdict == "note" for text, verdict in found.items())
+    found = [(each.text, each.verdict) for each in robot_check.check_line(kit.line).findings]
+    hint = "check cables and ground; two servos may have one id"
+    assert (f"{times} damaged answers in 20 cycles: {hint}", verdict) in found
+    assert ("2 questions were repeated in 20 cycles", "note") in found
+
+
+@pytest.mark.parametrize("search", [1, 2])
+def test_a_servo_that_one_search_misses_is_found_and_told(
+    kit: LineRig, search: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    searches: list[int] = []
+
+    def find_all(link: Link) -> Scan:
+        searches.append(len(searches) + 1)
+        kit.kit.faults.stop()
+        if searches[-1] == search:
+            kit.kit.faults.start("silence", 2)
+        found = changes.find_all(link)
+        kit.kit.faults.stop()
+        return found
+
+    monkeypatch.setattr(robot_check, "find_all", find_all)
+    report = robot_check.check_line(kit.line)
+    assert [servo.device.id for servo in report.servos] == [1, 2, 3]
+    expected = Finding("note", "servo 2: found in one of two searches only: check its cable and supply")
+    assert expected in report.findings and searches == [1, 2]
+
+
+@pytest.mark.parametrize(
+    ("url", "told"),
+    [
+        ("blah://x", "unknown kind 'blah'; known: can, "),
+        ("/dev/ttyUSB9?boud=3", "boud: no such parameter; did you mean baud?"),
+        ("spykee://10.0.0.1?bla=3", "bla: no such parameter; there is: discovery"),
+        ("spy://blah://x", "unknown kind 'blah'"),
+        ("/dev/a\nb", "unprintable"),
+    ],
+)
+@pytest.mark.parametrize("words", [("doctor",), ("doctor", "--json"), ("scan",), ("trace",), ("servo", "list")])
+def test_a_wrong_url_is_one_line_everywhere(url: str, told: str, words: tuple[str, ...], capsys: Capture) -> None:
+    command = ("servo", "read", url, "all") if words[0] == "servo" else (*words, url)
+    assert main(command) == 78
+    output = capsys.readouterr()
+    (line,) = output.err.splitlines()
+    assert line.startswith("urbihw: bus url") and told in line and not output.out
+
+
+def test_a_parameter_of_the_robot_in_a_url_is_no_mistake() -> None:
+    check_url("socket://localhost:8101?laser=/dev/ttyUSB1")
 
 
 def test_nobody_there_is_bad() -> None:
@@ -231,7 +284,8 @@ def test_behind_a_daemon_its_worker_is_asked(
     chunks = [row for at in (8.0, 8.01) for row in ([at, ">", READ], [at + 0.00216, "<", ANSWER])]
     state = {
         "url": "/dev/ttyUSB7", "baud": 1_000_000, "link": True, "estop": "the red button",
-        "devices": [{"id": 1, "model": 12, "protocol": 1}], "bus": {"rate": 100.0, "recent_errors": {"retried": 4}},
+        "devices": [{"id": 1, "model": 12, "protocol": 1}],
+        "bus": {"rate": 100.0, "wanted_rate": 100.0, "recent_errors": {"retried": 400}, "recent_seconds": 60},
     }  # fmt: skip
     worker = WorkerSocket(path, state, [{"event": "Traffic", "chunks": chunks, "lost": 0}])
     monkeypatch.setattr(tracing, "control_sockets", lambda: [path])
@@ -242,10 +296,82 @@ def test_behind_a_daemon_its_worker_is_asked(
     lines = capsys.readouterr().out.splitlines()
     assert "ok    a daemon serves /dev/ttyUSB7: it is asked, not the robot" in lines
     assert "bad   emergency stop by the red button; urbihw release ends it" in lines
-    assert "note  4 questions were repeated" in lines
+    assert "note  400 retried on the wire in 60 s" in lines
     assert "note  turnaround: 2.00 .. 2.00 ms (the slowest: 1): return delay, adapter or system" in lines
     assert "bad   a daemon serves this robot: stop it, then --mend" in lines
     assert sorted(worker.asked) == ["health", "trace"]
+
+
+def served_report(path: Path, events: list[dict[str, object]], **told: object) -> dict[str, str]:
+    """The findings about a Bioloid whose worker tells this, by text."""
+    state = {
+        "url": "/dev/ttyUSB7", "baud": 1_000_000, "link": True, "devices": [{"device": 1, "state": "ok"}],
+        "bus": {"rate": 100.0, "wanted_rate": 100.0, "recent_errors": {}, "recent_seconds": 60}, **told,
+    }  # fmt: skip
+    worker = WorkerSocket(path, state, events)
+    try:
+        with WorkerTraffic(path) as traffic:
+            report = robot_check.check_served(traffic)
+    finally:
+        worker.close()
+    return {each.text: each.verdict for each in report.findings}
+
+
+@pytest.mark.parametrize(
+    ("missing", "verdict", "hint"),
+    [
+        ("once", "ok", ": up to 1 % is normal"),
+        ("4 times", "note", ": check its cable and supply"),
+        ("40 times", "bad", ": check its cable and supply"),
+    ],
+)
+def test_missing_answers_are_judged_by_their_share(
+    tmp_path: Path, missing: str, verdict: str, hint: str
+) -> None:
+    rows, count = [], 1 if missing == "once" else int(missing.split()[0])
+    for number in range(201):
+        rows.append([8.0 + number / 100, ">", READ])
+        if not 0 < number <= count:
+            rows.append([8.0 + number / 100 + 0.001, "<", ANSWER])
+    rows.append([10.005, ">", READ])  # Its answer would come behind the end.
+    found = served_report(tmp_path / "bioloid-54000.sock", [{"event": "Traffic", "chunks": rows}])
+    (text,) = [text for text in found if text.startswith("no answer")]
+    assert (text, found[text]) == (f"no answer in 201 cycles from 1 ({missing}){hint}", verdict)
+
+
+def test_a_question_that_is_cut_off_is_no_error(tmp_path: Path) -> None:
+    rows = [[8.0, ">", READ], [8.001, "<", ANSWER], [9.0, ">", READ]]
+    found = served_report(tmp_path / "bioloid-54000.sock", [{"event": "Traffic", "chunks": rows}])
+    assert found["no question without an answer, no damaged answer in 100 cycles"] == "ok"
+
+
+def test_a_lost_device_is_told_once(tmp_path: Path) -> None:
+    rows = [[8.0, ">", READ], [9.0, ">", READ], [9.5, ">", READ]]
+    lost = [{"device": 1, "state": "lost", "reason": "no answer"}]
+    found = served_report(tmp_path / "bioloid-54000.sock", [{"event": "Traffic", "chunks": rows}], devices=lost)
+    assert found["1: lost: no answer"] == "bad"
+    assert not any(text.startswith("no answer in") for text in found)
+
+
+@pytest.mark.parametrize(
+    ("link", "events", "text"),
+    [
+        (False, [], "no link: the robot was never there"),
+        (True, [], "nothing was on the wire for 2 s: it is not measured"),
+    ],
+)
+def test_nothing_is_told_of_a_wire_without_traffic(
+    tmp_path: Path, link: bool, events: list[dict[str, object]], text: str
+) -> None:
+    found = served_report(tmp_path / "bioloid-54000.sock", events, link=link)
+    assert list(found)[1:] == [text]
+
+
+def test_errors_are_not_counted_where_traffic_was_lost(tmp_path: Path) -> None:
+    rows = [[8.0, ">", READ], [9.0, ">", READ], [9.5, ">", READ]]
+    found = served_report(tmp_path / "bioloid-54000.sock", [{"event": "Traffic", "chunks": rows, "lost": 7}])
+    assert found["7 pieces of the traffic were lost on the way here: its errors are not counted"] == "note"
+    assert not any("answer in" in text for text in found)
 
 
 def test_the_same_port_by_another_name(tmp_path: Path) -> None:

@@ -62,4 +62,33 @@ def test_without_a_daemon_there_is_one_line_each(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(tracing, "control_sockets", list)
     assert main(["latency", "bus"]) == 69
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("urbihw: bus: no daemon on this machine")
+    assert line.startswith("urbihw: bus: no daemon of this machine")
+
+
+@pytest.mark.parametrize(("port", "count"), [("54000", 2), ("54001", 1)])
+def test_the_bus_is_that_of_the_server_on_a_port(
+    port: str, count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    rows = [[8.0, ">", "01"], [8.001, "<", "02"], [9.0, ">", "01"], [9.001, "<", "02"]]
+    paths = [tmp_path / "bioloid-54000.sock", tmp_path / "p3dx-54001.sock"]
+    workers = [
+        WorkerSocket(path, {"url": path.stem, "devices": []}, [{"event": "Traffic", "chunks": chunks}])
+        for path, chunks in zip(paths, (rows, rows[:2]), strict=True)
+    ]
+    monkeypatch.setattr(tracing, "control_sockets", lambda: paths)
+    try:
+        assert main(["latency", "bus", "-P", port, "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["bus"]["count"] == count
+        assert main(["latency", "bus", "-P", "54002"]) == 69
+        assert "no daemon of this machine serves a robot on port 54002" in capsys.readouterr().err
+        assert main(["latency", "bus"]) == 69
+        assert "which robot? Give one of: --socket" in capsys.readouterr().err
+    finally:
+        for worker in workers:
+            worker.close()
+
+
+def test_the_bus_of_another_machine_cannot_be_measured_here(capsys: Capture) -> None:
+    assert main(["latency", "bus", "-H", "robot.local"]) == 69
+    told = "urbihw: bus: a bus is measured on its own machine only: log in to robot.local\n"
+    assert capsys.readouterr().err == told

@@ -8,6 +8,7 @@ import os
 import pty
 import re
 import select
+import socket
 import struct
 import subprocess
 import sys
@@ -104,6 +105,30 @@ def test_a_pipe_gets_lines(environment: dict[str, str], robot: Robot) -> None:
     lines = done.stdout.splitlines()
     assert (done.returncode, done.stderr, len(lines)) == (0, "", 2)
     assert all(re.fullmatch(rf"\d\d:\d\d:\d\d {re.escape(LINE)}", line) for line in lines)
+
+
+def test_a_dumb_terminal_gets_lines(environment: dict[str, str], robot: Robot) -> None:
+    screen = Screen(environment | {"TERM": "dumb"})
+    try:
+        screen.wait(re.escape(LINE))
+        assert "\x1b" not in screen.shown
+    finally:
+        screen.close()
+
+
+def test_a_bus_worker_that_is_replaced_is_told(environment: dict[str, str], tmp_path: Path) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as gone:
+        gone.bind(str(tmp_path / "urbihw" / "bioloid-54000.sock"))
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as daemon:
+        daemon.bind(str(tmp_path / "urbihw" / "urbi-54000.socket"))
+        daemon.listen()
+        done = subprocess.run((*MONITOR, "--count", "1"), capture_output=True, text=True, timeout=TIMEOUT_S,
+                              env=environment, stdin=subprocess.DEVNULL)  # fmt: skip
+    told = "bioloid-54000: bad: its bus worker has ended; the daemon is there and starts another one"
+    assert done.stdout[9:] == told + "\n"
+    done = subprocess.run((*MONITOR, "--count", "1"), capture_output=True, text=True, timeout=TIMEOUT_S,
+                          env=environment, stdin=subprocess.DEVNULL)  # fmt: skip
+    assert "no daemon answers" in done.stdout
 
 
 def test_requested_stands_beside_applied_and_measured() -> None:

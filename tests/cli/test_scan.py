@@ -106,6 +106,23 @@ def test_all_ports_are_scanned_and_named(monkeypatch: pytest.MonkeyPatch, capsys
     assert said.err == ""
 
 
+def test_a_port_whose_speed_does_not_count_is_told(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Deaf(LineRig):
+        """Its units hear every speed."""
+
+        def receive(self, data: bytes, at: float) -> None:
+            self.kit.baud = 1_000_000
+            super().receive(data, at)
+
+    ports(monkeypatch, [U2D2], {"/dev/ttyUSB0": Deaf([ax(4), ax(5)])})
+    assert main(["scan"]) == 0
+    said = capsys.readouterr().out
+    assert "the same servos answer at 14 speeds: this port does not set its speed" in said
+    assert "servos of several speeds" not in said
+
+
 def test_a_scan_for_programs(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     ports(monkeypatch, [U2D2], {"/dev/ttyUSB0": LineRig([ax(4)])})
     assert main(["scan", "/dev/ttyUSB0?baud=1000000", "--json"]) == 0

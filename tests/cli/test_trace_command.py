@@ -13,6 +13,7 @@ from worker_socket import WorkerSocket
 
 import urbihw_fakes
 from urbihw import buses
+from urbihw.buses.capture import CaptureHead
 from urbihw.buses.clock import SimClock
 from urbihw.buses.link import Context, Link
 from urbihw.buses.pipe import PipeEnd
@@ -79,11 +80,47 @@ def test_what_is_saved_is_decoded_again(worker: WorkerSocket, tmp_path: Path, ca
     assert main(["trace", "--save", str(file), "--json"]) == 0
     assert file.stat().st_mode & 0o777 == 0o600
     first = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert main(["trace", str(file), "--platform", "bioloid", "--json"]) == 0
+    assert main(["trace", str(file), "--json"]) == 0
     again = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     kinds = [each["what"] for each in first if "what" in each]
     assert kinds == ["read", "status", "read", "no answer"]
     assert [each["what"] for each in again if "what" in each] == kinds
+    # The model comes from the file, too: a servo whose model is assumed has "(as AX-12)".
+    assert [each["detail"] for each in again if "what" in each] == [each["detail"] for each in first if "what" in each]
+    assert main(["trace", str(file), "--platform", "chain"]) == 0
+    capsys.readouterr()
+    assert main(["trace", str(file), "--platform", "nxt"]) == 78
+    told = f"urbihw: {file} is the traffic of a bioloid, not of a nxt: leave --platform out\n"
+    assert capsys.readouterr() == ("", told)
+    assert main(["trace", str(file), "--save", str(file)]) == 78
+    assert "name another file" in capsys.readouterr().err and file.stat().st_size
+
+
+def test_the_platform_of_a_daemon_is_known(worker: WorkerSocket, capsys: Capture) -> None:
+    assert main(["trace", "--platform", "nxt"]) == 78
+    assert "is the traffic of a bioloid, not of a nxt" in capsys.readouterr().err
+
+
+def test_a_guessed_platform_may_be_corrected(tmp_path: Path, capsys: Capture) -> None:
+    file = tmp_path / "wire.txt"
+    file.write_text(CaptureHead("chain", guessed=True).line() + "\n0.1  > FF FF 01 02 01 FB\n")
+    for words in ([], ["--platform", "so101"]):
+        assert main(["trace", str(file), *words]) == 0
+        assert "ping" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "{", "[]", '{"platform": 5, "devices": [], "guessed": false}', '{"platform": "chain", "devices": [5]}',
+        "[" * 99999, '{"platform": "chain", "devices": [5], "guessed": false}',
+    ],
+)  # fmt: skip
+def test_a_damaged_head_is_one_line(head: str, tmp_path: Path, capsys: Capture) -> None:
+    file = tmp_path / "wire.txt"
+    file.write_text(f"# urbihw trace: {head}\n")
+    assert main(["trace", str(file)]) == 66
+    assert capsys.readouterr().err == "urbihw: line 1 begins as that of a capture, and is damaged: remove it\n"
 
 
 @pytest.mark.parametrize(
@@ -93,6 +130,8 @@ def test_what_is_saved_is_decoded_again(worker: WorkerSocket, tmp_path: Path, ca
         (("spykee://10.0.0.1", "--platform", "spykee"), 78, "nobody serves spykee://10.0.0.1"),
         (("--socket", "/nowhere.sock"), 69, "is the daemon running?"),
         ((), 69, "no daemon answers"),
+        (("/nowhere/wire.txt",), 66, "no such file or port: /nowhere/wire.txt"),
+        (("wire.txt",), 66, "no such file or port: wire.txt"),
         ((str(CAPTURES / "nxt.hex"),), 78, "Give --platform, one of: bioloid, chain"),
         ((str(CAPTURES / "nxt.hex"), "--platform", "nix"), 78, "no platform 'nix'"),
         ((str(CAPTURES / "__init__.py"), "--platform", "nxt"), 66, "is no line of a capture"),

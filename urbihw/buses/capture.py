@@ -1,6 +1,7 @@
 """Recorded traffic as text: what `spy://` prints, the .hex captures of the simulated robots, logs of candump.
 
-Forms of a line, recognised one by one::
+The first line of a capture of ``urbihw trace --save`` tells how it is decoded: `CaptureHead`.  Forms of the other
+lines, recognised one by one::
 
     0.001234  > FF FF 01 02 01 FB              spy://, urbihw trace --save
     > FF FF 01 02 01 FB                        a capture by hand; [name] begins an exchange, # a comment
@@ -10,9 +11,11 @@ Forms of a line, recognised one by one::
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Iterable, Iterator
-from typing import Final, TextIO
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, TextIO
 
 from urbihw.buses.errors import BadFrame
 from urbihw.buses.trace import Chunk, Direction
@@ -26,8 +29,44 @@ _SCREEN: Final = re.compile(
 _SECTION: Final = re.compile(r"\[([^\]]*)\].*")
 _EXTENDED: Final = 0xFFFF
 """Stands for an identifier of 29 bits, which no robot here uses."""
+_HEAD: Final = "# urbihw trace: "
 _LONGEST_LINE: Final = 1 << 20
 """Characters of a line at most."""
+
+
+@dataclass(frozen=True)
+class CaptureHead:
+    """What a capture tells of itself: a comment, which other readers of captures pass over.
+
+    Attributes:
+        platform: of the robot, "" if it is not known.
+        devices: on the wire, as the worker described them.
+        guessed: the platform is only likely.
+    """
+
+    platform: str = ""
+    devices: Sequence[Mapping[str, Any]] = ()
+    guessed: bool = False
+
+    @classmethod
+    def parse(cls, line: str) -> CaptureHead:
+        """Read the first line of a capture; one without a head tells nothing. Raises BadFrame for a damaged head."""
+        if not line.startswith(_HEAD):
+            return cls()
+        try:
+            told = json.loads(line.removeprefix(_HEAD))
+            platform, devices, guessed = told["platform"], told["devices"], told["guessed"]
+        except (ValueError, KeyError, TypeError, RecursionError):
+            raise BadFrame("line 1 begins as that of a capture, and is damaged: remove it") from None
+        rows = isinstance(devices, list) and all(isinstance(row, dict) for row in devices)
+        if not (isinstance(platform, str) and rows and isinstance(guessed, bool)):
+            raise BadFrame("line 1 begins as that of a capture, and is damaged: remove it")
+        return cls(platform, devices, guessed)
+
+    def line(self) -> str:
+        """Return the line that `parse` reads."""
+        told = {"platform": self.platform, "devices": list(self.devices), "guessed": self.guessed}
+        return _HEAD + json.dumps(told)
 
 
 def lines_of(file: TextIO) -> Iterator[str]:

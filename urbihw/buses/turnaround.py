@@ -14,6 +14,7 @@ from typing import Final
 from urbihw.buses.trace import Chunk, Decoder, Packet
 
 _ANSWERS: Final = "status"
+_NO_ANSWER: Final = "no answer"
 
 
 class BusMeter:
@@ -35,11 +36,11 @@ class BusMeter:
         self._begin: float | None = None
         self._end = self._free_at = 0.0
 
-    def add_all(self, chunks: Iterable[Chunk]) -> None:
-        """Add all chunks of a recording."""
+    def add_all(self, chunks: Iterable[Chunk], *, is_cut_off: bool = False) -> None:
+        """Add all chunks of a recording; of one that is cut off, the last question may still have been answered."""
         for chunk in chunks:
             self.add(chunk)
-        self._count(self._decoder.flush())
+        self._count(packet for packet in self._decoder.flush() if not (is_cut_off and packet.what == _NO_ANSWER))
 
     def add(self, chunk: Chunk) -> None:
         """Add a chunk of the traffic."""
@@ -65,7 +66,7 @@ class BusMeter:
     def _count(self, packets: Iterable[Packet]) -> None:
         for packet in packets:
             self.damaged += packet.what == "?"
-            if packet.what == "no answer":
+            if packet.what == _NO_ANSWER:
                 self.silent[packet.device] += 1
 
     @property

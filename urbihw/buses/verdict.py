@@ -17,7 +17,11 @@ LATE_SHARE: Final = 0.01
 SHORTEST_S: Final = 10.0
 """Seconds of a record below which shares are not judged: while everything starts, the machine is busy."""
 ERROR_SHARE: Final = 0.01
-"""Errors of the wire in a tick, over the last minute, from which on they are a warning."""
+"""Errors of a kind on the wire in a tick, over the last minute, from which on they are a warning."""
+BAD_ERROR_SHARE: Final = 0.1
+"""The same from which on they are bad."""
+_AT_MOST_A_WARNING: Final = {"refused", "retried"}
+"""Kinds of errors that cost time, and no values."""
 SLOW_SHARE: Final = 0.9
 """Share of the wanted rate below which the rate is a warning."""
 MAX_AGE_S: Final = 2.0
@@ -62,6 +66,13 @@ def judge(told: Mapping[str, Any]) -> list[Finding]:
     return sorted(found, key=lambda finding: -finding.level)
 
 
+def error_level(kind: str, count: float, ticks: float) -> Level:
+    """Return the verdict on errors of one kind that the wire had in some ticks."""
+    if count <= ERROR_SHARE * ticks:
+        return Level.OK
+    return Level.BAD if count > BAD_ERROR_SHARE * ticks and kind not in _AT_MOST_A_WARNING else Level.WARNING
+
+
 def level_of(findings: list[Finding]) -> Level:
     """Return the verdict: the worst of the reasons."""
     return max((finding.level for finding in findings), default=Level.OK)
@@ -104,8 +115,9 @@ def _bus(bus: Mapping[str, Any]) -> Iterator[Finding]:
     errors = table_in(bus, "recent_errors")
     for kind in errors:
         count = number_in(errors, kind)
-        if count > ERROR_SHARE * wanted * seconds:
-            yield Finding(Level.WARNING, "errors", "", f"{count:.0f} {kind} on the wire in {seconds:.0f} s")
+        level = error_level(kind, count, wanted * seconds)
+        if level:
+            yield Finding(level, "errors", "", f"{count:.0f} {kind} on the wire in {seconds:.0f} s")
 
 
 def _inventory(told: Mapping[str, Any]) -> Iterator[Finding]:

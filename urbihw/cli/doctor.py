@@ -26,6 +26,7 @@ from urbihw.cli.ports_in_use import open_line
 from urbihw.cli.robot_check import BusReport, check_line, check_served, mend_delays, mend_latency
 from urbihw.cli.scan_ports import adapter_name
 from urbihw.cli.tracing import traffic_of
+from urbihw.cli.urls import check_url
 from urbihw.exitcodes import EX_CONFIG
 from urbihw.extras import install_command, required_packages
 
@@ -48,6 +49,12 @@ def run(options: argparse.Namespace) -> int:
     if options.mend and (not options.url or options.json):
         print("urbihw: --mend takes the url of a bus of servos, and no --json", file=sys.stderr)
         return EX_CONFIG
+    if options.url:
+        try:
+            check_url(options.url)
+        except BadUrl as error:
+            print(f"urbihw: {error}", file=sys.stderr)
+            return EX_CONFIG
     before = time.time() - time.monotonic()
     report = BusReport()
     findings: list[Finding] = []

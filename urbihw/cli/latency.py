@@ -23,10 +23,10 @@ from typing import Any, Final
 
 from urbihw.buses.trace import Chunk
 from urbihw.cli.lobby_client import LobbyClient
-from urbihw.cli.options import Refused, whole
+from urbihw.cli.options import DEFAULT_PORT, Refused, whole
 from urbihw.cli.reach import add_server, credentials, server
-from urbihw.cli.tracing import open_traffic, traffic_of
-from urbihw.client.where import Where
+from urbihw.cli.tracing import WorkerTraffic, open_traffic, traffic_of
+from urbihw.client.where import Where, is_loopback
 from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_UNAVAILABLE
 
 WHATS: Final = ("telnet", "remote", "bus")
@@ -46,6 +46,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     """The options of ``urbihw latency``."""
     parser.add_argument("what", nargs="*", metavar="WHAT", help=f"what to measure: {', '.join(WHATS)} (default: all)")
     add_server(parser)
+    parser.set_defaults(port=None)  # Without a port, the bus is that of the only robot.
     parser.add_argument("--count", type=whole(1, 1_000_000, "number of round trips"), default=500, metavar="N",
                         help="round trips of each (%(default)s)")
     parser.add_argument("--socket", type=Path, metavar="PATH", help="control socket of the robot, for the bus")
@@ -81,14 +82,14 @@ def run(options: argparse.Namespace) -> int:
 
 def telnet(options: argparse.Namespace) -> list[float]:
     """Measure statement and answer.  Raises Refused."""
-    with LobbyClient(server(options), credentials(options)) as link:
+    with LobbyClient(_server(options), credentials(options)) as link:
         link.read_banner()
         return [_round_trip(link) for _ in range(options.count)]
 
 
 def remote(options: argparse.Namespace) -> list[float]:
     """Measure a variable of a UObject in another process, there and back.  Raises Refused."""
-    where = server(options)
+    where = _server(options)
     with LobbyClient(where, credentials(options)) as link, _echo_process(where, options):
         _wait_for_class(link)
         name = f"{_PROBE}{os.getpid()}"
@@ -101,9 +102,10 @@ def remote(options: argparse.Namespace) -> list[float]:
 
 def bus(options: argparse.Namespace) -> list[float]:
     """Measure question and answer on the bus, by what the worker sends and gets.  Raises Refused."""
-    traffic = open_traffic(options.socket) if options.socket is not None else traffic_of("")
-    if traffic is None:
-        raise Refused("no daemon on this machine serves a robot; start one (urbihw serve)")
+    if options.socket is not None:
+        traffic = open_traffic(options.socket)
+    else:
+        traffic = _bus_of(options)
     times: list[float] = []
     asked = math.nan
     with traffic:
@@ -120,6 +122,24 @@ def bus(options: argparse.Namespace) -> list[float]:
     if not times:
         raise Refused("nothing is asked on this bus: is the robot there?")
     return times
+
+
+def _server(options: argparse.Namespace) -> Where:
+    """The server that the options name.  Raises Refused."""
+    return server(argparse.Namespace(**vars(options) | {"port": options.port or DEFAULT_PORT}))
+
+
+def _bus_of(options: argparse.Namespace) -> WorkerTraffic:
+    """The traffic of the robot that the options name.  Raises Refused."""
+    chosen = options.port is not None or options.port_file is not None
+    where = _server(options)
+    if options.host is not None and where.path is None and not is_loopback(where.host):
+        raise Refused(f"a bus is measured on its own machine only: log in to {where.host}")
+    traffic = traffic_of("", where.port if chosen else None)
+    if traffic is None:
+        which = f" on port {where.port}" if chosen else ""
+        raise Refused(f"no daemon of this machine serves a robot{which}; start one (urbihw serve)")
+    return traffic
 
 
 _MEASURE: Final = {"telnet": telnet, "remote": remote, "bus": bus}

@@ -1,4 +1,4 @@
-"""Watch the robots that are served: a live table of their devices, or lines where the output is no terminal.
+"""Watch the robots that are served: a live table of their devices, or lines where there is no terminal for a table.
 
 The table asks four times a second, each time anew, so it finds a daemon again that was restarted.
 """
@@ -36,6 +36,8 @@ LEAVE: Final = b"q\x03\x04"
 _STYLES: Final = ("green", "yellow", "bold red")
 """By level."""
 _STATE_STYLES: Final = {"ok": "green", "back": "yellow", "suspect": "yellow", "lost": "bold red"}
+_DUMB: Final = ("", "dumb", "unknown")
+"""Values of TERM for a terminal without a cursor that can be moved."""
 _MEASURED: Final = ("temperature", "voltage", "load", "current", "charge")
 
 
@@ -48,7 +50,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Show the table until q is pressed, or lines until the reader ends."""
     try:
-        if sys.stdin.isatty() and sys.stdout.isatty():
+        if sys.stdin.isatty() and sys.stdout.isatty() and os.environ.get("TERM", "") not in _DUMB:
             return _show_table(options)
         return _print_lines(options, time.sleep)
     except ValueError as error:  # BadConfig

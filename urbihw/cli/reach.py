@@ -21,7 +21,7 @@ PROBE_TIMEOUT_S: Final = 0.5
 def add_server(parser: argparse.ArgumentParser) -> None:
     """The options of the programs that connect to a server: ``server`` and ``credentials`` read them."""
     parser.add_argument("-H", "--host", help="address to connect to, or path of a UNIX socket (this machine)")
-    parser.add_argument("-P", "--port", type=port, default=DEFAULT_PORT, help="port to connect to (%(default)s)")
+    parser.add_argument("-P", "--port", type=port, default=DEFAULT_PORT, help=f"port to connect to ({DEFAULT_PORT})")
     parser.add_argument("--port-file", type=Path, metavar="FILE", help="connect to the port contained in FILE")
     add_access(parser)
 
@@ -46,7 +46,7 @@ def resolve_server(host: str | None, number: int, tls: bool | None) -> Where:
     this port, if it exists and is accessible, else TCP."""
     if host is None and not tls:
         for path in _sockets(number):
-            if _accepts(path):
+            if accepts(path):
                 return Where(str(path), number)
     return where_is(DEFAULT_HOST if host is None else host, number, tls)
 
@@ -75,7 +75,7 @@ def _sockets(number: int) -> list[Path]:
         return []
 
 
-def _accepts(path: Path) -> bool:
+def accepts(path: Path) -> bool:
     """Whether a daemon listens at a socket; a killed daemon leaves its socket behind."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
         probe.settimeout(PROBE_TIMEOUT_S)

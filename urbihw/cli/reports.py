@@ -13,6 +13,7 @@ from typing import Any, Final, NamedTuple
 
 from urbihw.buses.verdict import Finding, Level, device_name, judge, level_of, number_in, table_in
 from urbihw.cli import control
+from urbihw.cli.reach import accepts
 from urbihw.daemon.runtime import SERVICE_FOLDER, control_sockets
 from urbihw.exitcodes import EX_CONFIG, EX_UNAVAILABLE
 from urbihw.settings import escape_unprintable
@@ -49,7 +50,17 @@ def collect(path: Path | None) -> list[Report]:
     Raises ValueError if the folder of the sockets cannot be used.
     """
     paths = [path] if path is not None else _sockets()
-    return [report(answer) for answer in control.ask(paths, "health", "") if not answer.gone]
+    answers = zip(paths, control.ask(paths, "health", ""), strict=True)
+    found = (_replaced(each, answer) if answer.gone else answer for each, answer in answers)
+    return [report(answer) for answer in found if not answer.gone]
+
+
+def _replaced(path: Path, answer: control.Answer) -> control.Answer:
+    """The answer for a control socket where nobody listens: its daemon may be there, and start another bus worker."""
+    client_socket = path.with_name(f"urbi-{path.stem.rpartition('-')[2]}.socket")
+    if not client_socket.exists() or not accepts(client_socket):
+        return answer
+    return answer._replace(problem="its bus worker has ended; the daemon is there and starts another one", gone=False)
 
 
 def _sockets() -> list[Path]:

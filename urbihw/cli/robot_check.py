@@ -7,7 +7,7 @@ is opened, and its servos are pinged and read; nothing is written.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -17,6 +17,7 @@ from urbihw.buses import ports
 from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
 from urbihw.buses.servos import trace, units
 from urbihw.buses.servos.changes import check_alone, find_all
+from urbihw.buses.servos.device import Scan
 from urbihw.buses.servos.findings import findings as servo_findings
 from urbihw.buses.servos.line import Line
 from urbihw.buses.servos.plan import read_blocks
@@ -24,10 +25,10 @@ from urbihw.buses.servos.registers import ServoError, ServoRegisters, bus_for
 from urbihw.buses.servos.survey import Servo, read_live
 from urbihw.buses.trace import Chunk
 from urbihw.buses.turnaround import BusMeter
-from urbihw.buses.verdict import Level, judge, number_in, table_in
+from urbihw.buses.verdict import ERROR_SHARE, Level, error_level, judge, number_in, rows_in, table_in
 from urbihw.cli import control
 from urbihw.cli.dialogue import Dialogue
-from urbihw.cli.machine import Finding
+from urbihw.cli.machine import Finding, Verdict
 from urbihw.cli.tracing import WorkerTraffic
 from urbihw.kernel.uobject import BadConfig
 
@@ -40,6 +41,8 @@ _SLOW_S: Final = 200e-6
 """A turnaround above this is worth a line."""
 _READ: Final = ("present_position", "present_temperature", "firmware_version")
 _BITS: Final = 10
+_VERDICTS: Final[Mapping[Level, Verdict]] = {Level.OK: "ok", Level.WARNING: "note", Level.BAD: "bad"}
+_NORMAL: Final = f": up to {100 * ERROR_SHARE:g} % is normal"
 _MANY: Final = 8
 """Ids that are named in a line at most."""
 
@@ -50,7 +53,8 @@ class BusReport:
 
     Attributes:
         findings: in words.
-        numbers: for programs: bytes_a_cycle, busy, retries, damaged, turnaround (device -> s), return_delay (id -> s).
+        numbers: for programs: bytes_a_cycle, busy, retries, damaged, silent (device -> count), turnaround (device -> s)
+            and return_delay (id -> s).
         servos: those that were found, () behind a daemon.
     """
 
@@ -63,11 +67,11 @@ def check_served(traffic: WorkerTraffic, seconds: float = WATCH_S) -> BusReport:
     """Measure the bus of a robot that a daemon serves.  Raises Refused."""
     report = BusReport([Finding("ok", f"a daemon serves {traffic.about.get('url')}: it is asked, not the robot")])
     told = _health_of(traffic.path)
-    for each in judge(told):
-        verdict = "bad" if each.level == Level.BAD else "note"
-        report.findings.append(Finding(verdict, str(each)))  # type: ignore[arg-type]
-    name = traffic.path.stem.rpartition("-")[0]
+    report.findings += (Finding(_VERDICTS[each.level], str(each)) for each in judge(told))
     devices, speed = traffic.devices, traffic.baud or 1_000_000
+    if not told.get("link"):
+        return report
+    name = traffic.path.stem.rpartition("-")[0]
     try:
         decoder = platforms.load_trace(platforms.find(name))(devices)
     except BadConfig:
@@ -75,20 +79,38 @@ def check_served(traffic: WorkerTraffic, seconds: float = WATCH_S) -> BusReport:
                                                "not measured"))
         return report
     meter = BusMeter(decoder, _BITS / speed)
-    meter.add_all(item for item in traffic.chunks(time.monotonic() + seconds) if isinstance(item, Chunk))
+    items = list(traffic.chunks(time.monotonic() + seconds))
+    meter.add_all((item for item in items if isinstance(item, Chunk)), is_cut_off=True)
+    if not meter.seconds:
+        report.findings.append(Finding("note", f"nothing was on the wire for {seconds:g} s: it is not measured"))
+        return report
+    lost = sum(item for item in items if isinstance(item, int))
+    if lost:
+        report.findings.append(Finding("note", f"{lost} pieces of the traffic were lost on the way here: its errors "
+                                               "are not counted"))
     bus = table_in(told, "bus")
     rate = number_in(bus, "rate")
-    cycles = meter.seconds * rate
-    retries = round(number_in(table_in(bus, "recent_errors"), "retried"))
-    _describe(report, meter, cycles, retries, f"at {rate:.0f} cycles a second")
+    report.numbers["retries"] = round(number_in(table_in(bus, "recent_errors"), "retried"))
+    _describe(report, meter, meter.seconds * rate, f"at {rate:.0f} cycles a second, for {seconds:g} s")
+    if not lost:
+        report.findings += _error_findings(meter, meter.seconds * rate, _lost_devices(told))
     return report
+
+
+def _lost_devices(told: Mapping[str, Any]) -> set[str]:
+    """The devices that the worker counts as lost, and asks now and then."""
+    return {str(row.get("device")) for row in rows_in(told, "devices") if row.get("state") == "lost"}
 
 
 def check_line(line: Line) -> BusReport:
     """Measure a bus of servos that nobody serves: each servo is read several times.  Raises LinkGone."""
     report = BusReport()
-    found = find_all(line.link)
+    found, once = _look_twice(line)
     report.findings += _conflict_findings(found.conflicts)
+    if once:
+        shown = ", ".join(map(str, once))
+        report.findings.append(Finding("note", f"servo {shown}: found in one of two searches only: check its cable and "
+                                               "supply"))
     if not found.devices:
         report.findings.append(Finding("bad", f"{line.name}: no servo answers at {line.baud} bps: is it powered? "
                                               "urbihw scan looks at all speeds"))
@@ -109,13 +131,29 @@ def check_line(line: Line) -> BusReport:
     meter = BusMeter(trace.dynamixel(devices), line.link.byte_time)
     meter.add_all(chunks)
     report.findings.append(Finding("ok", f"{line.name}: {len(report.servos)} servos at {line.baud} bps"))
-    _describe(report, meter, ROUNDS, retries, "one servo after the other")
+    report.numbers["retries"] = retries
+    _describe(report, meter, ROUNDS, "one servo after the other")
+    report.findings += _error_findings(meter, ROUNDS, set(), retries)
     for servo in report.servos:
         for each in servo_findings(servo):
             if not each.cost:  # The return delay: told with its gain.
                 report.findings.append(Finding("note", f"servo {servo.device.id}: {each.text}"))
     report.findings += _delay_findings(report)
     return report
+
+
+def _look_twice(line: Line) -> tuple[Scan, list[int]]:
+    """Search twice; return all that was found, and the ids of devices that one of the searches has missed.
+
+    Raises LinkGone.
+    """
+    first, second = find_all(line.link), find_all(line.link)
+    conflicts = {*first.conflicts, *second.conflicts}
+    both = ({device.id: device for device in each.devices if device.id not in conflicts} for each in (first, second))
+    before, after = both
+    found = before | after
+    once = sorted(before.keys() ^ after.keys())
+    return Scan(tuple(found[number] for number in sorted(found)), tuple(sorted(conflicts))), once
 
 
 def _conflict_findings(numbers: Sequence[int]) -> Iterator[Finding]:
@@ -146,19 +184,18 @@ def _read_often(line: Line, servo: Servo) -> int:
     return bus.counters.retried
 
 
-def _describe(report: BusReport, meter: BusMeter, cycles: float, retries: int, how: str) -> None:
-    """Add what a meter has measured."""
+def _describe(report: BusReport, meter: BusMeter, cycles: float, how: str) -> None:
+    """Add what a meter has measured of bytes and times."""
     times = meter.turnarounds()
     cycle_bytes = (meter.written + meter.read) / cycles if cycles else 0.0
     report.numbers |= {
-        "bytes_a_cycle": round(cycle_bytes, 1), "busy": round(meter.busy, 4), "retries": retries,
-        "damaged": meter.damaged, "silent": dict(meter.silent),
+        "bytes_a_cycle": round(cycle_bytes, 1), "busy": round(meter.busy, 4), "damaged": meter.damaged,
+        "silent": dict(meter.silent),
         "turnaround": {device: round(seconds, 6) for device, seconds in times.items()},
     }  # fmt: skip
     idle = 100 * (1 - meter.busy)
     text = f"bus: {cycle_bytes:.0f} bytes a cycle, idle {idle:.0f} % of the time ({how})"
     report.findings.append(Finding("ok", text))
-    report.findings += _error_findings(meter, retries)
     if times:
         slowest = max(times, key=lambda device: times[device])
         text = (f"turnaround: {1000 * min(times.values()):.2f} .. {1000 * max(times.values()):.2f} ms "
@@ -169,16 +206,24 @@ def _describe(report: BusReport, meter: BusMeter, cycles: float, retries: int, h
             report.findings.append(Finding("ok", text))
 
 
-def _error_findings(meter: BusMeter, retries: int) -> Iterator[Finding]:
-    silent = ", ".join(f"{device} ({count} times)" for device, count in meter.silent.items())
+def _error_findings(meter: BusMeter, cycles: float, lost: Collection[str], retries: int = 0) -> Iterator[Finding]:
+    """What went wrong on the wire, judged as by ``urbihw health``; devices that are `lost` are told there."""
+    silent = {device: count for device, count in meter.silent.items() if device not in lost}
+    among = f"in {cycles:.0f} cycles"
     if silent:
-        yield Finding("bad", f"no answer from {silent}: check its cable and supply")
+        level = error_level("timeouts", sum(silent.values()), cycles)
+        times = {device: "once" if count == 1 else f"{count} times" for device, count in silent.items()}
+        which = ", ".join(f"{device} ({often})" for device, often in times.items())
+        hint = ": check its cable and supply" if level else _NORMAL
+        yield Finding(_VERDICTS[level], f"no answer {among} from {which}{hint}")
     if meter.damaged:
-        yield Finding("bad", f"{meter.damaged} damaged answers: check cables and ground; two servos may have one id")
+        level = error_level("damaged", meter.damaged, cycles)
+        hint = ": check cables and ground; two servos may have one id" if level else _NORMAL
+        yield Finding(_VERDICTS[level], f"{meter.damaged} damaged answers {among}{hint}")
     if retries:
-        yield Finding("note", f"{retries} questions were repeated")
+        yield Finding(_VERDICTS[error_level("retried", retries, cycles)], f"{retries} questions were repeated {among}")
     if not (silent or meter.damaged or retries):
-        yield Finding("ok", "no retries, no damaged answers")
+        yield Finding("ok", f"no question without an answer, no damaged answer {among}")
 
 
 def delays(servos: Iterable[Servo]) -> dict[int, float]:

@@ -149,9 +149,23 @@ def wire_findings(report: PortReport) -> list[Finding]:
             "them another id"
         ))  # fmt: skip
     speeds = {servo.baud for servo in report.survey.servos} if report.survey else set()
-    if len(speeds) > 1:
+    if len(speeds) > 1 and _same_at_all_speeds(report.survey.servos if report.survey else ()):
+        found.append(Finding(
+            f"the same servos answer at {len(speeds)} speeds: this port does not set its speed, so ?baud= tells "
+            "nothing (a simulated robot: start it with --follow-baud)"
+        ))  # fmt: skip
+    elif len(speeds) > 1:
         found.append(Finding("servos of several speeds on one line: give all the same (urbihw servo set-baud)"))
     return found
+
+
+def _same_at_all_speeds(servos: Iterable[Servo]) -> bool:
+    """Whether each speed has found the same devices: a servo hears one speed only."""
+    found: dict[int, set[tuple[int, int]]] = {}
+    for servo in servos:
+        found.setdefault(servo.baud, set()).add((servo.device.id, servo.device.model))
+    first, *others = found.values()
+    return all(each == first for each in others)
 
 
 def shown(servo: Servo, item: str) -> float | None:

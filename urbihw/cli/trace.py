@@ -2,29 +2,32 @@
 
 With the url of a robot that a daemon serves, or without any, the daemon shows what its bus worker writes and reads.
 With another url (a serial line or a CAN bus) the command only listens there.  With a file it decodes a capture: one of
-its own (--save), the output of spy://, or a log of candump.
+its own (--save), which says how, the output of spy://, or a log of candump.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 import os
 import sys
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, TextIO
+from typing import Final, TextIO
 
 from urbihw import buses, platforms
-from urbihw.buses.capture import capture_line, lines_of, read_capture
+from urbihw.buses.capture import CaptureHead, capture_line, lines_of, read_capture
 from urbihw.buses.errors import BadFrame, BadUrl, LinkGone, Unavailable
 from urbihw.buses.link import Link, Port, Url
 from urbihw.buses.trace import Chunk, Decoder, MakeDecoder, Packet
 from urbihw.cli.options import Refused, number, whole
 from urbihw.cli.tracing import open_traffic, traffic_of
+from urbihw.cli.urls import check_url
 from urbihw.exitcodes import EX_CONFIG, EX_NOINPUT, EX_OK, EX_UNAVAILABLE
 from urbihw.kernel.uobject import BadConfig
 
@@ -68,23 +71,72 @@ def run(options: argparse.Namespace) -> int:
         return EX_NOINPUT if isinstance(error, BadFrame) else EX_UNAVAILABLE
 
 
+@dataclass(frozen=True)
+class Source:
+    """Where the traffic comes from.
+
+    Attributes:
+        items: the traffic.
+        head: how it is decoded.
+        until: the time (``time.monotonic``) at which it is cut off.
+    """
+
+    items: Iterable[Item]
+    head: CaptureHead
+    until: float = math.inf
+
+
 def _run(options: argparse.Namespace) -> int:
     until = time.monotonic() + options.seconds if options.seconds else math.inf
-    if options.where and Path(options.where).is_file():
-        make, devices = _decoder_of(options.platform or ""), ()
+    where, wanted = options.where, options.platform or ""
+    if where and Path(where).is_file():
+        if options.save is not None and options.save.exists() and options.save.samefile(where):
+            raise Refused(f"--save: {options.save} is what is read: name another file", EX_CONFIG)
         try:
-            with open(options.where, encoding="ascii", errors="replace") as file:
-                return _show(read_capture(lines_of(file)), make, devices, options)
+            with open(where, encoding="ascii", errors="replace") as file:
+                return _show_file(file, wanted, options)
         except OSError as error:
-            raise Refused(f"{options.where}: {error.strerror}", EX_NOINPUT) from error
-    traffic = open_traffic(options.socket) if options.socket is not None else traffic_of(options.where)
+            raise Refused(f"{where}: {error.strerror}", EX_NOINPUT) from error
+    if where:
+        check_url(where)
+    traffic = open_traffic(options.socket) if options.socket is not None else traffic_of(where)
     if traffic is not None:
         with traffic:
-            make = _decoder_of(options.platform or _platform_of(traffic.path))
-            return _show(traffic.chunks(until), make, traffic.devices, options)
-    if not options.where:
+            told = _with_platform(str(traffic.path), CaptureHead(_platform_of(traffic.path), traffic.devices), wanted)
+            return _show(Source(traffic.chunks(until), told, until), options)
+    if not where:
         raise Refused("no daemon answers; start one (urbihw serve), or name a port or a capture", EX_UNAVAILABLE)
-    return _show(listen(options.where, until), _decoder_of(options.platform or _guess(options.where)), (), options)
+    if _names_no_port(where):
+        raise Refused(f"no such file or port: {where}", EX_NOINPUT)
+    head = _with_platform(where, CaptureHead(_guess(where), guessed=True), wanted)
+    return _show(Source(listen(where, until), head, until), options)
+
+
+def _show_file(file: TextIO, wanted: str, options: argparse.Namespace) -> int:
+    """Show a capture.  Raises Refused, BadConfig, BadFrame."""
+    lines = lines_of(file)
+    first = next(lines, "")
+    head = _with_platform(options.where, CaptureHead.parse(first), wanted)
+    return _show(Source(read_capture(itertools.chain((first,), lines)), head), options)
+
+
+def _names_no_port(where: str) -> bool:
+    """Whether a text that names nothing there was rather meant as a file than as a serial port."""
+    path = Path(where.partition("?")[0])
+    return "://" not in where and path.parent != Path("/dev") and not path.exists()
+
+
+def _with_platform(source: str, head: CaptureHead, wanted: str) -> CaptureHead:
+    """Return how traffic is decoded, by what is known of it, and what the user wants.
+
+    Raises Refused for another kind of robot than it comes from, BadConfig for one that there is not.
+    """
+    if not wanted:
+        return head
+    known = "" if head.guessed else head.platform
+    if known and _decoder_of(wanted) is not _decoder_of(known):
+        raise Refused(f"{source} is the traffic of a {known}, not of a {wanted}: leave --platform out", EX_CONFIG)
+    return CaptureHead(known or wanted, head.devices)
 
 
 def _platform_of(path: Path) -> str:
@@ -134,17 +186,17 @@ def _read(port: Port, deadline: float) -> Iterable[bytes]:
     return [frame.id.to_bytes(2, "big") + frame.data for frame in can_port(port).receive(_MOST_FRAMES, deadline)]
 
 
-def _show(
-    items: Iterable[Item], make: MakeDecoder, devices: Sequence[Mapping[str, Any]], options: argparse.Namespace
-) -> int:
+def _show(source: Source, options: argparse.Namespace) -> int:
     """Print the packets until the end, or the number that is wanted."""
+    make = _decoder_of(source.head.platform)
     printer = Printer(sys.stdout, options.bytes, options.json, options.count or 0)
     try:
         if options.save is None:
-            _print(items, make, devices, printer, None)
+            _print(source, make, printer, None)
         else:
             with open(options.save, "w", encoding="ascii", opener=_private) as save:
-                _print(items, make, devices, printer, save)
+                save.write(source.head.line() + "\n")
+                _print(source, make, printer, save)
     except KeyboardInterrupt:
         print()
     except BrokenPipeError:
@@ -165,12 +217,10 @@ def _private(path: str, flags: int) -> int:
     return os.open(path, flags, 0o600)
 
 
-def _print(
-    items: Iterable[Item], make: MakeDecoder, devices: Sequence[Mapping[str, Any]], printer: Printer,
-    save: TextIO | None,
-) -> None:  # fmt: skip
+def _print(source: Source, make: MakeDecoder, printer: Printer, save: TextIO | None) -> None:
+    devices = source.head.devices
     decoder: Decoder = make(devices)
-    for item in items:
+    for item in source.items:
         if isinstance(item, Chunk):
             if save is not None:
                 save.write(capture_line(item) + "\n")
@@ -181,7 +231,11 @@ def _print(
             printer.note(f"[{item}]" if isinstance(item, str) else f"{item} pieces of the traffic were lost")
         if printer.is_full:
             return
-    printer.show(decoder.flush())
+    rest = decoder.flush()
+    if time.monotonic() >= source.until:
+        # The answer to the last question may still have been on its way.
+        rest = [packet for packet in rest if packet.what != "no answer"]
+    printer.show(rest)
 
 
 class Printer:

@@ -158,13 +158,16 @@ def open_traffic(path: Path) -> WorkerTraffic:
         raise Refused(str(error), EX_UNAVAILABLE) from error
 
 
-def traffic_of(url: str) -> WorkerTraffic | None:
-    """Open the traffic of the daemon that serves a url, None if no daemon does; "" is the only one there is.
+def traffic_of(url: str, port: int | None = None) -> WorkerTraffic | None:
+    """Open the traffic of the daemon that serves a url, None if no daemon does; "" is the only one there is, or the one
+    that listens on a port.
 
     Raises Refused.
     """
     found = []
     for path in _sockets():
+        if port is not None and path.stem.rpartition("-")[2] != str(port):
+            continue
         try:
             traffic = WorkerTraffic(path)
         except (OSError, ValueError):

@@ -14,6 +14,8 @@ from urbihw.buses.servos.status import FEETECH
 # Up to this many unwanted bytes it is cheaper to read through them than to ask twice: an extra READ is 14 bytes in
 # protocol 1.0, an extra answer of a sync read 11 in protocol 2.0.
 _BRIDGE: Final = {1: 14, 2: 11, FEETECH: 14}
+_MAX_SENT_2: Final = 1024
+"""Bytes of a packet of protocol 2.0 that dynamixel-sdk sends at most; the protocol itself has room for 65542."""
 TORQUE: Final = "torque_enable"
 _FORMATS: Final = {(1, False): "B", (2, False): "H", (4, False): "I", (1, True): "b", (2, True): "h", (4, True): "i"}
 
@@ -115,6 +117,14 @@ def write_runs(table: Table, names: Iterable[str]) -> tuple[Run, ...]:
     return tuple(Run(block.address, block.size, block.names, block.layout, block.signs) for block in map(_block, runs))
 
 
+def _rows_in_a_packet(protocol: int, size: int) -> int:
+    """Return for how many devices a SYNC_WRITE of `size` bytes each has room."""
+    if protocol != 2:
+        return (packet.MAX_PACKET_1 - 8) // (size + 1)
+    # Stuffing adds a byte to three at most.
+    return (_MAX_SENT_2 - 14) * 3 // 4 // (size + 1)
+
+
 def sync_writes(protocol: int, groups: Iterable[WriteGroup]) -> list[bytes]:
     """Return the SYNC_WRITE packets for groups of devices that change the same items, in sending order.
 
@@ -134,7 +144,7 @@ def sync_writes(protocol: int, groups: Iterable[WriteGroup]) -> list[bytes]:
                     row[device] = pack(values)
     packets = []
     for (_, address, size), row in sorted(rows.items()):
-        room = (packet.MAX_PACKET_1 - 8) // (size + 1) if protocol != 2 else len(row)
+        room = _rows_in_a_packet(protocol, size)
         if len(row) <= room:
             packets.append(packet.sync_write_packet(protocol, address, row))
             continue
