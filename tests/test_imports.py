@@ -126,6 +126,10 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.platforms.jpeg", "urbihw.platforms.streamed",
     ),  # fmt: skip
     "urbihw.platforms.streamed": ("urbihw.kernel.uobject", "urbihw.platforms.channel", "urbihw.platforms.words"),
+    # A simulated world, looked at: the object of urbiscript, the process that draws, recordings.
+    "urbihw.platforms.scene": (
+        "urbihw.kernel.uobject", "urbihw.extras", "urbihw.files", "urbihw.platforms.streamed",
+    ),  # fmt: skip
     # Motions recorded, kept and played, for every robot with joints.
     "urbihw.platforms.teach": (
         "urbihw.kernel.uobject", "urbihw.settings", "urbihw.files", "urbihw.platforms.base",
@@ -142,7 +146,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.platforms.devicelog", "urbihw.platforms.streamed", "urbihw.platforms.measured",
         "urbihw.platforms.camera", "urbihw.platforms.jpeg",
         "urbihw.platforms.speaker", "urbihw.platforms.sound", "urbihw.platforms.words", "urbihw.platforms.servos",
-        "urbihw.platforms.teach", "urbihw.navigation",
+        "urbihw.platforms.teach", "urbihw.platforms.scene", "urbihw.navigation",
     ),  # fmt: skip
     # The ways in.  "urbihw.kernel" alone is its door, Kernel; "urbihw.platforms" alone is the loader.
     "urbihw.daemon": (
@@ -153,6 +157,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.kernel.server",
         "urbihw.kernel.lobby",
         "urbihw.platforms",
+        # The world of a simulated robot.
+        "urbihw.platforms.scene",
         "urbihw.buses",
         "urbihw.settings",
         "urbihw.extras",
@@ -162,6 +168,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.buses.verdict",
     ),
     "urbihw.cli": (
+        # To look at a simulated world.
+        "urbihw.platforms.scene",
         # The rule for the names of motions, checked before a server is asked.
         "urbihw.platforms.teach",
         "urbihw.kernel",
@@ -189,7 +197,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     # folder.
     "urbihw.web": (
         "urbihw.client", "urbihw.client.lines", "urbihw.client.values", "urbihw.buses.verdict", "urbihw.daemon",
-        "urbihw.backoff",
+        "urbihw.backoff", "urbihw.repeats",
     ),  # fmt: skip
     # The verdict on the health of a robot, for commands and browsers.
     "urbihw.buses.verdict": (),

@@ -89,6 +89,7 @@ def test_the_space_bar_holds_the_robot_until_the_button_was_held_for_a_second(pa
     panel.page.mouse.down()
     panel.page.wait_for_selector("#held", state="detached")
     panel.page.mouse.up()
+    panel.page.wait_for_selector("#stop-line:has-text('Released')")
 
 
 def test_the_emergency_stop_reaches_the_body_at_once_while_a_program_holds_the_interpreter(

@@ -27,6 +27,7 @@ from test_serve import TIMEOUT_S, URBIHW, Daemon  # isort: skip
 
 pytestmark = pytest.mark.e2e
 
+FLOOD = Path(__file__).with_name("flooding_browsers.py")
 WHEEL, P3DX, SPYKEE = (
     next(rig for rig in RIGS if rig.name == name) for name in ("Bioloid, a wheel", "Pioneer 3-DX", "Spykee")
 )
@@ -90,6 +91,8 @@ class Scene:
         self._arguments = "--platform", rig.platform, "--config", str(file)
         self.daemon = Daemon(folder, *self._arguments)
         self.tabs: list[Tab] = []
+        self.url = ""
+        self.cookies: list[str] = []
 
     def restart(self) -> None:
         """Kill the daemon, and start it again on the same port."""
@@ -120,13 +123,16 @@ async def scene(folder: Path, rig: Rig, *roles: str, remote: bool = False) -> As
             assert panel.poll() is None, "the gateway has ended"
             await asyncio.sleep(0.02)
         port = int(port_file.read_text())
+        made.url = f"http://127.0.0.1:{port}/ws"
         async with aiohttp.ClientSession() as http:
             for role in roles:
                 pair = (sys.executable, *URBIHW[1:], "panel", "pair", "--port", str(port), "--role", role)
                 url = subprocess.run(pair, env=environment, capture_output=True, text=True, check=True).stdout.strip()
                 async with http.get(url, allow_redirects=False) as answer:
                     cookie = answer.headers["Set-Cookie"].partition(";")[0]
-                made.tabs.append(Tab(await http.ws_connect(f"http://127.0.0.1:{port}/ws", headers={"Cookie": cookie})))
+                made.cookies.append(cookie)
+            for cookie in made.cookies:  # all at once: one that reads nothing while others pair is disconnected
+                made.tabs.append(Tab(await http.ws_connect(made.url, headers={"Cookie": cookie})))
             for tab in made.tabs:
                 await tab.event("tree")
             yield made
@@ -182,6 +188,38 @@ def test_a_browser_stops_a_moving_robot_and_sees_its_devices_beside_a_held_inter
         await full.event("state", lambda told: told["estop"] and told["worker"] and not told["daemon"])
 
     play(tmp_path, WHEEL, ("full", "view"), test)
+
+
+def test_eight_browsers_that_flood_do_not_hold_up_a_stop(tmp_path: Path) -> None:
+    async def test(made: Scene) -> None:
+        full = made.tabs[0]
+        await full.run(f"{WHEEL.prepare} waituntil({WHEEL.until});")
+        flooding = subprocess.Popen((sys.executable, str(FLOOD), made.url, *made.cookies[1:]))
+        try:
+            for _ in range(3):
+                await full.run(WHEEL.go)
+                while made.watcher.speed() < WHEEL.moving:
+                    await full.event("state")
+                assert (await full.ask("stop"))["confirmed"]
+                await until(lambda: made.watcher.speed() < WHEEL.rest, 1.0, "a standing wheel")
+        finally:
+            flooding.kill()
+            flooding.wait()
+
+    play(tmp_path, WHEEL, ("full", *["view"] * 8), test)
+
+
+def test_a_subscription_tells_which_slots_cannot_be_read(tmp_path: Path) -> None:
+    async def test(made: Scene) -> None:
+        view = made.tabs[0]
+        answer = await view.ask("subscribe", slots=["motor6.val", "motor6.nothing", "nothing.val"], hz=20)
+        assert answer["errors"] == {"motor6.nothing": "lookup failed: nothing", "nothing.val": "lookup failed: nothing"}
+        await view.event("samples", lambda told: told["v"][0] is not None)
+        answer = await view.ask("subscribe", slots=["nothing.val"], hz=20)
+        assert answer["code"] == "language" and answer["error"] == "nothing.val: lookup failed: nothing"
+        assert (await view.ask("picture", slot="nothing.val"))["code"] == "language"
+
+    play(tmp_path, WHEEL, ("view",), test)
 
 
 def test_a_robot_of_another_machine_is_stopped_by_its_daemon_and_told_as_that(tmp_path: Path) -> None:

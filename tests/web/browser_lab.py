@@ -12,11 +12,11 @@ from typing import Any
 
 import aiohttp
 import jsonschema
-from aiohttp import web
 
 from urbihw.client.credentials import Credentials
 from urbihw.client.where import Where
 from urbihw.web import gateway as gateway_module
+from urbihw.web.connections import Connections, accepting
 from urbihw.web.gateway import Gateway
 from urbihw.web.settings import Settings
 
@@ -127,8 +127,8 @@ class Browser:
 class Site:
     """A gateway on a free port with its daemon and its worker."""
 
-    def __init__(self, gateway: Gateway, daemon: Daemon, worker: Worker) -> None:
-        self.gateway, self.daemon, self.worker = gateway, daemon, worker
+    def __init__(self, gateway: Gateway, daemon: Daemon, worker: Worker, connections: Connections) -> None:
+        self.gateway, self.daemon, self.worker, self.connections = gateway, daemon, worker, connections
         self.base = f"http://127.0.0.1:{gateway.port}"
         self._clients: list[aiohttp.ClientSession] = []
         self._browsers: list[Browser] = []
@@ -173,18 +173,18 @@ async def site(folder: Path) -> AsyncIterator[Site]:
     settings = Settings(Where(str(daemon.path), 1), Credentials(environment={}), folder, worker.path, "toy")
     gateway = Gateway(settings, listener.getsockname()[1])
     running = asyncio.create_task(gateway.run())
-    runner = web.AppRunner(gateway.app, access_log=None)
-    await runner.setup()
-    await web.SockSite(runner, listener).start()
-    made = Site(gateway, daemon, worker)
     try:
-        yield made
+        async with accepting(gateway.app, listener, None) as connections:
+            made = Site(gateway, daemon, worker, connections)
+            try:
+                yield made
+            finally:
+                await made.close()
+                await gateway.close()
     finally:
-        await made.close()
-        await gateway.close()
+        listener.close()
         running.cancel()
         await asyncio.gather(running, return_exceptions=True)
-        await runner.cleanup()
         daemon.close()
         worker.close()
         while daemon.open:

@@ -13,6 +13,7 @@ import pytest
 from browser_lab import SCHEMA, Site, check, site
 
 from urbihw.web import session
+from urbihw.web.lobby import LobbyLink
 from urbihw.web.outbox import Outbox
 from urbihw.web.tree import Tree
 from urbihw.web.verbs import VERBS
@@ -120,6 +121,80 @@ def test_what_is_no_path_never_reaches_the_daemon(tmp_path: Path, slot: Any) -> 
     play(tmp_path, test)
 
 
+def test_role_drive_plays_no_faster_than_it_was_recorded(tmp_path: Path) -> None:
+    async def test(made: Site) -> None:
+        drive, full = await made.browser("drive"), await made.browser("full", "bob")
+        assert (await drive.ask("call", slot="robot.play", args=["wave", 9, 2]))["ok"]
+        await drive.ask("get", slot="a.b")  # the call was answered before it ended
+        assert 'robot.play("wave", 1.0, 2.0)' in made.daemon.said
+        assert (await drive.ask("call", slot="robot.pose", args=["up", 0.5]))["ok"]
+        await drive.ask("get", slot="a.b")
+        assert 'robot.pose("up", 0.5)' in made.daemon.said
+        for speed in (True, "9", [9], -1, 10**400, None):
+            assert await refused(drive.ask("call", slot="robot.play", args=["wave", speed])) == "role"
+        assert (await full.ask("lease", take=True))["ok"]
+        assert (await full.ask("call", slot="robot.play", args=["wave", 9]))["ok"]
+        await full.ask("get", slot="a.b")
+        assert 'robot.play("wave", 9.0)' in made.daemon.said
+
+    play(tmp_path, test)
+
+
+def test_jobs_by_which_gateways_look_are_not_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def test(made: Site) -> None:
+        browser = await made.browser("view")
+        rows = [
+            {"name": "shell_1", "lobby": "anna (panel)", "state": "starting"},
+            {"name": "subscription __web_1", "lobby": "anna (panel)", "state": "waiting"},
+            {"name": "shell_3", "lobby": "anna (panel)", "state": "sleeping"},
+            {"name": "shell_4", "lobby": "Lobby_1 (127.0.0.1)", "state": "starting"},
+        ]
+
+        async def tell(self: LobbyLink, body: str) -> Any:
+            return {"jobs": rows, "tags": []}
+
+        monkeypatch.setattr(LobbyLink, "json", tell)
+        assert [each["name"] for each in (await browser.ask("jobs"))["jobs"]] == ["shell_3", "shell_4"]
+
+    play(tmp_path, test)
+
+
+def test_names_of_the_gateway_itself_are_not_told(tmp_path: Path) -> None:
+    async def test(made: Site) -> None:
+        for role in ("view", "full"):
+            browser = await made.browser(role, role)
+            for slot in ("__web", "__web.subs", "lobby.__web"):
+                assert await refused(browser.ask("get", slot=slot)) == "bad"
+                assert await refused(browser.ask("subscribe", slots=[slot])) == "bad"
+                assert await refused(browser.ask("picture", slot=slot)) == "bad"
+
+    play(tmp_path, test)
+
+
+@pytest.mark.parametrize("value", ["NaN", "Infinity", "-Infinity", "1e999", "[1, [-1e999]]"])
+def test_numbers_that_json_has_not_are_refused_for_every_role(tmp_path: Path, value: str) -> None:
+    async def test(made: Site) -> None:
+        browser = await made.browser("full")
+        for field in ("value", "speed", "args", "take"):
+            await browser.socket.send_str(f'{{"id": "n", "do": "set", "slot": "motor6.val", "{field}": {value}}}')
+            while (message := await browser._read()).get("id") != "n":
+                pass
+            assert message["code"] == "bad" and "is no number of a request" in message["error"]
+        assert "motor6" not in made.daemon.said
+
+    play(tmp_path, test)
+
+
+def test_a_lease_is_taken_or_left_expressly(tmp_path: Path) -> None:
+    async def test(made: Site) -> None:
+        browser = await made.browser("drive")
+        assert (await browser.ask("lease", take=True))["ok"]
+        assert await refused(browser.ask("lease")) == "bad"
+        assert made.gateway.driver is not None
+
+    play(tmp_path, test)
+
+
 def test_values_are_quoted(tmp_path: Path) -> None:
     async def test(made: Site) -> None:
         browser = await made.browser("full")
@@ -150,7 +225,8 @@ def test_one_browser_drives_and_another_one_takes_over(tmp_path: Path) -> None:
     async def test(made: Site) -> None:
         anna, bob = await made.browser("drive", "anna"), await made.browser("full", "bob")
         assert (await anna.ask("set", slot="motor6.val", value=0.5))["ok"]
-        await bob.event("state", lambda told: told["driver"] == "anna")
+        await anna.event("state", lambda told: told["driver"] == "anna" and told["drives"])
+        await bob.event("state", lambda told: told["driver"] == "anna" and not told["drives"])
         assert await refused(bob.ask("set", slot="motor6.val", value=0)) == "lease"
         assert (await bob.ask("lease", take=True))["ok"]
         assert await refused(anna.ask("set", slot="motor6.val", value=0)) == "lease"

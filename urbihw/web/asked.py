@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 from urbihw.client.literals import checked_path
 from urbihw.web.session import Refusal
 
 _NONE: Any = object()
+_OWN: Final = re.compile(r"(?:^|\.)__")
 
 
 def number_of(request: Mapping[str, Any], name: str, least: float, most: float, default: Any = _NONE) -> float:
@@ -28,11 +30,14 @@ def text_of(request: Mapping[str, Any], name: str, default: str | None = None) -
 
 
 def path_of(request: Mapping[str, Any], name: str) -> str:
-    """The path of a slot.  Raises Refusal."""
+    """The path of a slot; those of the gateway's own, which begin with ``__``, are none.  Raises Refusal."""
     try:
-        return checked_path(text_of(request, name, ""))
+        path = checked_path(text_of(request, name, ""))
     except ValueError as error:
         raise Refusal(f"{name}: {error}") from error
+    if _OWN.search(path):
+        raise Refusal(f"{name}: {path}: names that begin with __ are internal")
+    return path
 
 
 def paths_of(request: Mapping[str, Any], name: str, most: int) -> list[str]:
@@ -43,9 +48,9 @@ def paths_of(request: Mapping[str, Any], name: str, most: int) -> list[str]:
     return [path_of({name: each}, name) for each in value]
 
 
-def truth_of(request: Mapping[str, Any], name: str, default: bool = False) -> bool:
+def truth_of(request: Mapping[str, Any], name: str) -> bool:
     """True or false.  Raises Refusal."""
-    value = request.get(name, default)
+    value = request.get(name)
     if not isinstance(value, bool):
         raise Refusal(f"{name} wants true or false")
     return value

@@ -11,8 +11,10 @@ from typing import Any, Final
 
 from aiohttp import WSCloseCode, web
 
+from urbihw.web.connections import Handler
 from urbihw.web.pages import Pages
 from urbihw.web.pairing import Browser, Pairings
+from urbihw.web.quietly import Quietly
 from urbihw.web.robot import Robot
 from urbihw.web.session import Refusal, Session
 from urbihw.web.settings import Settings
@@ -21,6 +23,8 @@ from urbihw.web.verbs import VERBS
 log = logging.getLogger("urbihw.web")
 
 MAX_SESSIONS: Final = 32
+MAX_TABS: Final = 16
+"""WebSockets of one browser: others have room, too."""
 MAX_MESSAGE_BYTES: Final = 64 * 1024
 HEARTBEAT_S: Final = 5.0
 """Seconds between two signs of life of a browser; one without them is disconnected."""
@@ -46,6 +50,7 @@ class Gateway:
         self.settings = settings
         self.port = port
         self.version = _version()
+        self.quietly = Quietly(log)
         self.pairings = Pairings(settings.folder)
         self.robot = Robot(settings)
         self.sessions: list[Session] = []
@@ -64,6 +69,7 @@ class Gateway:
 
     async def close(self) -> None:
         """Disconnect all browsers."""
+        self.quietly.close()
         for session in list(self.sessions):
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(session.close("the gateway ends"), 1.0)
@@ -80,16 +86,22 @@ class Gateway:
 
     # ---------------------------------------------------------------- browsers
 
-    async def connect(self, request: web.Request, browser: Browser) -> web.StreamResponse:
+    async def connect(self, request: web.Request, browser: Browser, connection: Handler) -> web.StreamResponse:
         """Serve the WebSocket of a browser until it is gone."""
         if len(self.sessions) >= MAX_SESSIONS:
             return web.Response(status=503, text=f"{MAX_SESSIONS} browsers are connected: close one\n")
+        if sum(each.browser.digest == browser.digest for each in self.sessions) >= MAX_TABS:
+            return web.Response(status=503, text=f"this browser has the panel open {MAX_TABS} times: close one\n")
         socket = web.WebSocketResponse(heartbeat=HEARTBEAT_S, max_msg_size=MAX_MESSAGE_BYTES, compress=False)
         await socket.prepare(request)
+        connection.note_socket()
         _bound_buffer(request)
         session = Session(self, browser, socket)
         self.sessions.append(session)
-        log.info("browser of %s (%s) from %s", session.name, session.role, request.remote)
+        self.quietly.say(
+            browser.digest, "browser of %s (%s) from %s", session.name, session.role, request.remote,
+            level=logging.INFO, most=3,
+        )  # fmt: skip
         try:
             self._greet(session)
             await session.run()
@@ -102,7 +114,7 @@ class Gateway:
 
     def _greet(self, session: Session) -> None:
         session.say_hello()
-        session.outbox.put(self.state())
+        session.outbox.put(self.state(session))
         session.outbox.put(self._devices())
         if self.robot.tree.told is not None:
             session.outbox.put({"event": "tree", "tree": self.robot.tree.told})
@@ -146,17 +158,18 @@ class Gateway:
 
     # ---------------------------------------------------------------- events for all
 
-    def state(self) -> dict[str, Any]:
-        """The event ``state``."""
+    def state(self, session: Session) -> dict[str, Any]:
+        """The event ``state``, as a browser gets it: two of its pages have the same name, and one of them drives."""
         driver = self.driver.name if self.driver is not None else ""
-        return {"event": "state", **self.robot.state(), "driver": driver}
+        return {"event": "state", **self.robot.state(), "driver": driver, "drives": self.driver is session}
 
     def _devices(self) -> dict[str, Any]:
         return {"event": "devices", "devices": self.robot.devices}
 
     def tell_state(self) -> None:
         """Tell all browsers the state."""
-        self._tell("state", self.state())
+        for session in self.sessions:
+            session.outbox.put_newest("state", self.state(session))
 
     def _tell_devices(self) -> None:
         self._tell("devices", self._devices())

@@ -9,7 +9,8 @@ from typing import Any, Final
 from urbihw.client.literals import literal, string_literal
 from urbihw.client.subject import subject
 from urbihw.web.asked import number_of, text_of
-from urbihw.web.session import Refusal, Session
+from urbihw.web.lobby import LobbyError
+from urbihw.web.session import PANEL, Refusal, Session
 
 MAX_TEXT: Final = 60_000
 ACTIONS: Final = ("stop", "freeze", "unfreeze")
@@ -48,9 +49,18 @@ async def complete(session: Session, request: Request) -> dict[str, Any]:
 
 
 async def jobs(session: Session, request: Request) -> dict[str, Any]:
-    """The jobs of all connections, and the tags that can be stopped."""
+    """The jobs of all connections but for those by which gateways look, and the tags that can be stopped."""
     told = await session.link.json("System.jobsText")
-    return {"jobs": told.get("jobs", []), "tags": told.get("tags", [])} if isinstance(told, dict) else {"jobs": told}
+    if not isinstance(told, dict):
+        raise LobbyError("the daemon told no jobs", "gone")
+    return {"jobs": [each for each in told.get("jobs", []) if not _looks(each)], "tags": told.get("tags", [])}
+
+
+def _looks(job: Mapping[str, Any]) -> bool:
+    """Whether a job only looks for a gateway: a subscription of it, or the question for the jobs itself, which has not
+    come to its first statement."""
+    of_panel = str(job.get("lobby")).endswith(PANEL)
+    return of_panel and (job.get("state") == "starting" or str(job.get("name")).startswith("subscription __web_"))
 
 
 async def tag(session: Session, request: Request) -> dict[str, Any]:

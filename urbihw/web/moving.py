@@ -14,7 +14,7 @@ from urbihw.client.literals import literal
 from urbihw.web.asked import number_of, path_of, text_of, truth_of
 from urbihw.web.lobby import LobbyError, plain_value
 from urbihw.web.session import Refusal, Session
-from urbihw.web.tree import FREE_CALLS
+from urbihw.web.tree import FREE_CALLS, PACED_CALLS
 
 DEAD_MAN_S: Final = 0.3
 """Seconds without an order of the pad after which the base stands."""
@@ -112,8 +112,10 @@ async def call(session: Session, request: Request) -> dict[str, Any]:
     arguments = request.get("args", [])
     if not isinstance(arguments, list) or len(arguments) > MAX_ARGUMENTS:
         raise Refusal(f"args wants a list of at most {MAX_ARGUMENTS} values")
-    if session.role != "full" and not session.gateway.robot.tree.may_call(slot):
-        raise Refusal(f"role {session.role} may not call {slot}", "role")
+    if session.role != "full":
+        if not session.gateway.robot.tree.may_call(slot):
+            raise Refusal(f"role {session.role} may not call {slot}", "role")
+        arguments = _paced(session, slot, arguments)
     if slot.rpartition(".")[2] not in FREE_CALLS:
         session.gateway.take_lease(session)
     try:
@@ -124,6 +126,16 @@ async def call(session: Session, request: Request) -> dict[str, Any]:
     body = f"var __value = {slot}({text}).acceptVoid | if (__value.isVoid) nil else __value"
     line = await _taken(session, session.link.begin(body))
     return {} if line is None else {"value": plain_value(line)}
+
+
+def _paced(session: Session, slot: str, arguments: list[Any]) -> list[Any]:
+    """The arguments of a call of role drive: a motion is played no faster than it was recorded."""
+    if slot.rpartition(".")[2] not in PACED_CALLS or len(arguments) < 2:
+        return arguments
+    speed = arguments[1]
+    if isinstance(speed, bool) or not isinstance(speed, int | float) or not 0 < speed <= MAX_NUMBER:
+        raise Refusal(f"role {session.role} plays with a number above 0 as speed", "role")
+    return [arguments[0], min(1.0, speed), *arguments[2:]]
 
 
 async def go(session: Session, request: Request) -> dict[str, Any]:

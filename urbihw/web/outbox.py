@@ -21,6 +21,9 @@ FULL: Final = 500
 KEPT: Final = 8
 """Samples of one subscription that are kept: some come together."""
 
+IN_A_TURN: Final = 16
+"""Messages that are sent before others have their turn: to send to a browser that reads does not wait."""
+
 
 class Socket(Protocol):
     """The side of a WebSocket that sends."""
@@ -91,10 +94,14 @@ class Outbox:
                     return
 
     async def _send_queued(self, socket: Socket) -> None:
+        turn = 0
         while self._queue:
             text = self._queue.popleft()
             self._length -= len(text)
             await socket.send_str(text)
+            turn += 1
+            if turn % IN_A_TURN == 0:
+                await asyncio.sleep(0)
             if self._is_full and len(self._queue) < FULL // 2:
                 self._is_full = False
                 self._flow(False)

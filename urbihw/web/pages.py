@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 import html
+import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from aiohttp import web
 
+from urbihw.web.attempts import Attempts
+from urbihw.web.connections import Handler
 from urbihw.web.guards import Guard, add_headers, make_middleware
+from urbihw.web.guards import Handler as Answer
 from urbihw.web.pairing import COOKIE_DAYS, Browser
 
 if TYPE_CHECKING:
@@ -31,7 +36,8 @@ class Pages:
     def __init__(self, gateway: Gateway) -> None:
         self._gateway = gateway
         self._cookie = f"urbihw_{gateway.port}"
-        self.app = web.Application(middlewares=[make_middleware(Guard())], client_max_size=1024)
+        self._attempts = Attempts()
+        self.app = web.Application(middlewares=[_note_request, make_middleware(Guard())], client_max_size=1024)
         self.app.on_response_prepare.append(add_headers)
         self.app.add_routes([
             web.get("/", self._index),
@@ -46,7 +52,9 @@ class Pages:
         cookie = request.cookies.get(self._cookie, "")
         if not (0 < len(cookie) <= 200 and cookie.isascii()):
             return None
-        return self._gateway.pairings.find(cookie, self._gateway.port)
+        browser = self._gateway.pairings.find(cookie, self._gateway.port)
+        connection_of(request).is_known = browser is not None
+        return browser
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
         if self._browser(request) is not None:
@@ -62,9 +70,17 @@ class Pages:
         if request.method != "GET" or request.headers.get("Sec-Purpose") or request.headers.get("Purpose"):
             return _page(400, "Open this page", "It pairs the browser that opens it.")
         made = self._gateway.pairings.redeem(code, self._gateway.port) if 0 < len(code) <= _MAX_CODE_LENGTH else None
+        address = connection_of(request).address
         if made is None:
+            self._gateway.quietly.say(("code", address), "a wrong or old pairing code from %s", request.remote)
+            await asyncio.sleep(self._attempts.fail(address))
             return _page(403, "This code is not good any more", "Each is good once, for two minutes. " + _HOW)
-        _, cookie = made
+        self._attempts.succeed(address)
+        browser, cookie = made
+        self._gateway.quietly.say(
+            ("paired", address), "browser of %s (%s) paired from %s", browser.name, browser.role, request.remote,
+            level=logging.INFO, most=8,
+        )  # fmt: skip
         response = web.Response(status=303, headers={"Location": "/"})
         response.set_cookie(
             self._cookie, cookie, httponly=True, samesite="Strict", secure=request.secure, path="/",
@@ -76,13 +92,25 @@ class Pages:
         browser = self._browser(request)
         if browser is None:
             return web.Response(status=401, text="this browser is not paired: urbihw panel pair\n")
-        return await self._gateway.connect(request, browser)
+        return await self._gateway.connect(request, browser, connection_of(request))
 
     async def _healthz(self, request: web.Request) -> web.StreamResponse:
         return web.json_response({"ok": True})
 
     async def _schema(self, request: web.Request) -> web.StreamResponse:
         return web.FileResponse(FOLDER / "protocol.json")
+
+
+@web.middleware
+async def _note_request(request: web.Request, handler: Answer) -> web.StreamResponse:
+    connection_of(request).note_request()
+    return await handler(request)
+
+
+def connection_of(request: web.Request) -> Handler:
+    """The connection that a request came by."""
+    assert isinstance(request.protocol, Handler)
+    return request.protocol
 
 
 def _page(status: int, title: str, text: str, head: str = "") -> web.Response:

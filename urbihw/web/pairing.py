@@ -94,12 +94,11 @@ class Pairings:
 
     def redeem(self, code: str, port: int) -> tuple[Browser, str] | None:
         """The browser that a code admits, and its cookie; None for a wrong, used or old code."""
+        if _find_code(self._codes(), code, port) is None:
+            return None  # wrong codes neither wait for the lock nor hold it
         with lock_folder(self._folder):
             codes = self._codes()
-            found = None
-            for each in codes:
-                if each.port == port and hmac.compare_digest(each.digest, _digest(each.salt, code)):
-                    found = each
+            found = _find_code(codes, code, port)
             if found is None:
                 return None
             self._write_codes([each for each in codes if each is not found])
@@ -168,6 +167,14 @@ class Pairings:
             f"{each.name} {each.role} {each.port} {each.made} {each.salt} {each.digest}\n" for each in browsers
         )  # fmt: skip
         write_secret(self._folder / FILE, "".join(rows))
+
+
+def _find_code(codes: list[_Code], code: str, port: int) -> _Code | None:
+    found = None
+    for each in codes:
+        if each.port == port and hmac.compare_digest(each.digest, _digest(each.salt, code)):
+            found = each
+    return found
 
 
 def is_role(text: str) -> TypeGuard[Role]:

@@ -13,10 +13,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
-from aiohttp import web
-
 from urbihw.client.where import is_loopback
 from urbihw.daemon.state import write_secret
+from urbihw.web.connections import accepting
 from urbihw.web.gateway import Gateway
 from urbihw.web.settings import Settings
 
@@ -55,19 +54,15 @@ async def serve(
     port = listener.getsockname()[1]
     gateway = Gateway(settings, port)
     address = address_of(settings, port)
-    runner = web.AppRunner(gateway.app, access_log=None, handle_signals=False)
-    await runner.setup()
-    try:
-        site = web.SockSite(runner, listener, ssl_context=settings.tls)
-        await site.start()
-        with _published(settings.folder / f"panel-{port}", address):
-            if settings.port_file is not None:
-                write_secret(settings.port_file, f"{port}\n")
-            ready(address, gateway)
-            await _run(gateway, ends_with_input)
-    finally:
-        await gateway.close()
-        await runner.cleanup()
+    async with accepting(gateway.app, listener, settings.tls):
+        try:
+            with _published(settings.folder / f"panel-{port}", address):
+                if settings.port_file is not None:
+                    write_secret(settings.port_file, f"{port}\n")
+                ready(address, gateway)
+                await _run(gateway, ends_with_input)
+        finally:
+            await gateway.close()
 
 
 async def _run(gateway: Gateway, ends_with_input: bool) -> None:

@@ -11,6 +11,7 @@ import asyncio
 import contextlib
 import json
 import logging
+import math
 import re
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -33,14 +34,19 @@ from urbihw.web.pictures import frame_of
 if TYPE_CHECKING:
     from urbihw.web.gateway import Gateway
 
-log = logging.getLogger("urbihw.web")
-
 PROTOCOL: Final = 1
 REQUESTS_PER_S: Final = 200.0
 BURST: Final = 400.0
 """Requests in a second, and at once, beyond which a browser is refused."""
+EXCESS_PAUSE_S: Final = 0.001
+"""Seconds for which a browser that is too fast is not read: others have their turn, and it has to wait."""
 MAX_PENDING: Final = 64
 """Requests of a browser that are not answered yet."""
+PANEL: Final = " (panel)"
+"""The end of the names that browsers have for the daemon."""
+STOPS: Final = ("stop", "estop")
+MAX_STOPS: Final = 4
+"""Stops of a browser that are not answered yet."""
 OPENING_S: Final = 3.0
 """Seconds after its opening for which the requests of a browser wait for its connection to the daemon."""
 FIRST_PAUSE_S: Final = 0.25
@@ -48,6 +54,8 @@ MAX_PAUSE_S: Final = 2.0
 SAMPLES, PICTURE, EVENTS, LOG = "samples", "picture", "events", "log"
 """The kinds of subscriptions."""
 _CHANNEL: Final = re.compile(r"__web_(\d{1,9})(?:_(\d{1,4}))?")
+_PLACE: Final = re.compile(r"^\d+\.\d+(?:-\d+(?:\.\d+)?)?: ")
+"""The place in the program of an error, which is one of the server's own here."""
 _PROGRAM: Final = (
     files("urbihw.web").joinpath("session.u").read_text("ascii")
     + files("urbihw.client").joinpath("assistant.u").read_text("ascii")
@@ -65,7 +73,8 @@ class Refusal(Exception):
 @dataclass
 class Sub:
     """A subscription: its number in the protocol, its kind, its slots, the statement that makes it, and what the daemon
-    tells of it; ``head`` belongs to the next picture."""
+    tells of it; ``head`` belongs to the next picture, ``errors`` are those of its slots, and ``begun`` is set when they
+    are known: with the first values."""
 
     number: int
     kind: str
@@ -73,6 +82,13 @@ class Sub:
     body: str = ""
     header: asyncio.Future[dict[str, Any]] = field(default_factory=lambda: asyncio.get_running_loop().create_future())
     head: Mapping[str, Any] = field(default_factory=dict)
+    errors: dict[str, str] = field(default_factory=dict)
+    begun: asyncio.Event = field(default_factory=asyncio.Event)
+
+    @property
+    def failed(self) -> bool:
+        """Whether none of its slots can be read."""
+        return bool(self.errors) and self.errors.keys() >= set(self.slots)
 
     @property
     def channel(self) -> str:
@@ -108,6 +124,7 @@ class Session:
         self._opening = asyncio.Lock()
         self._next_sub = 1
         self._pending: set[asyncio.Task[None]] = set()
+        self._stopping: set[asyncio.Task[None]] = set()
         self._allowance = BURST
         self._opened = self._refilled = asyncio.get_running_loop().time()
 
@@ -119,7 +136,7 @@ class Session:
     @property
     def title(self) -> str:
         """Its name for the robot: in ``why``, in the list of jobs, and for who has stopped it."""
-        return f"{self.name} (panel)"
+        return self.name + PANEL
 
     # ---------------------------------------------------------------- life
 
@@ -130,9 +147,10 @@ class Session:
         try:
             await self._read()
         finally:
-            for task in (sending, connecting, *self._pending, *self.tasks.values()):
+            tasks = (sending, connecting, *self._pending, *self._stopping, *self.tasks.values())
+            for task in tasks:
                 task.cancel()
-            await asyncio.gather(sending, connecting, *self._pending, *self.tasks.values(), return_exceptions=True)
+            await asyncio.gather(*tasks, return_exceptions=True)
             for link in (self._link, self._console):
                 if link is not None:
                     link.close()
@@ -151,15 +169,34 @@ class Session:
         async for message in self._socket:
             if message.type != WSMsgType.TEXT:
                 continue
-            if self._is_too_fast():
-                self._answer(_id_in(message.data), Refusal("too many requests: slow down", "limit"))
-            elif len(self._pending) >= MAX_PENDING:
-                self._answer(_id_in(message.data), Refusal("too many requests wait for an answer", "limit"))
+            is_too_fast = self._is_too_fast()
+            try:
+                request = parse_request(message.data)
+            except Refusal as error:
+                self._answer(_id_in(message.data), error)
             else:
-                # Each begins at once and in order; one that waits holds up no other.
-                task = asyncio.create_task(self._serve(message.data))
-                self._pending.add(task)
-                task.add_done_callback(self._pending.discard)
+                self._take(request, is_too_fast)
+            # The next message may be here already: all other browsers have their turn before it is looked at.
+            await asyncio.sleep(EXCESS_PAUSE_S if is_too_fast else 0)
+
+    def _take(self, request: Mapping[str, Any], is_too_fast: bool) -> None:
+        """Begin to serve a request, or refuse it: a stop has a lane of its own, whatever else has been asked."""
+        number, pending = request.get("id"), self._pending
+        if request.get("do") in STOPS:
+            pending = self._stopping
+            if len(pending) >= MAX_STOPS:
+                self._answer(number, Refusal(f"{MAX_STOPS} stops of this browser are on their way", "limit"))
+                return
+        elif is_too_fast:
+            self._answer(number, Refusal("too many requests: slow down", "limit"))
+            return
+        elif len(pending) >= MAX_PENDING:
+            self._answer(number, Refusal("too many requests wait for an answer", "limit"))
+            return
+        # Each begins at once and in order; one that waits holds up no other.
+        task = asyncio.create_task(self._serve(number, request))
+        pending.add(task)
+        task.add_done_callback(pending.discard)
 
     def _is_too_fast(self) -> bool:
         now = asyncio.get_running_loop().time()
@@ -170,22 +207,18 @@ class Session:
         self._allowance += 1
         return True
 
-    async def _serve(self, text: str) -> None:
-        number: Any = None
+    async def _serve(self, number: Any, request: Mapping[str, Any]) -> None:
         try:
-            request = json.loads(text)
-            if not isinstance(request, dict):
-                raise Refusal("a request is a JSON object")
-            number = request.get("id")
             answer = await self.gateway.serve(self, request)
         except Refusal as error:
             self._answer(number, error)
         except LobbyError as error:
             self._answer(number, Refusal(str(error), error.code))
-        except (ValueError, RecursionError):
-            self._answer(number, Refusal("a request is a line of JSON"))
         except Exception as error:
-            log.error("our bug in the gateway: %s: %s at a request of %s", type(error).__name__, error, self.name)
+            self.gateway.quietly.say(
+                "bug", "our bug in the gateway: %s: %s at a request of %s", type(error).__name__, error, self.name,
+                level=logging.ERROR,
+            )  # fmt: skip
             self._answer(number, Refusal("the gateway failed at this request: this is our bug"))
         else:
             if answer is not None:
@@ -293,7 +326,8 @@ class Session:
         sub = self.subs.pop(number, None)
         if sub is not None:
             self.outbox.forget(number)
-            channels = ", ".join(f'"{sub.channel}_{each}"' for each in range(max(1, len(sub.slots))))
+            count = len(sub.slots) if sub.kind == EVENTS else 1
+            channels = ", ".join(f'"{sub.channel}_{each}"' for each in range(count))
             with contextlib.suppress(LobbyError):
                 self.link.begin(f'__web.unsubscribe("{sub.channel}", [{channels}]) | 1')
 
@@ -322,12 +356,17 @@ class Session:
             if not sub.header.done():
                 sub.header.set_result(told)
         elif "error" in told:
-            self.outbox.put(
-                {"event": "sub-error", "sub": sub.number, "slot": told["error"], "text": told.get("text", "")}
-            )
+            slot, text = str(told["error"]), _PLACE.sub("", str(told.get("text", "")))
+            if not sub.begun.is_set():
+                sub.errors[slot] = text
+                if sub.failed:
+                    sub.begun.set()
+            self.outbox.put({"event": "sub-error", "sub": sub.number, "slot": slot, "text": text})
         elif sub.kind == PICTURE:
+            sub.begun.set()
             sub.head = told
         else:
+            sub.begun.set()
             self.outbox.put_newest(sub.number, {"event": "samples", "sub": sub.number, **told}, KEPT)
 
     def _hear_event(self, sub: Sub, number: int, told: Any) -> None:
@@ -363,6 +402,26 @@ class Session:
 
 def _end(ended: asyncio.Event, reason: str) -> None:
     ended.set()
+
+
+def parse_request(text: str) -> dict[str, Any]:
+    """A request.  Raises Refusal."""
+    try:
+        request = json.loads(text, parse_constant=_refuse_number, parse_float=_finite)
+    except (ValueError, RecursionError):
+        raise Refusal("a request is a line of JSON") from None
+    if not isinstance(request, dict):
+        raise Refusal("a request is a JSON object")
+    return request
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    return value if math.isfinite(value) else _refuse_number(text)
+
+
+def _refuse_number(text: str) -> float:
+    raise Refusal(f"{text[:40]} is no number of a request: JSON has no infinite ones and no NaN")
 
 
 def _id_in(text: str) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
@@ -16,6 +17,10 @@ MAX_SLOTS: Final = 1000
 MAX_HZ: Final = 200.0
 MAX_DEVICE_HZ: Final = 50.0
 HEADER_TIMEOUT_S: Final = 3.0
+LOOKED_S: Final = 0.2
+"""Seconds in which the server has usually looked at all slots; errors that come later are told as events."""
+MAX_TOLD: Final = 10
+"""Errors in the answer to a subscription of which nothing can be read."""
 Request = Mapping[str, Any]
 
 
@@ -23,8 +28,10 @@ async def subscribe(session: Session, request: Request) -> dict[str, Any]:
     """Samples of slots at a rate."""
     slots = paths_of(request, "slots", MAX_SLOTS)
     hz = number_of(request, "hz", 0, MAX_HZ, 20)
-    told = await _begin(session, lambda sub: f'__web.subscribe("{sub.channel}", {literal(slots)}, {hz:g}) | 1')
-    return {"sub": told["sub"], "names": told.get("names", slots), "units": told.get("units", [])}
+    sub, told = await _begin(session, slots, hz)
+    await _know_errors(session, sub)
+    answer = {"sub": sub.number, "names": told.get("names", slots), "units": told.get("units", [])}
+    return {**answer, "errors": sub.errors} if sub.errors else answer
 
 
 async def picture(session: Session, request: Request) -> dict[str, Any]:
@@ -33,6 +40,7 @@ async def picture(session: Session, request: Request) -> dict[str, Any]:
     hz = number_of(request, "hz", 0.1, 60, 10)
     sub = _new(session, PICTURE, lambda sub: f'__web.picture("{sub.channel}", {string_literal(slot)}, {hz:g}) | 1')
     await _ask(session, sub)
+    await _know_errors(session, sub)
     return {"sub": sub.number}
 
 
@@ -99,9 +107,11 @@ def _new(session: Session, kind: str, body: Callable[[Sub], str], slots: Sequenc
     return session.new_sub(kind, body, slots)
 
 
-async def _begin(session: Session, body: Callable[[Sub], str]) -> dict[str, Any]:
-    """Make a subscription; what the server tells of it."""
-    sub = _new(session, SAMPLES, body)
+async def _begin(session: Session, slots: list[str], hz: float) -> tuple[Sub, dict[str, Any]]:
+    """Make a subscription of samples; what the server tells of it."""
+    sub = _new(
+        session, SAMPLES, lambda made: f'__web.subscribe("{made.channel}", {literal(slots)}, {hz:g}) | 1', slots
+    )
     await _ask(session, sub)
     try:
         async with asyncio.timeout(HEADER_TIMEOUT_S):
@@ -109,7 +119,18 @@ async def _begin(session: Session, body: Callable[[Sub], str]) -> dict[str, Any]
     except TimeoutError:
         session.drop_sub(sub.number)
         raise LobbyError("the daemon told nothing of the subscription", "gone") from None
-    return {"sub": sub.number, **told}
+    return sub, told
+
+
+async def _know_errors(session: Session, sub: Sub) -> None:
+    """Wait until the server has looked at all slots.  Raises LobbyError, and ends the subscription, when none of them
+    can be read."""
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(LOOKED_S):
+            await sub.begun.wait()
+    if sub.failed:
+        session.drop_sub(sub.number)
+        raise LobbyError("; ".join(f"{slot}: {text}" for slot, text in list(sub.errors.items())[:MAX_TOLD]), "language")
 
 
 async def _ask(session: Session, sub: Sub) -> None:

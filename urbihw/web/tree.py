@@ -10,6 +10,8 @@ SAFE_CALLS: Final = frozenset((
     "playTone", "playSound", "motions", "poses", "pages", "playing", "teaching",
 ))  # fmt: skip
 """The functions of a robot and its devices that a browser of role drive may call."""
+PACED_CALLS: Final = ("play", "pose")
+"""Those whose second argument is a share of the speed that was recorded, or of that of poses."""
 FREE_CALLS: Final = frozenset(("stop", "endPlaying", "motions", "poses", "pages", "playing", "teaching"))
 """Those that need no lease: they only tell something, or end a movement."""
 

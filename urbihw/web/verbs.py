@@ -41,7 +41,9 @@ async def obey(session: Session, request: Request) -> dict[str, Any]:
     except (NoWorker, LobbyError) as error:
         raise Refusal(f"NOT CONFIRMED: {error}", "gone") from error
     milliseconds = round(1000 * (time.monotonic() - began), 1)
-    session.tasks["look"] = session.spawn(robot.look())
+    looking = session.tasks.get("look")
+    if looking is None or looking.done():
+        session.tasks["look"] = session.spawn(robot.look())
     return {"confirmed": True, "ms": milliseconds, "by": "daemon" if robot.is_remote else "worker", **told}
 
 

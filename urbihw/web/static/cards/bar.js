@@ -11,6 +11,7 @@ const HEALTH = { ok: "healthy", warning: "warning", bad: "faulty" };
 /** What came of the last stop: [class, words]. */
 let told = ["", ""];
 let turn = 0;
+let wasHeld = false;
 
 function tellStop(level, text) {
   told = [level, text];
@@ -79,11 +80,12 @@ function Lamp({ name, level, text }) {
 
 function Driver({ state }) {
   const you = store.hello.you;
-  const isMine = state.driver === you && state.driver !== "";
+  const isMine = state.drives;
+  const other = state.driver === you ? `${you}, in another window` : state.driver || "nobody";
   const button = !mayDrive() ? null : isMine
     ? html`<button class="small" onClick=${() => ask("lease", { take: false })}>Let go</button>`
     : html`<button class="small" onClick=${() => ask("lease", { take: true })}>${state.driver ? "Take over" : "Drive"}</button>`;
-  return html`<span class="driver" id="driver"><span class="what">drives</span> <b>${isMine ? `you (${you})` : state.driver || "nobody"}</b>
+  return html`<span class="driver" id="driver"><span class="what">drives</span> <b>${isMine ? `you (${you})` : other}</b>
     ${button}</span>`;
 }
 
@@ -113,6 +115,9 @@ export function Bar() {
     return () => clearInterval(timer);
   }, []);
   const { hello, state } = store;
+  // Whoever has released it: "Held" is over.
+  if (state && !state.estop && wasHeld && told[1].startsWith("Held")) told = ["ok", "Released"];
+  wasHeld = Boolean(state && state.estop);
   const stale = staleText(state, Math.max(now, performance.now()));
   document.body.classList.toggle("stale", stale !== "");
   const health = state ? state.health : { verdict: "bad", reasons: [] };

@@ -150,7 +150,7 @@ function Fault({ command, answer }) {
     if (told) answer(`${line}: ${told.answer || "done"}`);
   };
   return html`<li><form class="fault" onSubmit=${tell}><button class="small" id=${`fault-${name}`}>${name}</button>
-    ${wanted && html`<input value=${text} size="12" placeholder=${wanted} aria-label=${`${name}: ${wanted}`} onInput=${(event) => setText(event.target.value)} />`}<span class="hint">${meaning}</span></form></li>`;
+    ${wanted && html`<input value=${text} size=${Math.max(12, wanted.length)} placeholder=${wanted} aria-label=${`${name}: ${wanted}`} onInput=${(event) => setText(event.target.value)} />`}<span class="hint">${meaning}</span></form></li>`;
 }
 
 export function Faults() {

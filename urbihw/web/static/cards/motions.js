@@ -35,13 +35,14 @@ export function Motions() {
   const isRecording = lists.teaching !== null;
   const record = () => act("run", { text: `robot.teach(${quoted(name)}),` });
   const goodName = /^[\w.: -]{1,60}$/.test(name);
+  const why = !mayDrive() ? "this role only looks" : name === "" ? "type a name first" : goodName ? "" : "a name has letters, digits, spaces and . : _ -, at most 60";
   const row = (each, kind) => html`<li><span>${each} <span class="what">${kind}</span></span><span>
     <button class="small" disabled=${!mayDrive()} onClick=${() => (kind === "motion" ? call("play", each, speed) : call("pose", each, speed))}>${kind === "motion" ? "Play" : "Go"}</button></span></li>`;
-  return html`<${Card} title="Poses and motions" name="motions" tools=${html`<label>Speed <input type="range" min="0.1" max="2" step="0.1" value=${speed}
+  return html`<${Card} title="Poses and motions" name="motions" tools=${html`<label>Speed <input type="range" min="0.1" max=${isFull() ? 2 : 1} step="0.1" value=${speed}
       onInput=${(event) => setSpeed(Number(event.target.value))} /> ${speed.toFixed(1)}x</label>`}>
     <div class="caller"><label>Name <input id="motion-name" value=${name} onInput=${(event) => setName(event.target.value)} /></label>
-      <button class="small" id="save-pose" disabled=${!goodName || !mayDrive()} onClick=${() => call("savePose", name)}>Keep pose</button>
-      ${isFull() && html`<button class="small" id="record" disabled=${!goodName || isRecording} onClick=${record} title="switches the joints off: hold the robot">Record by hand</button>`}
+      <button class="small" id="save-pose" disabled=${!goodName || !mayDrive()} title=${why} onClick=${() => call("savePose", name)}>Keep pose</button>
+      ${isFull() && html`<button class="small" id="record" disabled=${!goodName || isRecording} onClick=${record} title=${why || (isRecording ? "end the recording first" : "switches the joints off: hold the robot")}>Record by hand</button>`}
       ${isFull() && isRecording && html`<button class="small warning" id="end-record" onClick=${() => call("endTeaching")}>End recording</button>
       <button class="small" onClick=${() => call("keyPose")}>Take pose</button>`}
       ${lists.playing.length > 0 && html`<button class="small warning" onClick=${() => call("endPlaying")}>End ${lists.playing.join(", ")}</button>`}</div>
