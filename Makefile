@@ -45,7 +45,7 @@ check: .venv/installed-dev
 	  && echo '*** Tests in real time failed (above).  They are run once more, alone:' \
 	  && $(BIN)/python -m pytest -m e2e --last-failed --last-failed-no-failures none $(ARGS); }
 
-bench: .venv/installed-dev
+bench: .venv/installed-dev .venv/installed-mujoco
 	$(BIN)/python -m bench.kernel_bench
 	$(BIN)/python -m bench.dynamixel_cycle
 	$(BIN)/python -m bench.segway
@@ -54,6 +54,7 @@ bench: .venv/installed-dev
 	$(BIN)/python -m bench.spykee
 	$(BIN)/python -m bench.nao
 	$(BIN)/python -m bench.stop
+	$(BIN)/python -m bench.worlds
 
 fuzz: .venv/installed-dev
 	$(BIN)/python -m pytest -s tests/hostile/test_fuzz.py $(ARGS)

@@ -4,7 +4,10 @@ A simulated Pioneer (its controller and its laser, each on a wire with its own w
 of 20 by 20 m with walls, doors and crates, in which boxes move that the map does not show.  A box stops before a robot,
 as a person would; it never leaves a robot more room.  All of it runs in simulated time, and everything but the time to
 plan is exact and the same each time.  Measured at the body of the robot, not by its odometry: its distance from the
-goal, the length of its way, and each contact with a wall or a box.
+goal, the length of its way, where it believes to be, and each contact with a wall or a box.
+
+With `--body` the robot has a body in MuJoCo (`hall_body`): its wheels slip as the friction of the floor lets them, and
+each contact of the body is counted.
 """
 
 from __future__ import annotations
@@ -25,7 +28,8 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path += [str(ROOT / "tests" / "platforms"), str(ROOT / "bench")]
 
-from hall import BOX, BOX_STEP_S, SIZE, Hall  # noqa: E402
+from hall import BOX, BOX_STEP_S, SIZE, START, Hall  # noqa: E402
+from hall_body import HallBody  # noqa: E402
 from p3dx_lab import Lab  # noqa: E402
 
 from urbihw.navigation import extra, maps, navigator  # noqa: E402
@@ -35,6 +39,7 @@ from urbihw.navigation.grid import Grid  # noqa: E402
 from urbihw.navigation.planner import NoPath, plan  # noqa: E402
 from urbihw_fakes.p3dx.body import RADIUS  # noqa: E402
 from urbihw_fakes.p3dx.kit import P3dx as Kit  # noqa: E402
+from urbihw_fakes.p3dx.world import World  # noqa: E402
 
 SLIP = 0.02
 MIN_WAY = 5.0
@@ -42,6 +47,7 @@ MIN_WAY = 5.0
 FREE = 0.6
 """m between a goal and the walls."""
 TIMEOUT_S, FIND_TIMEOUT_S = 600.0, 60.0
+ERROR_PERIOD_S = 1.0
 
 
 @dataclass
@@ -57,6 +63,8 @@ class Run:
     way: float = 0.0
     shortest: float = 0.0
     contacts: int = 0
+    errors: list[float] = field(default_factory=list)
+    """m between where the robot believes to be and where it is, every ERROR_PERIOD_S."""
     plans: list[float] = field(default_factory=list)
     trail: list[Point] = field(default_factory=list)
     path: list[Point] = field(default_factory=list)
@@ -64,17 +72,24 @@ class Run:
 
 
 class Trial:
-    """A robot in the hall, on its map."""
+    """A robot in the hall, on its map; with ``with_body`` in MuJoCo."""
 
-    def __init__(self, hall: Hall, folder: Path) -> None:
+    def __init__(self, hall: Hall, folder: Path, *, with_body: bool = False) -> None:
         self.hall = hall
+        self._body = HallBody(hall, folder) if with_body else None
+        self._touches = False
+        self.helped = 0
+        """How often it had lost its place before a goal, and was turned by hand until it knew it again."""
         self.plans: list[float] = []
         self._time_plans()
-        self.lab = Lab.ready(Kit(hall.world, slip=SLIP), localization="scan")
+        kit = Kit(hall.world, slip=SLIP) if self._body is None else Kit(body=self._body)
+        self.lab = Lab.ready(kit, localization="scan")
         self.lab.say("P3dx.body.load = 1; P3dx.body.laser.load = 1;", 2)
         self.lab.say('at (P3dx.planner.pathPlanningEvent?(var how)) echo("path %s" % how);')
         self.lab.say('at (P3dx.planner.locFailureEvent?(var why)) echo("lost");')
-        self.lab.say(f'P3dx.planner.mapFileName = "{self.lab.write_map(folder)}";')
+        shown = folder / "hall.map"
+        shown.write_text(World(list(hall.shown), START).as_map(), "ascii")
+        self.lab.say(f'P3dx.planner.mapFileName = "{shown}";')
         while self.lab.look("P3dx.planner.ready") != "true":
             self.lab.thought()
             self.lab.run(0.2)
@@ -93,27 +108,52 @@ class Trial:
 
         module.plan_around = timed
 
+    def _run(self) -> None:
+        """Let BOX_STEP_S pass.  A plan is there with the next tick, however long its thread takes, or no two runs would
+        be the same."""
+        for _ in range(round(BOX_STEP_S / self.lab.tick)):
+            self.lab.run(self.lab.tick)
+            self.lab.thought()
+
     def carry(self, to: Pose) -> tuple[float, float, float]:
         """Carry the robot to another place, and turn it by hand until it knows where it is: seconds until it notices
         that it is lost, seconds until it knows, and m between the two; nan for what does not happen."""
         lab = self.lab
         lab.kit.body.set_pose(*to)
-        begun = lab.clock.now()
-        noticed = math.nan if lab.look("P3dx.planner.ready") == "true" else 0.0
+        noticed, found = self.turn_until_found(noticed=lab.look("P3dx.planner.ready") != "true")
+        return noticed, found, self.error()
+
+    def turn_until_found(self, *, noticed: bool) -> tuple[float, float]:
+        """Turn the robot by hand until it knows where it is: seconds until it notices that it is lost, 0 if it has
+        ``noticed``, and until it knows; nan for what does not happen."""
+        lab = self.lab
+        begun, lost_after = lab.clock.now(), 0.0 if noticed else math.nan
         lab.heard()
         lab.say("P3dx.body.yaw.speed = 0.4;")
         while lab.clock.now() - begun < FIND_TIMEOUT_S:
             self.hall.move_boxes(lab.where()[:2])
-            lab.run(BOX_STEP_S)
-            lab.thought()
-            if noticed != noticed and "lost" in lab.heard():
-                noticed = lab.clock.now() - begun
-            if noticed == noticed and lab.look("P3dx.planner.ready") == "true":
+            self._run()
+            if lost_after != lost_after and "lost" in lab.heard():
+                lost_after = lab.clock.now() - begun
+            if lost_after == lost_after and lab.look("P3dx.planner.ready") == "true":
                 break
         found = lab.clock.now() - begun
         lab.say("P3dx.body.yaw.speed = 0;", 1.5)
-        x, y, _, _ = literal_eval(lab.look("P3dx.body.odometry.position"))
-        return noticed, found if found < FIND_TIMEOUT_S else math.nan, math.dist((x, y), lab.where()[:2])
+        return lost_after, found if found < FIND_TIMEOUT_S else math.nan
+
+    def error(self) -> float:
+        """How far the robot is from where it believes to be: m."""
+        x, y, _, _ = literal_eval(self.lab.look("P3dx.body.odometry.position"))
+        return math.dist((x, y), self.lab.where()[:2])
+
+    def count_contacts(self) -> int:
+        """Contacts that have begun since the last call."""
+        if self._body is not None:
+            count, self._body.contacts = self._body.contacts, 0
+            return count
+        touches = self.hall.world.nearest(*self.lab.where()[:2])[0] < RADIUS + 1e-3
+        begun, self._touches = touches and not self._touches, touches
+        return int(begun)
 
     def drive(self, goal: Pose) -> Run:
         """Send the robot to a goal."""
@@ -123,20 +163,21 @@ class Trial:
         run.shortest = shortest_way(hall.grid, (x, y), goal[:2])
         self.plans.clear()
         lab.kernel.feed(lab.lobby, f"P3dx.moveTo([{goal[0]}, {goal[1]}, {goal[2]}]);".encode())
-        begun, touches = lab.clock.now(), False
+        begun = measured = lab.clock.now()
+        self.count_contacts()
         while "path" not in run.said and lab.clock.now() - begun < TIMEOUT_S:
             hall.move_boxes(lab.where()[:2])
-            lab.run(BOX_STEP_S)
-            lab.thought()
+            self._run()
             run.said += lab.heard()
             if not run.path and lab.look("P3dx.planner.path") != "[]":
                 run.path = [(a, b) for a, b in literal_eval(lab.look("P3dx.planner.path"))]
             at = lab.where()[:2]
             run.way += math.dist(run.trail[-1], at)
             run.trail.append(at)
-            contact = hall.world.nearest(*at)[0] < RADIUS + 1e-3
-            run.contacts += contact and not touches
-            touches = contact
+            run.contacts += self.count_contacts()
+            if lab.clock.now() - measured >= ERROR_PERIOD_S - 1e-9:
+                measured = lab.clock.now()
+                run.errors.append(self.error())
         run.seconds, run.plans = lab.clock.now() - begun, list(self.plans)
         lab.run(1.0)
         x, y, heading = lab.where()
@@ -150,17 +191,21 @@ def shortest_way(grid: Grid, start: Point, goal: Point) -> float:
     return min(path_length(plan(grid, start, goal, free)) for free in (RADIUS, RADIUS + 0.05, RADIUS + 0.1))
 
 
-def run_trial(goals: int, seed: int) -> tuple[Hall, list[Run], Trial]:
+def run_trial(goals: int, seed: int, *, with_body: bool = False) -> tuple[Hall, list[Run], Trial]:
     """Send a robot to random goals."""
     hall = Hall(seed)
     draw = random.Random(seed + 1)
     runs: list[Run] = []
     with tempfile.TemporaryDirectory() as folder:
-        trial = Trial(hall, Path(folder))
+        trial = Trial(hall, Path(folder), with_body=with_body)
         while len(runs) < goals:
             at = draw.uniform(0.7, SIZE - 0.7), draw.uniform(0.7, SIZE - 0.7)
             if hall.grid.distance(*at) < FREE or math.dist(at, trial.lab.where()[:2]) < MIN_WAY:
                 continue
+            if trial.lab.look("P3dx.planner.ready") != "true":
+                trial.helped += 1
+                _, seconds = trial.turn_until_found(noticed=True)
+                print(f"    lost: turned by hand, found after {seconds:.1f} s", flush=True)
             try:
                 run = trial.drive((*at, draw.uniform(-math.pi, math.pi)))
             except NoPath:
@@ -253,23 +298,27 @@ def row(number: int, run: Run) -> str:
     return (
         f"{number:3d} ({run.goal[0]:5.2f}, {run.goal[1]:5.2f}) {'reached' if run.reached else run.said!r:8s} "
         f"{run.metres * 100:5.1f} cm {run.degrees:4.1f} deg {run.way:5.1f} m of {run.shortest:5.1f} m "
-        f"{run.seconds:4.0f} s {run.contacts} contacts {len(run.plans)} plans, "
+        f"{run.seconds:4.0f} s {run.contacts} contacts, astray by {max(run.errors, default=0) * 100:.0f} cm at most, "
+        f"{len(run.plans)} plans, "
         f"longest {max(run.plans, default=0) * 1000:.0f} ms"
     )
 
 
-def table(runs: Sequence[Run]) -> str:
-    """The table of docs/navigation.md."""
+def table(runs: Sequence[Run], helped: int) -> str:
+    """The table of docs/navigation.md; ``helped`` as in Trial."""
     metres, degrees = [each.metres * 100 for each in runs], [each.degrees for each in runs]
     longer = [(each.way / each.shortest - 1) * 100 for each in runs]
     plans = [seconds * 1000 for each in runs for seconds in each.plans]
+    errors = [metres * 100 for each in runs for metres in each.errors]
     rows = [
         ("goals reached", f"{sum(each.reached for each in runs)} of {len(runs)}"),
+        ("lost on the way, and turned by hand until it had found itself", f"{helped}"),
         ("contacts with walls or boxes", f"{sum(each.contacts for each in runs)}"),
         ("distance from the goal, median and largest", f"{statistics.median(metres):.1f} cm, {max(metres):.1f} cm"),
         ("heading from the goal's, median and largest", f"{statistics.median(degrees):.1f}, {max(degrees):.1f} deg"),
         ("way against the shortest, median and largest", f"{statistics.median(longer):+.0f} %, {max(longer):+.0f} %"),
         ("way in all", f"{sum(each.way for each in runs):.0f} m in {sum(each.seconds for each in runs):.0f} s"),
+        ("pose from the true one, median and largest", f"{statistics.median(errors):.1f} cm, {max(errors):.1f} cm"),
         ("plans in all", f"{len(plans)}"),
         ("time to plan, median and longest", f"{statistics.median(plans):.0f} ms, {max(plans):.0f} ms"),
     ]
@@ -296,6 +345,7 @@ def main() -> None:
     parser.add_argument("--goals", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--carried", type=int, default=10, help="how often the robot is carried away after that")
+    parser.add_argument("--body", action="store_true", help="in MuJoCo, where wheels slip (the extra mujoco)")
     parser.add_argument("--survey", action="store_true", help="build a map at the end")
     parser.add_argument("--without-extra", action="store_true", help="as if numpy and scipy were not installed")
     parser.add_argument("--picture", type=Path)
@@ -304,8 +354,10 @@ def main() -> None:
     if options.without_extra:
         extra._load = lambda name: None  # type: ignore[assignment]
     print(f"extra navigation (numpy, scipy): {'yes' if extra.load_arrays() else 'no'}")
-    hall, runs, trial = run_trial(options.goals, options.seed)
-    text = table(runs)
+    if options.body and (options.survey or options.write):
+        parser.error("--body goes without --survey and --write: it has no rows in the table of docs/navigation.md")
+    hall, runs, trial = run_trial(options.goals, options.seed, with_body=options.body)
+    text = table(runs, trial.helped)
     drawn = picture(hall, runs[-1])
     if options.carried:
         text += "\n" + carry_robot(trial, options.carried, options.seed)

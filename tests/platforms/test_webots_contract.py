@@ -72,7 +72,7 @@ def test_devices_are_known_by_name_and_kind(back_end: s.BackEnd) -> None:
         "arm": s.MOTOR, "left wheel": s.MOTOR, "right wheel": s.MOTOR, "arm sensor": s.POSITION_SENSOR,
         "acc": s.ACCELEROMETER, "gyro": s.GYRO, "gps": s.GPS, "imu": s.INERTIAL_UNIT, "ahead": s.DISTANCE_SENSOR,
         "bumper": s.TOUCH_SENSOR, "eye": s.CAMERA, "led0": s.LED, "laser": s.LIDAR, "radio": s.EMITTER,
-        "ears": s.RECEIVER,
+        "ears": s.RECEIVER, "ls0": s.LIGHT_SENSOR,
     }  # fmt: skip
     arm = back_end.world.device("arm", s.MOTOR).facts
     assert (arm["min"], arm["max"]) == pytest.approx((-math.pi / 2, math.pi / 2))
@@ -100,7 +100,7 @@ def test_a_period_is_rounded_up_to_whole_steps(back_end: s.BackEnd) -> None:
 
 
 def test_every_sensor_measures(back_end: s.BackEnd) -> None:
-    outcome = run(back_end, 20, enable("arm sensor", "gps", "imu", "ahead", "bumper", "laser", "arm"))
+    outcome = run(back_end, 20, enable("arm sensor", "gps", "imu", "ahead", "bumper", "laser", "arm", "ls0"))
     values = outcome.samples
     assert outcome.time == pytest.approx(0.4)
     assert values["arm sensor"] == pytest.approx(0.0, abs=0.01)
@@ -111,6 +111,7 @@ def test_every_sensor_measures(back_end: s.BackEnd) -> None:
     assert len(values["laser"]) == 5
     assert values["laser"][2] == pytest.approx(1.85, abs=0.1)
     assert len(values["arm"]) == 3
+    assert values["ls0"] == pytest.approx(0.7, abs=0.02)
 
 
 def test_a_motor_goes_to_a_position_no_faster_than_its_greatest_speed(back_end: s.BackEnd) -> None:

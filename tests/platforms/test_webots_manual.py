@@ -85,6 +85,13 @@ def test_a_distance_sensor_has_a_factor(lab: Lab) -> None:
     assert lab.number("d.distance") == pytest.approx(190, abs=1)
 
 
+def test_a_light_sensor_measures_and_a_shade_darkens_it(lab: Lab) -> None:
+    lab.say('var Global.light = LightSensor.new("ls0")|; var Global.lid = ManipulateNode.new("wall")|;', 0.2)
+    assert lab.number("light.val") == pytest.approx(0.7, abs=0.02)
+    lab.say("lid.tx = 0 | lid.tz = 2|;", 0.2)
+    assert lab.number("light.val") == 0
+
+
 def test_a_led_lights(lab: Lab) -> None:
     lab.say('var Global.led = Led.new("led0")|;', 0.1)
     dark = float(lab.world._model.geom("led0").rgba[0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import base64
 import contextlib
 import json
 import os
@@ -11,7 +12,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,6 +22,8 @@ _START_TIMEOUT_S = 10.0
 ANSWER_TIMEOUT_S: Final = 5.0
 MAX_LINE_LENGTH: Final = 200
 """Characters of a line for the fake's console."""
+SCENE_WORD: Final = "scene"
+"""A word of the console of a simulated robot with a body in a simulated world: its state, or its model into a file."""
 PACKAGE = "urbihw_fakes"
 """The package that ``python -m`` runs; it is never imported here."""
 
@@ -113,6 +116,66 @@ class Fake:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+
+
+class FakeScene:
+    """The simulated world of a simulated robot, as a source of ``worldView``: its console is asked for states."""
+
+    def __init__(self, fake: Fake, file: Path, post: Callable[[Callable[[], None]], None], now: Callable[[], float]):
+        """``file``: where the model is written; ``post`` runs a function in the kernel's thread, ``now`` is its time.
+        """
+        self._fake, self._file, self._post, self._now = fake, file, post, now
+        self._over: threading.Event | None = None
+        self._written = False
+
+    def begin(self, period: float, show: Callable[[bytes, float], None]) -> None:
+        """See ``urbihw.platforms.scene.view.Source``."""
+        self.end()
+        self._over = over = threading.Event()
+        threading.Thread(target=self._ask, args=(period, show, over), name="world", daemon=True).start()
+
+    def end(self) -> None:
+        """See ``Source``."""
+        if self._over is not None:
+            self._over.set()
+            self._over = None
+
+    def model(self) -> Path:
+        """See ``Source``: the console writes the file."""
+        if not self._written:
+            answer = self._fake.tell(f"{SCENE_WORD} {self._file}")
+            if answer != "ok":
+                raise ValueError(answer.removeprefix("error: "))
+            self._written = True
+        return self._file
+
+    def remove(self) -> None:
+        """Remove the file."""
+        with contextlib.suppress(OSError):
+            self._file.unlink()
+
+    def _ask(self, period: float, show: Callable[[bytes, float], None], over: threading.Event) -> None:
+        """Ask for states until it is over; in a thread of its own."""
+        due = time.monotonic()
+        while not over.wait(max(0.0, due - time.monotonic())):
+            due = max(due + period, time.monotonic())
+            try:
+                state = base64.b64decode(self._fake.tell(SCENE_WORD), validate=True)
+            except ValueError:  # the simulated robot is busy, or has ended
+                due += 1.0
+                continue
+            # One that the kernel has not taken yet is not followed by another.
+            taken = threading.Event()
+            self._post(lambda state=state, taken=taken: self._hand_over(state, show, over, taken))  # type: ignore[misc]
+            while not taken.wait(1.0) and not over.is_set():
+                pass
+
+    def _hand_over(
+        self, state: bytes, show: Callable[[bytes, float], None], over: threading.Event, taken: threading.Event
+    ) -> None:
+        taken.set()
+        if not over.is_set():
+            show(state, self._now())
 
 
 class FakeConsole(UObject):

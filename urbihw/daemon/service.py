@@ -27,7 +27,7 @@ from urbihw.daemon.access_policy import AccessPolicy, access_policy
 from urbihw.daemon.activation import passed_sockets
 from urbihw.daemon.config import Config
 from urbihw.daemon.dead_sockets import remove_dead_sockets
-from urbihw.daemon.fake import Fake, FakeConsole
+from urbihw.daemon.fake import SCENE_WORD, Fake, FakeConsole, FakeScene
 from urbihw.daemon.files import read_regular
 from urbihw.daemon.holders import holder_of_file, holder_of_port
 from urbihw.daemon.notify import Notifier
@@ -37,15 +37,18 @@ from urbihw.daemon.runtime import client_path, control_path, runtime_folder
 from urbihw.daemon.state import motions_folder, robots_folder
 from urbihw.kernel.process import KernelProcess, resolver
 from urbihw.kernel.server.bounds import bounds
-from urbihw.kernel.uobject import BadConfig, DeviceError, NotReady, Robot, RobotSettings
+from urbihw.kernel.uobject import BadConfig, DeviceError, NotReady, Robot, RobotSettings, not_ended
 from urbihw.kernel.uobject.protection import protect_robot
 from urbihw.platforms import Manifest
+from urbihw.platforms.scene.view import TREE, WorldView
 
 log = logging.getLogger("urbihw.daemon")
 
 OPEN_TIMEOUT_S = 20.0
 """Maximum seconds to find the robot before the port is served without it; a scan of two protocols with a slow adapter
 takes a few seconds."""
+PROGRAM_PATIENCE_S = 5.0
+"""Seconds after which the log names the program that the start waits for."""
 STATUS_PERIOD_S = 1.0
 MAX_PROGRAM_BYTES = 16 * 1024 * 1024
 """Maximum size of a file of ``load`` in bytes."""
@@ -76,6 +79,8 @@ class Service:
         self._waits_for_robot = False
         self._is_protected = False
         self._fake: Fake | None = None
+        self._scene: FakeScene | None = None
+        self._view: WorldView | None = None
         self._access_policy = AccessPolicy()
         self._observers = Observers(config)
         self._control_path = ""
@@ -153,6 +158,7 @@ class Service:
             await self._open(manifest, kind)
         except DeviceError as error:
             raise StartError(self._explained(str(error))) from error
+        await self._show_world()
         if self._robot is not None:
             # Called when the first file waits, or is over: not later, since a file may wait for the robot's time.
             asyncio.get_running_loop().call_soon(self._robot.begin_programs)
@@ -219,11 +225,21 @@ class Service:
             raise StartError(f"cannot load {path}: {error.strerror}") from error
         except BadConfig as error:
             raise StartError(f"cannot load {error}") from error
-        problem = await self._process.run_text(text, shown or str(path))
+        name = shown or str(path)
+        waiting = asyncio.get_running_loop().call_later(PROGRAM_PATIENCE_S, self._tell_held_start, not_ended(name))
+        try:
+            problem = await self._process.run_text(text, name)
+        finally:
+            waiting.cancel()
         if problem and self._waits_for_robot:
             log.error("cannot load a file: %s; the robot is not there", problem)
         elif problem:
             raise StartError(f"cannot load a file: {problem}")
+
+    def _tell_held_start(self, reason: str) -> None:
+        """The start takes long; nothing is told without a reason."""
+        if reason:
+            log.warning("the port is not open yet: %s", reason)
 
     async def _open(self, manifest: Manifest, kind: type[Robot]) -> None:
         """Open the robot, and wait until it is there, or known to be absent.  Raises DeviceError."""
@@ -239,21 +255,39 @@ class Service:
             else:
                 answer(error)
 
-        self._robot = self._process.kernel.host.create(kind, manifest.slot)
+        self._robot = robot = self._process.kernel.host.create(kind, manifest.slot)
         self._control_path = self._control()
         settings = _robot_settings(self._config, url, self._control_path, self._memory())
         self._robot.await_programs()
         self._robot.open(settings, answered)
         self._process.drive()
+        waiting = asyncio.get_running_loop().call_later(
+            PROGRAM_PATIENCE_S, lambda: self._tell_held_start(robot.waits_for())
+        )
         try:
             error = await asyncio.wait_for(first, OPEN_TIMEOUT_S)
         except TimeoutError:
-            error = NotReady(f"no word from it in {OPEN_TIMEOUT_S:g} s")
+            error = NotReady(robot.waits_for() or f"no word from it in {OPEN_TIMEOUT_S:g} s")
+        finally:
+            waiting.cancel()
         self._waits_for_robot = isinstance(error, NotReady)
         if self._waits_for_robot:
             log.warning("waiting for the robot on %s: %s", url, self._explained(str(error)))
         elif error is not None:
             raise error
+
+    async def _show_world(self) -> None:
+        """Make ``worldView``, if the simulated robot has a body in a world."""
+        if self._fake is None or SCENE_WORD not in (word["name"] for word in self._fake.commands):
+            return
+        host = self._process.kernel.host
+        try:
+            file = runtime_folder() / f"world-{self._process.bound_port}.mjb"
+        except BadConfig as error:
+            raise StartError(str(error)) from error
+        self._scene = FakeScene(self._fake, file, host.post, host.now)
+        self._view = host.create(WorldView, "worldView", self._scene)
+        await self._process.run_text(TREE, "scene.u")
 
     def _robot_came(self, error: DeviceError | None) -> None:
         """The robot has arrived after the start, or cannot be served as the settings say."""
@@ -378,9 +412,13 @@ class Service:
         await process.close()
         process.extend_deadline(END_TIMEOUT_S)
         self._observers.close()
+        if self._view is not None:
+            self._view.close()
         if self._fake is not None:
             process.extend_deadline()
             self._fake.close()
+        if self._scene is not None:
+            self._scene.remove()
         if process.port >= 0:
             log.info("stopped")
 

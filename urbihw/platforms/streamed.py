@@ -15,7 +15,7 @@ LOOK_PERIOD_S: Final = 0.25
 """Seconds between two looks whether anybody follows."""
 
 
-class Streamed(UObject):
+class OnDemand(UObject):
     """The base of such devices; ``on`` is whether the stream comes now.
 
     A subclass sets ``nothing`` and implements ``switch_stream``; it may restrict ``may_stream``.
@@ -29,16 +29,15 @@ class Streamed(UObject):
     val = reading()
     on = reading(False)
 
-    def init(self, channel: DeviceChannel, *_: Any, **__: Any) -> None:
-        """Speak to the worker through ``channel``; a subclass may have more parameters."""
-        self.channel = channel
+    def init(self, *_: Any, **__: Any) -> None:
+        """A subclass may have parameters."""
         self._read_at = -math.inf
         self.val.sense(self.nothing)
         self.notify_access(self.val, self._note_reading)
         self.set_timer(LOOK_PERIOD_S, self.update_stream)
 
     def switch_stream(self, on: bool) -> None:
-        """Let the worker begin or end the stream."""
+        """Begin or end the stream."""
         raise NotImplementedError
 
     def may_stream(self) -> bool:
@@ -56,3 +55,12 @@ class Streamed(UObject):
     def _note_reading(self) -> None:
         self._read_at = self.host.now()
         self.update_stream()
+
+
+class Streamed(OnDemand):
+    """A device of a robot, whose stream comes from the worker."""
+
+    def init(self, channel: DeviceChannel, *_: Any, **__: Any) -> None:
+        """Speak to the worker through ``channel``; a subclass may have more parameters."""
+        self.channel = channel
+        super().init()

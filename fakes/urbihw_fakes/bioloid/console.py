@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from urbihw_fakes.bioloid.kit import Bioloid
 from urbihw_fakes.bodies.humanoid import Humanoid, describe
+from urbihw_fakes.bodies.scene import scene_word
 from urbihw_fakes.console import Command
 from urbihw_fakes.dynamixel.ax12 import DEGREES, Ax12
 from urbihw_fakes.dynamixel.axs1 import AxS1
@@ -50,11 +51,14 @@ def in_world(kit: Humanoid, words: dict[str, Command]) -> dict[str, Command]:
         kit.push(forward, left)
         return "ok"
 
+    # The requests of the bus move it on.
     return {
         **kept,
+        **scene_word(kit.simulation, lambda: None),
         "stand": Command("", "put it on its feet where it started; limp joints as at the start", stand),
         "push": Command("FORWARD [LEFT]", "push its chest for 0.1 s, N", push),
         "where": Command("", "where it is, and whether it stands", lambda _: describe(kit)),
+        "time": Command("", "how long its world has been simulated, s", lambda _: f"{kit.simulation.time:.3f}"),
     }
 
 

@@ -68,6 +68,19 @@ class Simulation:
         """Let ``count`` steps pass."""
         self._mujoco.mj_step(self.model, self.data, count)
 
+    def save_model(self, path: str) -> None:
+        """Write the model to a file (.mjb).
+
+        Raises:
+            UnknownRequest: it cannot be written.
+        """
+        try:
+            self._mujoco.mj_saveModel(self.model, path)
+        except Exception as error:
+            raise UnknownRequest(f"scene: {path} cannot be written: {' '.join(str(error).split())}") from None
+        if not Path(path).is_file():
+            raise UnknownRequest(f"scene: {path} cannot be written")
+
     def forward(self) -> None:
         """Bring all that follows from the positions up to date, after they were set by hand."""
         self._mujoco.mj_forward(self.model, self.data)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Protocol
 
+from urbihw_fakes.bodies.scene import scene_word
 from urbihw_fakes.bodies.wheels import Wheels
 from urbihw_fakes.console import Command
 from urbihw_fakes.errors import UnknownRequest
@@ -50,7 +51,7 @@ def world_words(robot: OnWheels, advance: Callable[[], None]) -> dict[str, Comma
         simulation.remove_crate()
         return "ok"
 
-    return {
+    return scene_word(simulation, advance) | {
         "place": Command("X Y DEGREES", "put the robot somewhere in its world", place),
         "where": Command("", "show where it is: m, m, degrees", where),
         "friction": Command("VALUE", FRICTION_HELP, friction),

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Protocol
 
 from urbihw_fakes.bodies.pioneer import SimulatedBody
+from urbihw_fakes.bodies.scene import scene_word
 from urbihw_fakes.bodies.words import FRICTION_HELP
 from urbihw_fakes.console import Command
 from urbihw_fakes.errors import UnknownRequest
@@ -44,9 +45,13 @@ def commands(kit: P3dx, clock: Callable[[], float], laser_line: Cable) -> dict[s
 
 
 def _grip(kit: P3dx) -> dict[str, Command]:
-    """How much the wheels slip, in the words of its world."""
+    """How much the wheels slip, in the words of its world, and how that looks."""
     if isinstance(kit.body, SimulatedBody):
-        return {"friction": Command("VALUE", FRICTION_HELP, _number(kit.body.base.set_friction))}
+        return {
+            # Its reports move it on.
+            **scene_word(kit.body.base.simulation, lambda: None),
+            "friction": Command("VALUE", FRICTION_HELP, _number(kit.body.base.set_friction)),
+        }
     help = "set the share 0..1 of each turn that is lost to slip"
     return {"slip": Command("SHARE", help, _number(partial(setattr, kit.body, "slip")))}
 

@@ -34,6 +34,7 @@ from urbihw.buses.messages import (
     Watch,
 )
 from urbihw.buses.readings import Quantity
+from urbihw.platforms.webots.model_check import TIMEOUT_S
 from urbihw.platforms.webots.options import Options
 from urbihw.platforms.webots.port import Simulation, SimulationPort
 from urbihw.platforms.webots.simulator import CAMERA, MOTOR, NODES, Order, Outcome
@@ -48,6 +49,8 @@ PATIENCE_S: Final = 1.0
 """Seconds of real time for the kernel's answer, after which the simulation goes on without it."""
 RENDERER_S: Final = 3.0
 """Seconds that a simulator may need until the first picture of a camera."""
+RELOAD_S: Final = TIMEOUT_S + 1.0
+"""Seconds in which the model of a world is tried before it is loaded again."""
 STOP_PATIENCE_S: Final = 0.1
 """The same once the robot is stopped."""
 ALIVE_PERIOD_S: Final = 0.2
@@ -137,9 +140,10 @@ class SimulationDriver(Driver):
                     news.append(self._samples(now, {}))
                 return news
             orders, self._orders = self._orders, []
-            if any(order.device in self._cameras for order in orders) and self._port is not None:
+            slow = self._longest_wait(orders)
+            if slow and self._port is not None:
                 # The worker gives a sign of life for as long.
-                (self._port.before_wait or _nothing)(now + RENDERER_S)
+                (self._port.before_wait or _nothing)(now + slow)
             simulation.begin(0 if self._paused else self._step_ms, orders)
             self._stepping = True
         outcome = simulation.poll()
@@ -149,6 +153,12 @@ class SimulationDriver(Driver):
             return news
         self._stepping = False
         return news + self._handle_outcome(outcome, now)
+
+    def _longest_wait(self, orders: list[Order]) -> float:
+        """Seconds that a simulator may need for some orders besides its step."""
+        if any(order.verb == "revert" for order in orders):
+            return RELOAD_S
+        return RENDERER_S if any(order.device in self._cameras for order in orders) else 0.0
 
     def _may_step(self, now: float, news: list[FromWorker]) -> bool:
         """Whether a step may begin: the kernel has handled the last one, or has been waited for long enough."""

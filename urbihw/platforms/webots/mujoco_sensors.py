@@ -7,6 +7,7 @@ device::
       <text name="led0" data="led"/>                        the geom or site led0; its colour times the value
       <text name="laser" data="lidar 181 180 8"/>           rays from the site laser: number, degrees, range in m
       <text name="depth" data="range-finder 16 12 60 5"/>   width, height, degrees, range in m
+      <text name="ls0" data="light-sensor"/>                at the site ls0, along its x axis: see ``mujoco_light``
       <text name="radio" data="emitter 1"/>                 channel
       <text name="ears" data="receiver 1"/>
       <text name="speaker" data="speaker"/>
@@ -24,6 +25,8 @@ from urbihw.platforms.webots import simulator as s
 
 MAX_PACKETS: Final = 100
 """Packets that a receiver keeps while nobody reads."""
+MAX_RAYS: Final = 100_000
+"""Of a lidar or range finder."""
 
 Read = Callable[[], Any]
 
@@ -123,6 +126,8 @@ class Rays:
             width, height = count, 1
         else:
             width, height, fov, self._range = int(numbers[0]), int(numbers[1]), math.radians(numbers[2]), numbers[3]
+        if not (0 < width * height <= MAX_RAYS and all(map(math.isfinite, numbers))):
+            raise ValueError(f"1 to {MAX_RAYS} rays")
         kind = s.LIDAR if len(numbers) == 3 else s.RANGE_FINDER
         step = fov / max(width - 1, 1)
         # From left to right and from top to bottom, as Webots has it.

@@ -7,14 +7,18 @@ each time: a run depends on the orders and on nothing else.
 from __future__ import annotations
 
 import contextlib
-import os
+import dataclasses
+import math
 from collections.abc import Callable, Sequence
-from ctypes.util import find_library
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+from urbihw.platforms.scene.library import import_mujoco
+from urbihw.platforms.scene.state import state_of
 from urbihw.platforms.webots import simulator as s
+from urbihw.platforms.webots.model_check import reason_against
+from urbihw.platforms.webots.mujoco_light import LightSensor
 from urbihw.platforms.webots.mujoco_motors import Motor
 from urbihw.platforms.webots.mujoco_sensors import Radio, Rays, quaternion_of, rotation_vector, sensor
 
@@ -22,33 +26,19 @@ BASIC_STEP_MS: Final = 20
 """Basic time step of a model that names none (``<numeric name="basic step" data="32"/>``, in ms)."""
 DEFAULT_WIDTH, DEFAULT_HEIGHT = 160, 120
 """Pixels of a camera whose model names no resolution."""
+MAX_PIXELS: Final = 1920 * 1080
+"""Pixels of a camera at most."""
+MIN_TIMESTEP_S, MAX_TIMESTEP_S = 1e-5, 1.0
+"""Of the physics; a shorter one would let the simulation stand still."""
+MAX_BASIC_STEP_MS: Final = 10_000
 URDF_FORCE: Final = 10.0
 """Newton metres, or N, of a motor of a URDF whose joint names no effort."""
 URDF_GAIN: Final = 10.0
 """Torque of a motor of a URDF for an error of 1 rad, as a multiple of its effort."""
 
 
-class NoMujoco(Exception):
-    """The package mujoco is not installed."""
-
-
 class BadModel(Exception):
     """The model cannot be loaded; the message is one line."""
-
-
-def import_mujoco() -> Any:
-    """Import mujoco, so that it renders without a screen where that can be.  Raises NoMujoco."""
-    # It reads MUJOCO_GL when it is imported, and dies when the library is not there.
-    for way, library in (("egl", "EGL"), ("osmesa", "OSMesa"), ("disable", "")):
-        if not library or find_library(library):
-            os.environ.setdefault("MUJOCO_GL", way)
-    try:
-        import mujoco
-    except ModuleNotFoundError as error:
-        raise NoMujoco(str(error.name)) from error
-    # Its own handler writes a file into the present folder.
-    mujoco.set_mju_user_warning(lambda text: None)
-    return mujoco
 
 
 class MujocoWorld(s.BackEnd):
@@ -57,10 +47,13 @@ class MujocoWorld(s.BackEnd):
     def __init__(self, path: Path) -> None:
         """Load a model.  Raises NoMujoco, BadModel."""
         super().__init__()
+        self._path = path
         self._mujoco = import_mujoco()
         self._model = self._load(path)
         self._data = self._mujoco.MjData(self._model)
         self._mujoco.mj_forward(self._model, self._data)
+        self._check_numbers(path)
+        self._told_unstable = False
         self._radio = Radio()
         self._motors: dict[str, Motor] = {}
         self._reads: dict[str, Callable[[], Any]] = {}
@@ -79,10 +72,11 @@ class MujocoWorld(s.BackEnd):
         model = self._model
         self._step_ms = self._basic_step()
         self._nodes = {model.body(i).name: i for i in range(1, model.nbody) if model.body(i).name}
+        self._reads[s.SCENE] = lambda: state_of(self._model, self._data)
         self.world = s.World(
             name=path.stem, simulator=f"MuJoCo {self._mujoco.__version__}", step_ms=self._step_ms,
             devices=tuple(devices), nodes=tuple(self._nodes), folder=str(path.parent),
-            program=_texts(model).get("program", ""),
+            program=_texts(model).get("program", ""), model=str(path),
         )  # fmt: skip
 
     # ---------------------------------------------------------------- loading
@@ -95,6 +89,16 @@ class MujocoWorld(s.BackEnd):
             return spec.compile()
         except (ValueError, OSError) as error:
             raise BadModel(f"{path}: {' '.join(str(error).split())}") from error
+
+    def _check_numbers(self, path: Path) -> None:
+        """Raise BadModel for a model with a nan, from which nothing but nan follows; the compiler lets it pass."""
+        model, data = self._model, self._data
+        numbers = [*model.opt.gravity, model.opt.timestep, *model.body_mass, *data.xpos.ravel(), *data.qacc]
+        if not all(map(math.isfinite, numbers)):
+            raise BadModel(f"{path}: a number is nan or inf: see gravity, and masses, places and joints of bodies")
+        step = float(model.opt.timestep)
+        if not MIN_TIMESTEP_S <= step <= MAX_TIMESTEP_S:
+            raise BadModel(f"{path}: the timestep is {MIN_TIMESTEP_S:g} to {MAX_TIMESTEP_S:g} s, not {step:g}")
 
     def _add_motors(self, spec: Any) -> None:
         """Give each hinge and slide of a URDF, which has no motors, one that goes to positions, called as the joint."""
@@ -115,6 +119,8 @@ class MujocoWorld(s.BackEnd):
         model = self._model
         numerics = {model.numeric(i).name: float(model.numeric(i).data[0]) for i in range(model.nnumeric)}
         wanted = numerics.get("basic step", BASIC_STEP_MS)
+        if not 0 < wanted <= MAX_BASIC_STEP_MS:
+            raise BadModel(f"numeric 'basic step': 1 to {MAX_BASIC_STEP_MS} ms, not {wanted:g}")
         own = model.opt.timestep * 1000
         return max(1, round(max(1, round(float(wanted / own))) * float(own)))
 
@@ -148,6 +154,8 @@ class MujocoWorld(s.BackEnd):
             width, height = (int(each) for each in model.cam_resolution[index])
             if width <= 1 or height <= 1:
                 width, height = DEFAULT_WIDTH, DEFAULT_HEIGHT
+            if width * height > MAX_PIXELS:
+                raise BadModel(f"camera {camera.name!r}: {width} by {height} pixels; at most {MAX_PIXELS} in all")
             facts = {"width": width, "height": height, "yfov": float(camera.fovy[0]) * 0.017453292519943295}
             found.append(s.SimDevice(camera.name, s.CAMERA, facts | {"near": float(near), "far": float(far)}))
             self._cameras[camera.name] = width, height
@@ -171,6 +179,10 @@ class MujocoWorld(s.BackEnd):
         if kind == "led":
             self._find_led(name)
             return s.SimDevice(name, s.LED)
+        if kind == "light-sensor":
+            eye = LightSensor(self._mujoco, self._model, self._data, name)
+            self._reads[name] = eye.read
+            return eye.device
         if kind in ("lidar", "range-finder"):
             if len(parameters) != (3 if kind == "lidar" else 4):
                 raise ValueError("wrong number of values")
@@ -224,6 +236,25 @@ class MujocoWorld(s.BackEnd):
             mj_step(model, data)
         return True
 
+    def run(self, ms: int, orders: Sequence[s.Order]) -> s.Outcome:
+        """See ``BackEnd``; physics that blow up are a problem, told once."""
+        outcome = super().run(ms, orders)
+        if self._told_unstable or not self._is_unstable():
+            return outcome
+        self._told_unstable = True
+        problem = (
+            "the physics became unstable, and MuJoCo begins again from the start: make the timestep smaller, or the "
+            "motors weaker (kp, kv, gear)"
+        )
+        return dataclasses.replace(outcome, problems=(*outcome.problems, problem))
+
+    def _is_unstable(self) -> bool:
+        kinds = self._mujoco.mjtWarning
+        return any(
+            self._data.warning[int(kind)].number
+            for kind in (kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC)
+        )
+
     def time(self) -> float:
         """See ``BackEnd``."""
         return self.elapsed_ms / 1000
@@ -268,7 +299,7 @@ class MujocoWorld(s.BackEnd):
             except Exception as error:  # Whatever the drivers of the graphics raise.
                 raise ValueError(
                     f"camera {camera!r} gives no pictures: no OpenGL ({' '.join(str(error).split()) or 'not found'}); "
-                    "install libegl1 and libgl1-mesa-dri, or libosmesa6 and set MUJOCO_GL=osmesa"
+                    "install libegl1 and libgl1-mesa-dri, or libosmesa6; then MUJOCO_GL is egl, osmesa or not set"
                 ) from error
             self._renderers[width, height] = renderer
         return renderer
@@ -310,7 +341,11 @@ class MujocoWorld(s.BackEnd):
         self._mujoco.mj_forward(self._model, self._data)
 
     def revert(self) -> None:
-        """See ``BackEnd``: the caller loads the model again."""
+        """See ``BackEnd``: the caller loads the model again.  Raises ValueError for a file that was spoilt meanwhile:
+        the world goes on as it was (the worker hears nothing meanwhile, so its dead-man time may stop the motors)."""
+        reason = reason_against(self._path)
+        if reason:
+            raise ValueError(f"the world is not loaded again: {reason}")
 
     def quit(self) -> None:
         """See ``BackEnd``: there is no program to end."""

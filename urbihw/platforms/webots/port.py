@@ -21,8 +21,10 @@ from urllib.parse import unquote
 from urbihw.buses.errors import BadUrl, Unavailable
 from urbihw.buses.link import Context, Port, Url
 from urbihw.extras import install_command
+from urbihw.platforms.scene.library import NoMujoco
 from urbihw.platforms.webots import controller_process
-from urbihw.platforms.webots.mujoco_world import BadModel, MujocoWorld, NoMujoco
+from urbihw.platforms.webots.model_check import reason_against
+from urbihw.platforms.webots.mujoco_world import BadModel, MujocoWorld
 from urbihw.platforms.webots.simulator import Order, Outcome, World
 from urbihw.settings import Rule
 
@@ -91,6 +93,8 @@ class MujocoPort(SimulationPort):
         if not path.is_file():
             raise Unavailable(errno.ENOENT, f"{self.url.text}: {_no_file(path)}")
         try:
+            if path.parent != WORLDS and (reason := reason_against(path)):
+                raise BadModel(reason)
             self.simulation = OwnSimulation(MujocoWorld(path))
         except NoMujoco as error:
             raise Unavailable(errno.ENOPKG, f"mujoco:// needs the Python package {error}: "

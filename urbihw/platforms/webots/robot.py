@@ -13,15 +13,27 @@ from pathlib import Path
 from typing import Any, Final
 
 from urbihw.buses import messages as m
-from urbihw.kernel.uobject import BadConfig, DeviceError, Opened, RobotSettings, event, finite_number, owned, reading
+from urbihw.kernel.uobject import (
+    BadConfig,
+    DeviceError,
+    Opened,
+    RobotSettings,
+    event,
+    finite_number,
+    not_ended,
+    owned,
+    reading,
+)
 from urbihw.platforms.base import WiredRobot
 from urbihw.platforms.hooks import LimitedDevice
+from urbihw.platforms.scene.view import TREE, WorldView
 from urbihw.platforms.webots import words
 from urbihw.platforms.webots.blobs import BlobDetector
 from urbihw.platforms.webots.driver import GRANTED, HELD_UP, SIMULATOR
 from urbihw.platforms.webots.media import Camera, Display, Receiver, Speaker
 from urbihw.platforms.webots.motors import DifferentialWheels, Servo, SimMotor
 from urbihw.platforms.webots.options import SPEEDS, Options
+from urbihw.platforms.webots.scene import SimulatedScene
 from urbihw.platforms.webots.sensors import (
     GPS,
     Accelerometer,
@@ -94,8 +106,11 @@ class Webots(WiredRobot):
         self._owed: int | None = None
         self._rounds = 0
         self._waits = False
+        self._running = ""
+        """The binding file that runs."""
         self._built = self._measured = False
         self._labels = 0
+        self._view: WorldView | None = None
         self.notify_change(self.mode, self._write_mode)
         self.notify_change(self.factor, self._write_factor)
 
@@ -118,6 +133,12 @@ class Webots(WiredRobot):
         super().open(settings, opened)
         self.host.each_round(self._end_round)
 
+    def close(self) -> None:
+        """See ``WiredRobot``."""
+        if self._view is not None:
+            self._view.close()
+        super().close()
+
     def configure(self, settings: RobotSettings) -> None:
         """Apply new settings; mode and factor stay as programs have set them."""
         self._apply_options(settings)
@@ -135,6 +156,10 @@ class Webots(WiredRobot):
         if not self.link.sensed or self._world is None:
             return "link down"
         return f"{self._world.name} in {self._world.simulator}, {len(self._world.devices)} devices, {self.mode.sensed}"
+
+    def waits_for(self) -> str:
+        """See ``Robot``: it waits for a binding file that does not end, too."""
+        return super().waits_for() or (not_ended(self._running) if self._running else "")
 
     def answer_open(self, error: DeviceError | None) -> None:
         """See ``WiredRobot``; while there is no simulation, time goes on by itself."""
@@ -277,10 +302,15 @@ class Webots(WiredRobot):
         except OSError as error:
             self.answer_open(BadConfig(f"the program of the world cannot be read: {error.filename}: {error.strerror}"))
             return
-        self._run_programs([*texts, (_TREE % str(not texts).lower(), "webots.u")], "")
+        texts.append((_TREE % str(not texts).lower(), "webots.u"))
+        if world.model:
+            self._view = self.host.create(WorldView, "worldView", SimulatedScene(self))
+            texts.append((TREE, "scene.u"))
+        self._run_programs(texts, "")
 
     def _run_programs(self, texts: list[tuple[str, str]], problem: str) -> None:
         """Run the binding files of the world, one after the other; the last one makes a tree if there is none."""
+        self._running = texts[0][1] if texts and not problem else ""
         if problem:
             self.answer_open(BadConfig(f"the objects of the world cannot be made: {problem}"))
             return

@@ -38,6 +38,8 @@ NODE: Final = "node"
 NODES: Final = "node "
 """Prefix of a part of the world that a supervisor moves: it is sampled like a device, as x, y, z and a rotation
 vector."""
+SCENE: Final = "scene"
+"""Sampled like a device where the simulation can be looked at: its state (``urbihw.platforms.scene.state``)."""
 
 REVERTED: Final = "the world was reloaded"
 QUIT: Final = "the simulation was ended by its program"
@@ -65,6 +67,7 @@ class World:
         supervisor: whether the robot may change the world.
         folder: of the model file, "" if there is none.
         program: the binding files of the model, relative to ``folder``, with blanks between them; "" for none.
+        model: the file of the model, to look at it; "" where the simulator shows it by itself.
     """
 
     name: str
@@ -75,6 +78,7 @@ class World:
     supervisor: bool = True
     folder: str = ""
     program: str = ""
+    model: str = ""
 
     def device(self, name: str, kind: str) -> SimDevice:
         """Return a device by name and kind.  Raises ValueError, which names those that there are."""
@@ -262,7 +266,7 @@ class BackEnd(ABC):
 
     @abstractmethod
     def revert(self) -> None:
-        """Reload the world."""
+        """Reload the world.  Raises ValueError when that cannot be."""
 
     @abstractmethod
     def quit(self) -> None:

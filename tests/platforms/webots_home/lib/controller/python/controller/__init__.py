@@ -138,6 +138,11 @@ class DistanceSensor(Sensor):
         return 5.0
 
 
+class LightSensor(Sensor):
+    def getValue(self) -> float:
+        return 0.7 if self.valid() else math.nan
+
+
 class TouchSensor(Sensor):
     def getType(self) -> int:
         return 1
@@ -275,7 +280,7 @@ class Robot:
             Motor("arm", sensors["arm"], (-math.pi / 2, math.pi / 2)), Motor("left wheel", sensors["left wheel"]),
             Motor("right wheel", sensors["right wheel"]), sensors["arm"], Accelerometer("acc"), Gyro("gyro"),
             GPS("gps"), InertialUnit("imu"), DistanceSensor("ahead"), TouchSensor("bumper"), Camera("eye"),
-            LED("led0"), Lidar("laser"), Emitter("radio"), Receiver("ears"),
+            LED("led0"), Lidar("laser"), Emitter("radio"), Receiver("ears"), LightSensor("ls0"),
         ]  # fmt: skip
         self.devices = {each.getName(): each for each in devices}
         self._hidden = [sensors["left wheel"], sensors["right wheel"]]
