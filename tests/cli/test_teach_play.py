@@ -18,19 +18,25 @@ ROBOT = """
 var Global.told = []|;
 class Global.robot
 {
-  var motionPlayer = 1;
+  var motionPlayer = nil;
   var ending = Event.new;
   var teaching = nil;
   function motions() { ["bow.mtn", "wave"] };
   function poses() { ["home"] };
-  function play(names, speed, times)
+  var how = "finished";
+  function run(where, kind, what, speed, times)
   {
-    told << ["play", names, speed, times] |
-    if (names == ["slack"])
-      lobby.send("!!! warning: motor 1 is off: switch it on with load = 1", "error") |
-    sleep(5s)
+    told << [kind, what, speed, times] |
+    if (what == "far") throw Exception.new("too far");
+    if (what == ["slack"])
+      lobby.send("!!! warning: motor 1 is off: switch it on with load = 1", "error");
+    sleep(5s);
+    if (what == ["taken"] || what == "taken")
+      how = "aborted"
+    else
+      how = "finished";
+    this
   };
-  function pose(name, speed) { told << ["pose", name, speed] | if (name == "far") throw Exception.new("too far") };
   function teach(name, joints, rate)
   {
     told << ["teach", name, joints, rate];
@@ -43,6 +49,7 @@ class Global.robot
   function keyPose() { told << ["keyPose"] | void };
   function endTeaching() { ending! };
 }|;
+robot.motionPlayer = robot|;
 """
 
 
@@ -76,25 +83,35 @@ def type_keys(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[bytes], Non
 def test_play_waits_for_the_end(server: Any) -> None:
     before = server.kernel.clock.now()
     assert urbihw.main(["play", "wave", "bow.mtn:March on", "--speed", "0.5", "--loop", "3"]) == EX_OK
-    assert told(server) == '["play", ["wave", "bow.mtn:March on"], 0.5, 3]]'
+    assert told(server) == '["motion", ["wave", "bow.mtn:March on"], 0.5, 3]]'
     assert server.kernel.clock.now() - before >= 5
 
 
 def test_play_for_ever(server: Any) -> None:
     assert urbihw.main(["play", "wave", "--loop", "0"]) == EX_OK
-    assert told(server) == '["play", ["wave"], 1, inf]]'
+    assert told(server) == '["motion", ["wave"], 1, inf]]'
 
 
 def test_a_name_is_a_string_whatever_is_in_it(server: Any) -> None:
     assert urbihw.main(["play", 'a"); shutdown; ("\\', "--pose"]) == EX_OK
-    assert told(server) == '["pose", "a\\"); shutdown; (\\"\\\\", 1]]'
+    assert told(server) == '["pose", "a\\"); shutdown; (\\"\\\\", 1, 1]]'
 
 
 def test_poses_one_after_the_other_and_the_error_of_one(server: Any, capsys: pytest.CaptureFixture[str]) -> None:
     assert urbihw.main(["play", "--pose", "home", "far", "home"]) == EX_UNAVAILABLE
-    assert told(server) == '["pose", "home", 1], ["pose", "far", 1]]'
+    assert told(server) == '["pose", "home", 1, 1], ["pose", "far", 1, 1]]'
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("urbihw play: ") and line.endswith("too far")
+
+
+@pytest.mark.parametrize("words", [["taken"], ["--pose", "taken", "home"]])
+def test_a_motion_that_others_end_is_no_success(
+    server: Any, capsys: pytest.CaptureFixture[str], words: list[str]
+) -> None:
+    assert urbihw.main(["play", *words]) == EX_UNAVAILABLE
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith("was ended by others: by a stop, or by a write to its joints")
+    assert '"home"' not in told(server)
 
 
 def test_without_a_name_the_motions_are_listed(server: Any, capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,6 +6,8 @@ import contextlib
 import importlib.util
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -184,3 +186,31 @@ def test_the_daemon_serves_a_robot_of_webots(serve: Callable[..., Daemon], monke
     client.say("SimulationController.new.revert|;")
     daemon.wait_for_link(0)
     until(lambda: abs(float(client.ask("joint[1].angle;"))) < 0.1)
+
+
+@needs_mujoco
+def test_a_film_of_a_script_is_the_same_each_time(tmp_path: Path) -> None:
+    pytest.importorskip("PIL", reason="films need Pillow")
+    script = tmp_path / "tour.u"
+    script.write_text("wander.start;")
+    films = [tmp_path / "first.gif", tmp_path / "second.gif"]
+    for film in films:
+        command = (sys.executable, "-m", "urbihw.cli.main", "film", str(script), "-o", str(film), "--seconds", "1",
+                   "--width", "64", "--height", "48")  # fmt: skip
+        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        if "no OpenGL" in done.stderr:
+            pytest.skip("no OpenGL here")
+        assert done.returncode == 0, done.stderr
+        assert done.stdout == f"{film}: 12 pictures\n"
+    assert films[0].read_bytes() == films[1].read_bytes()
+
+
+@needs_mujoco
+def test_a_film_of_a_script_with_a_mistake_is_none(tmp_path: Path) -> None:
+    script = tmp_path / "wrong.u"
+    script.write_text("noSuchThing;")
+    command = (sys.executable, "-m", "urbihw.cli.main", "film", str(script), "-o", str(tmp_path / "film.gif"),
+               "--seconds", "1")  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 78 and not (tmp_path / "film.gif").exists()
+    assert "lookup failed: noSuchThing" in done.stderr and "Traceback" not in done.stderr

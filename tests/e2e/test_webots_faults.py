@@ -138,6 +138,15 @@ def test_a_binding_file_that_does_not_end_is_named_and_the_port_opens(
     said(daemon, f"urbihw: waiting for the robot on mujoco://{path}: arm.u has not ended: ")
 
 
+def test_a_loop_that_is_detached_does_not_hold_up_the_start(tmp_path: Path) -> None:
+    program = tmp_path / "beat.u"
+    program.write_text("var Global.beats = 0;\ndetach({ every (100ms) { Global.beats += 1 } });")
+    with contextlib.closing(Daemon(tmp_path, "--fake", "--quiet", "--file", str(program))) as daemon:
+        client = daemon.client()
+        until(lambda: number(client, "Global.beats") > 2, log=daemon.log)
+        assert "has not ended" not in daemon.log()
+
+
 def test_a_file_that_does_not_end_is_named(tmp_path: Path) -> None:
     (tmp_path / "hold.u").write_text("every (1s) {};")
     command = (*URBIHW, "serve", "--platform", "bioloid", "--fake", "--quiet", "--port", "0", "--file", "hold.u")
@@ -145,7 +154,7 @@ def test_a_file_that_does_not_end_is_named(tmp_path: Path) -> None:
         assert daemon.stderr is not None
         line = daemon.stderr.readline()
         daemon.terminate()
-    assert line.startswith("urbihw: the port is not open yet: hold.u has not ended: write a comma ")
+    assert line.startswith("urbihw: the port is not open yet: hold.u has not ended: put what lasts")
 
 
 @needs_mujoco

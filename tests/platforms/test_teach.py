@@ -288,6 +288,18 @@ def test_the_speed_the_passes_and_joined_motions(robot: Bioloid) -> None:
     assert robot.place(2) == pytest.approx(0.4, abs=0.03)
 
 
+def test_a_motion_of_joints_that_are_switched_off_is_an_error_and_of_some_it_goes_on(robot: Bioloid) -> None:
+    write(robot, "both", ("joint[1]", "joint[2]"), (0.0, 0.0, 0.0), (2.0, 0.5, 0.5))
+    robot.say("joint[1].load = 0;", 0.3)
+    assert "moves nothing" not in robot.say('robot.play("both"),', 4.0)
+    assert robot.place(2) == pytest.approx(0.5, abs=0.05)
+    robot.say("joint[2].load = 0;", 0.3)
+    before = robot.place(2)
+    heard = robot.say('robot.play("both", 0.2);', 2.0)
+    assert "play: both moves nothing: its joints are switched off (load is 0)" in heard
+    assert robot.place(2) == pytest.approx(before, abs=0.1)
+
+
 def test_a_stop_in_the_middle_holds_the_body_and_ends_the_statement(robot: Bioloid) -> None:
     write(robot, "up", ("joint[1]",), (0.0, 0.0), (4.0, 2.0))
     robot.say('at (robot.motionEnded?(var n, var how)) echo("%s: %s" % [n, how]); robot.play("up"),', 2.0)

@@ -43,7 +43,10 @@ def run(options: argparse.Namespace) -> int:
                 print(one_line(link.ask('"motions: %s; poses: %s" % [robot.motions.join(" "), robot.poses.join(" ")]')
                                .shown.strip('"')))
                 return EX_OK
-            link.ask(f"{statement(options)} | true", LONGEST_S, show_warning)
+            how = link.ask(statement(options), LONGEST_S, show_warning).shown.strip('"')
+            if how != "finished":
+                raise Refused(f"{' '.join(options.names)} was ended by others: by a stop, or by a write to its joints",
+                              EX_UNAVAILABLE)
     except Refused as error:
         return complain("urbihw play", error)
     except KeyboardInterrupt:
@@ -52,11 +55,16 @@ def run(options: argparse.Namespace) -> int:
 
 
 def statement(options: argparse.Namespace) -> str:
-    """Return the statement that plays what the options name."""
+    """Return the statement that plays what the options name; its value is how that ended."""
+    speed = repr(options.speed)
     if options.pose:
-        return " | ".join(f"robot.pose({quoted(name)}, {options.speed!r})" for name in options.names)
+        # Each one is played only if the one before it was not ended by others.
+        run = f'robot.motionPlayer.run("pose", "pose", %s, {speed}, 1).how'
+        poses = " | ".join(f'if (how == "finished") how = {run % quoted(name)}' for name in options.names)
+        return f'{{ var how = "finished" | {poses} | how }}'
     count = options.loop if math.isfinite(options.loop) else "inf"
-    return f"robot.play([{', '.join(map(quoted, options.names))}], {options.speed!r}, {count})"
+    names = ", ".join(map(quoted, options.names))
+    return f"robot.motionPlayer.run(\"play\", \"motion\", [{names}], {speed}, {count}).how"
 
 
 def show_warning(line: Message) -> None:

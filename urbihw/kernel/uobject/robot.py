@@ -107,3 +107,8 @@ class Robot(UObject):
         restarted.
         """
         return True
+
+
+def not_ended(file: str) -> str:
+    """Return the reason why a start waits for an urbiscript file, in one line that says what to do."""
+    return f"{file} has not ended: put what lasts, such as a loop or `every`, into detach({{...}})"

@@ -202,6 +202,11 @@ class MotionRobot(WiredRobot):
             taken.rows.append(Row(now, tuple(angles)))
         return len(taken.rows) < MAX_ROWS
 
+    @function("tellJointsOff")
+    def tell_joints_off(self, name: str, reason: str) -> None:
+        """Log that a recording has left its joints switched off; its client may be gone."""
+        self.log.warning("the joints of the recording %s stay off: %s", one_line(name), one_line(reason))
+
     @function("endRecording")
     def end_recording(self, number: int) -> int:
         """Write a recording, if it has poses; returns their number."""
