@@ -20,6 +20,7 @@ from urbihw.platforms.scene.painting import NoPictures, ViewPoint, load_model
 from urbihw.platforms.scene.recording import BadRecording, Recording
 from urbihw.platforms.scene.state import state_of, take_state, time_of
 from urbihw.platforms.webots import port as ports
+from urbihw.platforms.webots.scene import SimulatedScene
 from urbihw_fakes.bodies.scene import scene_word
 from urbihw_fakes.bodies.simulation import Simulation
 from urbihw_fakes.errors import UnknownRequest
@@ -253,3 +254,16 @@ def test_the_painter_ends_with_its_input(tmp_path: Path) -> None:
     wrong = subprocess.run(command, input=json.dumps([0, 0, 0, "", 2]).encode() + b"\nxx", capture_output=True,
                            timeout=TIMEOUT_S, check=False)  # fmt: skip
     assert wrong.returncode == 0 and wrong.stdout.startswith(b"problem ") and wrong.stdout.count(b"\n") == 1
+
+
+def test_a_model_that_cannot_be_had_is_a_line_of_the_log_and_no_failure(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def missing(scene: SimulatedScene) -> Path:
+        raise ValueError("scene: the disk is full")
+
+    monkeypatch.setattr(SimulatedScene, "model", missing)
+    lab = pioneer_lab()
+    assert "worldView gives no pictures: scene: the disk is full" in caplog.text
+    assert lab.say("wander.start; 1 + 1;", 0.2) == "2"
+    assert "the disk is full" in lab.say("worldView.record(20);")

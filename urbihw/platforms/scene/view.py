@@ -88,7 +88,10 @@ class WorldView(OnDemand):
         for var in (self.azimuth, self.elevation, self.distance, self.target):
             self.notify_change(var, lambda var=var: self._write(var))
         super().init()
-        self.model()
+        try:
+            self.model()
+        except ValueError as error:
+            self._tell(str(error))
 
     def close(self) -> None:
         """Look no more."""
