@@ -95,14 +95,15 @@ class Scene:
             **os.environ, "XDG_STATE_HOME": str(folder), "XDG_RUNTIME_DIR": str(folder), "HOME": str(folder),
             "PYTHONUNBUFFERED": "1",
         }  # fmt: skip
-        robot = ["--fake"] if body is None else ["--url", body.url]
+        # A world of the platform webots is a simulation by itself.
+        self._fake = ["--fake"] if body is None and platform != "webots" else []
+        robot = self._fake if body is None else ["--url", body.url]
         self._log = (folder / "daemon.log").open("w+")
         self._processes: list[subprocess.Popen[str]] = []
         try:
             self._serving = "serve", "--platform", platform, *robot, "--port-file", str(folder / "port")
             self.port = 0
             self.start_daemon()
-            self._fake = ["--fake"] if body is None else []
             self.gateway_port = 0
             self.start_gateway()
         except BaseException:

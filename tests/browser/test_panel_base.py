@@ -8,6 +8,7 @@ import struct
 import time
 import wave
 from collections.abc import Callable
+from ctypes.util import find_library
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,8 @@ from panel_lab import Scene, Visitor, axe_findings, browser, scenes, visit, wait
 
 pytestmark = pytest.mark.e2e
 
+PICTURE_TIMEOUT_S = 60.0
+"""Until the first picture of a world: OpenGL without hardware starts slowly."""
 Visit = Callable[..., Visitor]
 __all__ = ["browser", "scenes", "visit"]  # fixtures
 
@@ -248,3 +251,19 @@ def test_each_platform_has_its_cards_and_values_without_a_line_of_its_own(
     wait_until(lambda: any(text not in ("", "–") for text in page.locator("main .live").all_text_contents()))
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
     assert axe_findings(visitor, ("control",)) == []
+
+
+def test_the_world_of_a_simulated_robot_is_shown_and_what_moves_in_it(
+    scenes: Callable[..., Scene], visit: Visit
+) -> None:
+    pytest.importorskip("mujoco", reason="simulated worlds need the extra mujoco")
+    if find_library("EGL") is None:
+        pytest.skip("no EGL here, with which pictures are drawn")
+    visitor = visit(scenes("webots", simulated=True).pair("full", "anna"))
+    page = visitor.page
+    page.wait_for_selector("#card-camera-WorldView canvas[data-frames]", timeout=PICTURE_TIMEOUT_S * 1e3)
+    canvas = "document.querySelector('#card-camera-WorldView canvas')"
+    before = page.evaluate(f"{canvas}.toDataURL()")
+    assert len(before) > 2000  # more than one colour
+    visitor.ask("run", text="wander.start;")
+    wait_until(lambda: page.evaluate(f"{canvas}.toDataURL()") != before)

@@ -128,6 +128,8 @@ UNITS: Final[dict[str, dict[str, Units]]] = {
             "m": "val distanceMin distanceMax", "rad": "angleMin angleMax resolution", "Hz": "rate", "1": "load",
         },
         "Camera": _PICTURE | {"rad": "xfov yfov", "m": "near far", "1": "load gain wb quality resolution"},
+        "WorldView": _PICTURE | {"rad": "azimuth elevation xfov yfov", "m": "distance",
+                                 "1": "frames gain wb quality resolution"},
         "robot": _MOBILE,
     },
     "p3dx": {

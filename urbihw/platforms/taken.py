@@ -43,10 +43,10 @@ registers rejoin released remocon remoconReceived removeLocalSlot removeProperty
 resetLibrary returnDelay robot round rtpOpen savePose savePoseFile scan scopeTag searchFile searchPath sensorTable
 sensors serial setConstSlot setProperty setProtos setSlot setenv share shareLink shiftedTime shutdown sign sin sleep
 slotNames slotTable soundTime soundVolume soundVolumeMax spawn speed sqr sqrt srandom stale state statistics
-statusReturnLevel step stop stopJob stopped stops storeNames syncGet system tan teach teaching tellRegister
-temperature temperatureLimit time timeReference torque torqueLimit tree treeKey treeText true trunc turn type uid
-unacceptVoid unnotify unsetenv uobjects uobjects_handle updateSlot url uvalueSerialize val velocityIGain
-velocityPGain version void voltage wall warn wheel why writeRegister
+statusReturnLevel step stop stopJob stopped stops storeNames syncGet system tan teach teaching tellJointsOff
+tellRegister temperature temperatureLimit time timeReference torque torqueLimit tree treeKey treeText true trunc
+turn type uid unacceptVoid unnotify unsetenv uobjects uobjects_handle updateSlot url uvalueSerialize val
+velocityIGain velocityPGain version void voltage wall warn wheel why writeRegister
 """
 TAKEN: Final = frozenset(_TEXT.split())
 """Names of slots."""

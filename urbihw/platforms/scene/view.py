@@ -53,7 +53,7 @@ class WorldView(OnDemand):
     nothing = UImage.of(b"", 0, 0, "jpeg")
     slot_words = {
         "on": ("whether pictures are drawn now", ""), "frames": ("number of pictures drawn", "1"),
-        "width": ("of the picture", "1"), "height": ("of the picture", "1"), "format": ("of the picture", ""),
+        "width": ("of the picture", "pixel"), "height": ("of the picture", "pixel"), "format": ("of the picture", ""),
         "xfov": ("width of the field of view", "rad"), "yfov": ("height of the field of view", "rad"),
         "azimuth": ("direction of the look, to the left of the x axis of the world", "rad"),
         "elevation": ("how far the look goes upwards; below zero: from above", "rad"),

@@ -3,7 +3,7 @@
 import { html, useEffect, useRef, useState } from "../vendor/htm-preact.js";
 import { connection } from "../js/connection.js";
 import { drawSlot } from "../js/samples.js";
-import { ask, isFull, mayDrive, store, useTopics } from "../js/store.js";
+import { ask, isFull, mayDrive, showToast, store, useTopics } from "../js/store.js";
 import { rangeOf } from "../js/tree.js";
 import { Card, Live, LiveBar, SlotName, makeSender, useSlot } from "../js/ui.js";
 
@@ -93,7 +93,7 @@ export function Camera({ part }) {
     }, 500);
     return () => clearInterval(timer);
   }, []);
-  const save = () => canvas.current.toBlob((blob) => {
+  const save = () => !came.current.count ? showToast("there is no picture yet", "bad") : canvas.current.toBlob((blob) => {
     const link = document.createElement("a");
     link.href = URL.createObjectURL(blob);
     link.download = `${part.title}.png`;
