@@ -261,8 +261,8 @@ def test_the_world_of_a_simulated_robot_is_shown_and_what_moves_in_it(
         pytest.skip("no EGL here, with which pictures are drawn")
     visitor = visit(scenes("webots", simulated=True).pair("full", "anna"))
     page = visitor.page
-    page.wait_for_selector("#card-camera-WorldView canvas[data-frames]", timeout=PICTURE_TIMEOUT_S * 1e3)
-    canvas = "document.querySelector('#card-camera-WorldView canvas')"
+    page.wait_for_selector("#card-camera-worldView canvas[data-frames]", timeout=PICTURE_TIMEOUT_S * 1e3)
+    canvas = "document.querySelector('#card-camera-worldView canvas')"
     before = page.evaluate(f"{canvas}.toDataURL()")
     assert len(before) > 2000  # more than one colour
     visitor.ask("run", text="wander.start;")

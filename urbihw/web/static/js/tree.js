@@ -21,7 +21,7 @@ export class Part {
     this.node = node;
     this.path = node.global || node.path;
     this.place = places;
-    this.title = (node.global || node.path.replace(/^robot\.(body\.)?/, "")).replace(/^experimental(?=[A-Z])/, "");
+    this.title = node.global || node.path.replace(/^robot\.(body\.)?/, "");
     this.interfaces = node.interfaces;
     this.slots = new Map(node.slots.map((slot) => [slot.name, slot]));
     this.effectors = node.slots.filter((slot) => slot.effector);
