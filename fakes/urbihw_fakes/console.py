@@ -5,11 +5,11 @@ The words here fit every robot; a robot brings its own as a table of `Command`s 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from urbihw_fakes.errors import FakeError, UnknownRequest
-from urbihw_fakes.faults import WORDS
 from urbihw_fakes.serving import Endpoint
 
 
@@ -22,16 +22,40 @@ class Command:
     run: Callable[[list[str]], str]
 
 
+_FAULTS: Final = {
+    "silence": ("", "it hears and obeys, and does not answer"),
+    "checksum": ("", "the last byte of each answer is wrong"),
+    "cut": ("BYTES", "only the first bytes of each answer arrive (half of them)"),
+    "noise": ("BYTES", "garbage comes before each answer (4 bytes)"),
+    "late": ("SECONDS", "each answer comes later (0.05 s)"),
+    "echo": ("", "the adapter sends back what it is sent"),
+}
+"""Word of a fault -> its amount, and what happens (`urbihw_fakes.faults`)."""
+
+
+def spans(numbers: Sequence[int]) -> str:
+    """Return numbers in words: "1 to 18, 100"."""
+    runs: list[list[int]] = []
+    for number in sorted(numbers):
+        if runs and number == runs[-1][1] + 1:
+            runs[-1][1] = number
+        else:
+            runs.append([number, number])
+    return ", ".join(str(first) if first == last else f"{first} to {last}" for first, last in runs)
+
+
 class Console:
     """Carries out lines for one endpoint; `own` are the robot's own words."""
 
     def __init__(self, endpoint: Endpoint, own: Mapping[str, Command]) -> None:
         self._endpoint = endpoint
         self._device = endpoint.device
+        numbers = self._device.numbers()
+        whose, of_unit = ("[ID]", f" of one unit ({spans(numbers)}), or of all") if numbers else ("", "")
         self._commands: dict[str, Command] = {
-            **{word: self._fault(word) for word in WORDS},
-            "heal": Command("[ID]", "end the faults of one unit, or all", self._heal),
-            "power": Command("on|off [ID]", "give or cut power", self._power),
+            **{word: self._fault(word, numbers) for word in _FAULTS},
+            "heal": Command(whose, f"end the faults{of_unit}", self._heal),
+            "power": Command(f"on|off {whose}".strip(), f"give or cut the power{of_unit}", self._power),
             "unplug": Command("", "take the adapter away", lambda _: self._say(self._endpoint.unplug)),
             "plug": Command("", "bring the adapter back", lambda _: self._say(self._endpoint.plug)),
             "log": Command("[COUNT]", "the last pieces of traffic (10)", self._log),
@@ -61,16 +85,21 @@ class Console:
             for word, command in self._commands.items()
         ]
 
-    def _fault(self, word: str) -> Command:
+    def _fault(self, word: str, numbers: Sequence[int]) -> Command:
+        amount, meaning = _FAULTS[word]
+        chosen = bool(numbers) and word != "echo"
+
         def run(words: list[str]) -> str:
-            who = int(words[0]) if words and words[0] != "all" else None
-            amount = float(words[1]) if len(words) > 1 else None
-            self._device.faults.start(word, who, amount=amount)
+            given = words[:]
+            who = None
+            if chosen and given:
+                first = given.pop(0)
+                who = None if first == "all" else int(first)
+            self._device.faults.start(word, who, amount=float(given[0]) if amount and given else None)
             return "ok"
 
-        if word == "echo":
-            return Command("", "fault: the adapter echoes", run)
-        return Command("[ID|all] [AMOUNT]", f"fault: {word}", run)
+        usage = [f"[ID|all{f' [{amount}]' if amount else ''}]"] if chosen else [f"[{amount}]"] if amount else []
+        return Command(" ".join(usage), f"{meaning}; ID: {spans(numbers)}" if chosen else meaning, run)
 
     def _heal(self, words: list[str]) -> str:
         self._device.faults.stop(who=int(words[0]) if words else None)

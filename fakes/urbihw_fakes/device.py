@@ -81,6 +81,10 @@ class Device(ABC):
         """Return when the next `tick` with unsolicited data is due; None for never."""
         return None
 
+    def numbers(self) -> tuple[int, ...]:
+        """Return the numbers of the units, for faults of one of them; none if the device is one unit."""
+        return ()
+
     def power_off(self, now: float, who: int | None = None) -> None:
         """Switch off unit `who`, or all: it goes limp, loses its RAM and receives nothing."""
         raise NotImplementedError(f"{type(self).__name__} has no power switch")

@@ -33,8 +33,8 @@ def test_a_pioneer_drives_while_a_key_or_the_pad_is_held_and_to_a_click_on_the_m
     body = scene.body
     assert body is not None
     page = visit(scene.pair("full", "anna")).page
-    page.click("#card-base button:has-text('Motors off')")
-    page.wait_for_selector("#card-base button:has-text('Motors on')")
+    page.click("#card-base button:has-text('Motors: off')")
+    page.wait_for_selector("#card-base button:has-text('Motors: on')")
     page.focus("#pad")
     began = body.place()
     page.keyboard.down("w")

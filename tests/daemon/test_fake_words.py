@@ -28,7 +28,8 @@ def fake() -> Iterator[Fake]:
 def test_its_words_are_known_and_each_line_has_one_answer(fake: Fake) -> None:
     words = {word["name"]: word for word in fake.commands}
     assert {"silence", "heal", "unplug", "plug", "clap", "load"} <= set(words)
-    assert words["heal"] == {"name": "heal", "parameters": "[ID]", "meaning": "end the faults of one unit, or all"}
+    meaning = "end the faults of one unit (1 to 18, 100), or of all"
+    assert words["heal"] == {"name": "heal", "parameters": "[ID]", "meaning": meaning}
     assert fake.tell("silence 6") == "ok"
     assert fake.tell("") == ""
     assert fake.tell("nothing") == "error: 'nothing' is not a word here; say help"

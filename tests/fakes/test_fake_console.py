@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import pytest
 from fake_talk import Talk
@@ -15,6 +16,7 @@ from urbihw_fakes.dynamixel.axs1 import AxS1
 from urbihw_fakes.dynamixel.catalogue import make_servo
 from urbihw_fakes.dynamixel.xseries import XSeries
 from urbihw_fakes.endpoint import TcpEndpoint
+from urbihw_fakes.p3dx.kit import P3dx
 
 
 class Desk:
@@ -108,7 +110,8 @@ def test_the_log(desk: Desk) -> None:
     [
         ("", ""),
         ("dance", "error: 'dance' is not a word here; say help"),
-        ("silence six", "error: usage: silence [ID|all] [AMOUNT]"),
+        ("silence six", "error: usage: silence [ID|all]"),
+        ("late 6 soon", "error: usage: late [ID|all [SECONDS]]"),
         ("silence 6 7 8", "ok"),
         ("load 6", "error: usage: load ID TORQUE"),
         ("load 100 1", "error: load 100: not a servo"),
@@ -158,3 +161,21 @@ def test_a_horn_is_turned_by_hand_without_torque_only() -> None:
         assert desk.say("turn 100 30") == "error: turn 100: not a servo"
     finally:
         desk.endpoint.close()
+
+
+def test_help_names_the_units_that_a_fault_may_be_of(desk: Desk) -> None:
+    rows = {row["name"]: row for row in desk.console.words()}
+    assert rows["late"]["parameters"] == "[ID|all [SECONDS]]"
+    assert rows["late"]["meaning"] == "each answer comes later (0.05 s); ID: 1 to 18, 100"
+    assert rows["echo"]["parameters"] == ""
+
+
+def test_a_robot_that_is_one_unit_takes_no_id() -> None:
+    kit = P3dx()
+    console = Console(SimpleNamespace(device=kit.robot), {})  # type: ignore[arg-type]
+    parameters = {row["name"]: row["parameters"] for row in console.words()}
+    assert (parameters["silence"], parameters["late"], parameters["heal"]) == ("", "[SECONDS]", "")
+    assert parameters["power"] == "on|off"
+    assert console.line("late 0.2") == "ok"
+    (fault,) = kit.robot.faults
+    assert (fault.word, fault.who, fault.amount) == ("late", None, 0.2)

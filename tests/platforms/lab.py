@@ -24,6 +24,7 @@ from urbihw.buses.errors import LinkGone
 from urbihw.buses.link import Context
 from urbihw.buses.mailbox import Joiner, Mailbox
 from urbihw.buses.pipe import PipeEnd
+from urbihw.buses.verdict import judge
 from urbihw.kernel import Kernel
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.uobject import DeviceError, RobotSettings
@@ -183,6 +184,13 @@ class RobotLab:
             while self.bus_clock.now() - START < self.clock.now():
                 self.worker.step()
         self.kernel.scheduler.run_simulated(self.clock.now())
+
+    def findings(self) -> list[str]:
+        """What the verdict on the health, as its worker tells it, says of the devices."""
+        assert self.worker is not None
+        now = self.bus_clock.now()
+        told = self.worker._engine._health.fields(now, now, True) | {"link": True}
+        return [str(finding) for finding in judge(told) if finding.device]
 
     def until(self, done: Callable[[], bool], patience: float = 10.0) -> None:
         """Let time pass until something holds."""

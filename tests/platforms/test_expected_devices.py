@@ -8,7 +8,6 @@ import pytest
 from bioloid_lab import BAUD, Lab
 
 from urbihw.buses.engine import Engine
-from urbihw.buses.verdict import judge
 from urbihw_fakes.bioloid import Bioloid as Kit
 from urbihw_fakes.dynamixel.ax12 import Ax12
 from urbihw_fakes.dynamixel.xseries import XSeries
@@ -24,13 +23,6 @@ def engine_of(lab: Lab) -> Engine:
     """The engine of its worker."""
     assert lab.worker is not None
     return lab.worker._engine
-
-
-def judge_health(lab: Lab) -> list[str]:
-    """What the verdict of the worker's health says of the devices."""
-    engine = engine_of(lab)
-    told = engine._health.fields(lab.bus_clock.now(), lab.bus_clock.now(), True) | {"link": True}
-    return [str(finding) for finding in judge(told) if finding.device]
 
 
 def warnings(caplog: Caplog) -> list[str]:
@@ -113,7 +105,7 @@ def test_a_kit_with_other_servos_under_the_same_ids_is_left_alone(caplog: Caplog
     assert math.isfinite(lab.number("motor3.val"))
     assert "motor 3 is back" in warnings(caplog)
     assert lab.say("bioloid.problems;") == "[]"
-    assert judge_health(lab) == []
+    assert lab.findings() == []
     lab.say("motor3.load = 1; motor3.val = 0.3;", 2)
     assert lab.number("motor3.val") == pytest.approx(0.3, abs=0.05)
 
@@ -155,7 +147,7 @@ def _stays_blocked(lab: Lab, new: XSeries, line: str, caplog: Caplog) -> None:
     lab.run(4)
     reason = line.partition(": ")[2]
     assert reason in lab.say("bioloid.problems;")
-    assert any(reason in finding for finding in judge_health(lab))
+    assert any(reason in finding for finding in lab.findings())
     assert "answers to this id" in lab.say("motor3.val = 0.4;")  # a warning
     lab.say("motor3.load = 1; motor3.val = 1;", 1)
     assert new.motor.position == XSeries().motor.position and not new.registers.get("torque_enable")
@@ -183,7 +175,7 @@ def test_devices_of_another_robot_are_dropped_when_the_own_one_is_back(caplog: C
         put_in_place(lab, kit(3, 4))
         lab.run(3)
         assert lab.say("motors.keys;") == "[3, 4]"
-        assert judge_health(lab) == []
+        assert lab.findings() == []
         assert engine_of(lab)._driver.errors()["timeouts"] == 0
         left = "2 devices belong to another robot, which is gone: they are no longer looked for: motor 13-14"
         assert left in warnings(caplog)

@@ -100,3 +100,34 @@ def test_a_flood_of_headers_keeps_the_worker_busy_for_moments_only(flood: bytes)
     good = cola.telegram("sRA", "DeviceIdent", binary=False)
     framer.feed(b"\x03" * 60009)
     assert [message.name for message in framer.feed(good)] == ["DeviceIdent"]
+
+
+def test_the_health_and_the_problems_of_the_robot_tell_of_a_lost_laser() -> None:
+    lab = scanning("lms200")
+    assert lab.findings() == []
+    lab.laser_line.end.unplug()
+    lab.run(1.0)
+    (found,) = lab.findings()
+    assert found.startswith("laser: lost: ")
+    assert lab.look("P3dx.problems").startswith('["laser: ')
+    assert lab.look("P3dx.body.laser.rate") == "0"
+    lab.robot_line.end.unplug()  # another loss, and perhaps another worker, of the robot itself
+    lab.run(1.0)
+    lab.robot_line.end.replug()
+    lab.run(8.0)
+    assert lab.findings() == [found]
+    lab.laser_line.end.replug()
+    lab.run(8.0)
+    assert lab.look("P3dx.body.laser.state") == '"on"'
+    assert lab.findings() == []
+    assert lab.look("P3dx.problems") == "[]"
+
+
+def test_a_laser_that_is_switched_off_is_no_problem() -> None:
+    lab = scanning("lms200")
+    lab.laser_line.end.unplug()
+    lab.run(1.0)
+    assert lab.findings() != []
+    lab.say("P3dx.body.laser.load = 0;", 0.5)
+    assert lab.findings() == []
+    assert lab.look("P3dx.problems") == "[]"

@@ -11,7 +11,9 @@ from driver_rig import START, DriverRig
 
 from urbihw.buses.driver import Driver
 from urbihw.buses.errors import LinkGone, Unavailable
-from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, Samples, Watch
+from urbihw.buses.health import HealthRecord
+from urbihw.buses.messages import Begin, Configure, Found, FromWorker, Refused, Reply, Samples, Watch
+from urbihw.buses.verdict import judge
 from urbihw.navigation.lasers.driver import LaserInfo
 from urbihw.navigation.lasers.lms200driver import SickDriver
 from urbihw.platforms.p3dx.driver import ArcosDriver
@@ -233,6 +235,25 @@ def test_a_pressed_button_is_told() -> None:
     (answer,) = [message for message in bench.run(3.0) if isinstance(message, Reply)]
     assert not answer.ok and "STOP button" in answer.error
     assert len(orders(kit, 4)) == 4
+
+
+def test_the_health_hears_of_the_button_and_of_a_battery_below_the_threshold_of_the_controller() -> None:
+    bench, kit = ready()
+
+    def findings() -> list[str]:
+        samples = [each for each in bench.run(0.3) if isinstance(each, Samples)]
+        health = HealthRecord(bench.driver, Begin(Configure()), 0.0)
+        for each in samples:
+            health.hear(each, each.time)
+        now = samples[-1].time
+        return [str(each) for each in judge(health.fields(now, now, True) | {"link": True})]
+
+    assert findings() == []
+    kit.robot.press_stop_button(True)
+    assert findings() == ["robot: alarm: its STOP button is pressed"]
+    kit.robot.press_stop_button(False)
+    kit.body.volts = 10.5
+    assert findings() == ["robot: 10.5 V, below its limit of 11.5"]
 
 
 def test_a_lost_switch_is_sent_again() -> None:

@@ -49,6 +49,12 @@ def test_a_fault_of_a_drive_is_an_alarm() -> None:
     assert DrivesDriver().reading(5, "status", 0x0027) == Reading("alarm", "")
 
 
+def test_the_pressed_stop_button_of_a_pioneer_is_an_alarm() -> None:
+    driver = ArcosDriver()
+    assert driver.reading("robot", "flags", 0x0021) == Reading("alarm", "its STOP button is pressed")
+    assert driver.reading("robot", "flags", 0x001F) == Reading("alarm", "")
+
+
 @pytest.mark.parametrize("raw", [True, "text", None, b"bytes", [1]])
 def test_what_is_no_number_is_no_reading(raw: Any) -> None:
     assert NaoDriver().reading("HeadYaw", "angle", raw) is None

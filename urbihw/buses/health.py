@@ -116,7 +116,7 @@ class HealthRecord:
         self._requested.update(values)
 
     def record_unusable(self, message: Unusable) -> None:
-        """Record that a device which answers counts as lost, or does no longer."""
+        """Record that a device counts as lost although it answers or is not on this wire, or does no longer."""
         self._unusable.pop(message.device, None)
         if message.reason:
             self._unusable[message.device] = message.reason
@@ -208,7 +208,7 @@ class HealthRecord:
         """All devices: those found, those that send, those expected, those that were moved."""
         known = [
             *(number for number in self._models if number != ""), *(each.id for each in self.settings.expected),
-            *self._states, *self._values, *(device for device, _ in self._requested),
+            *self._states, *self._values, *self._unusable, *(device for device, _ in self._requested),
         ]  # fmt: skip
         return sorted(dict.fromkeys(known), key=lambda device: (isinstance(device, str), device))
 

@@ -159,7 +159,8 @@ class Writers:
 
 @dataclass(frozen=True, slots=True)
 class Unusable:
-    """The parent does not use a device, although it answers: another model has its id, say.  Its health tells it.
+    """The parent does not use a device, although it answers (another model has its id, say), or has lost a part of the
+    robot that is on a wire of its own, as a laser is.  The health tells it.
 
     Attributes:
         device: which one.

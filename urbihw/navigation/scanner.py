@@ -23,6 +23,10 @@ class RangeScanner(UObject):
     """A scanner; ``load`` 1 connects to it, 0 disconnects.
 
     A platform derives its own class, whose name is that in urbiscript, and sets ``slot_name`` to its slot.
+
+    Attributes:
+        scanned: called after each scan.
+        tell_lost: called with the reason when the scanner is lost, and with "" when it is back or switched off.
     """
 
     slot_name: ClassVar[str] = "laser"
@@ -68,6 +72,7 @@ class RangeScanner(UObject):
         self.ranges: Sequence[float] = ()
         self.stamp = -math.inf
         self.scanned: Callable[[], None] = lambda: None
+        self.tell_lost: Callable[[str], None] = lambda reason: None
         for name in ("Min", "Max"):
             self.variables["laserDistance" + name].add_slot(self.face, "distance" + name)
         self.notify_change(self.load, self._load_written)
@@ -96,16 +101,18 @@ class RangeScanner(UObject):
             self._show_off("off")
         self.wanted = wanted
 
-    def _show_off(self, state: str) -> None:
+    def _show_off(self, state: str, reason: str = "") -> None:
         self.load.sense(0.0)
         self.state.sense(state)
+        self.rate.sense(0.0)
         self.ranges, self.stamp = (), -math.inf
+        self.tell_lost(reason)
 
     def show_lost(self, reason: str) -> None:
         """The scanner does not answer (any more); its driver goes on trying."""
         if self.wanted and self.state.sensed != "lost":
             self.log.warning("laser: %s; trying again until it answers", reason)
-            self._show_off("lost")
+            self._show_off("lost", reason)
             self.lost.emit(reason)
 
     def show_ended(self, reason: str) -> None:
@@ -113,7 +120,7 @@ class RangeScanner(UObject):
         if self.wanted:
             self.wanted = False
             self.log.warning("laser: off: %s", reason)
-            self._show_off("off")
+            self._show_off("off", reason)
             self.lost.emit(reason)
 
     # ---------------------------------------------------------------- what was measured
@@ -137,6 +144,7 @@ class RangeScanner(UObject):
             if self.state.sensed == "lost":
                 self.log.warning("laser: it is back")
                 self.back.emit()
+            self.tell_lost("")
             self.state.sense("on")
         self.scanned()
 

@@ -111,6 +111,7 @@ class WiredRobot(GuardedRobot):
         self._heard_at = 0.0
         self._heartbeat: int | None = None
         self._differences: list[str] = []
+        self._lost_parts: dict[str, str] = {}
 
     # ---------------------------------------------------------------- what the daemon calls
 
@@ -230,8 +231,19 @@ class WiredRobot(GuardedRobot):
             self.answer_open(None)
 
     def show_problems(self) -> None:
-        """Show what differs from the expected devices, and which devices cannot be used."""
-        self.problems.sense([*self._differences, *self.unusable_devices()])
+        """Show what differs from the expected devices, and which devices and parts cannot be used."""
+        parts = [f"{name}: {reason}" for name, reason in self._lost_parts.items()]
+        self.problems.sense([*self._differences, *self.unusable_devices(), *parts])
+
+    def show_part(self, name: str, reason: str) -> None:
+        """Tell the health and ``problems`` that a part on a wire of its own is lost, a laser say; "" when it is not."""
+        if self._lost_parts.get(name, "") == reason:
+            return
+        self._lost_parts.pop(name, None)
+        if reason:
+            self._lost_parts[name] = reason
+        self.send_message(m.Unusable(name, reason))
+        self.show_problems()
 
     def rate_words(self) -> str:
         """Return the rate of the bus for ``status``, "" before it is known."""
@@ -383,6 +395,9 @@ class WiredRobot(GuardedRobot):
         # Again when it is up: what was ordered meanwhile has not reached the robot.
         self.count_standstill()
         if message.up:
+            # To a worker that may be another one.
+            for name, reason in self._lost_parts.items():
+                self.send_message(m.Unusable(name, reason))
             if self._had_link_loss:
                 self.log.warning("link to %s is back", self.url.sensed, event="link-back")
                 self.linkBack.emit()

@@ -387,7 +387,8 @@ class Session:
             self.outbox.put({"event": "log", **row})
 
     def _hear_console(self, line: Line) -> None:
-        self.say_output(line)
+        if self.console_uid:  # what comes before is the server's greeting
+            self.say_output(line)
 
     def say_output(self, line: Line) -> None:
         """Tell the browser a line of output."""

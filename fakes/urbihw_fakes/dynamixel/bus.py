@@ -86,6 +86,10 @@ class ServoBus(Device):
             unit.tick(now)
         return []
 
+    def numbers(self) -> tuple[int, ...]:
+        """See `Device`: the IDs."""
+        return tuple(sorted({unit.id for unit in self._units}))
+
     def power_off(self, now: float, who: int | None = None) -> None:
         """Switch off the units with ID `who`, or all."""
         for unit in self._chosen(who):

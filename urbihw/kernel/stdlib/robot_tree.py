@@ -83,7 +83,7 @@ class _Slot:
         if self.meta is not None and self.meta.constant:
             return False
         if isinstance(self.value, Promise):
-            return self.value.getter is None or self.value.setter is not None
+            return self.value.setter is not None  # else nobody provides it
         if self.accessor is not None:
             return bool(getattr(self.accessor, "writable", True))
         return not isinstance(self.value, Executable | Event)

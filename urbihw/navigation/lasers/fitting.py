@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Protocol
 
 from urbihw.kernel.uobject import Host
@@ -45,6 +46,10 @@ class Fitted(Protocol):
         """Give the robot a slot."""
         ...
 
+    def show_part(self, name: str, reason: str) -> None:
+        """Tell that a part on a wire of its own is lost, or ("") is there."""
+        ...
+
 
 def mount_of(options: NavigationOptions) -> Mount:
     """Return the laser of the settings."""
@@ -57,5 +62,6 @@ def fit_laser(robot: Fitted, options: NavigationOptions) -> BaseLaser | None:
         return None
     laser = robot.host.create(BaseLaser, None, mount_of(options), robot.start_worker, robot.offset)
     laser.log = robot.log
+    laser.tell_lost = partial(robot.show_part, "laser")
     robot.put_slot("laser", laser)
     return laser

@@ -16,6 +16,7 @@ drive; "read" gives the latest value of an item.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
@@ -24,7 +25,7 @@ from urbihw.buses.driver import Driver, no_stop
 from urbihw.buses.errors import BadFrame, BadValue, LinkGone
 from urbihw.buses.link import Link, Port, byte_link
 from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, Request, Samples, Targets, Watch
-from urbihw.buses.readings import Quantity
+from urbihw.buses.readings import ALARM, Quantity, Reading
 from urbihw.platforms.p3dx import packets, sip
 from urbihw.platforms.p3dx.commands import DRIVING, GRIPPER, GRIPPER_HALTS, HALT, encode
 from urbihw.platforms.p3dx.handshake import Handshake, RobotInfo
@@ -72,6 +73,7 @@ class ArcosDriver(Driver):
         self._watched: set[str] = set()
         self._latest: Values = {}
         self._flags = 0
+        self._low_battery = math.nan
         self._heard_at = self._sent_at = 0.0
         self._unreadable = 0
 
@@ -89,6 +91,7 @@ class ArcosDriver(Driver):
         info = Handshake(link, self._framer).connect(self._options.host_baud)
         self._link = link
         self.identity = str(info.config["serial"])
+        self._low_battery = int(info.config["low_battery"]) / 10 or math.nan
         self._odometer.restart()
         self._sim_laser = packets.SimLaser()
         self._unreadable = 0
@@ -111,6 +114,13 @@ class ArcosDriver(Driver):
         self._flags = 0
         for speed in self._speeds.values():
             speed.halt()
+
+    def reading(self, device: Any, item: str, raw: Any) -> Reading | None:
+        """Return the voltage beside the controller's own threshold (CONFIGpac), and the STOP button (FLAGS, bit 5)."""
+        if item == "flags" and raw.__class__ is int:
+            return Reading(ALARM, "its STOP button is pressed" if raw & sip.STOP_BUTTON else "")
+        found = super().reading(device, item, raw)
+        return found and found._replace(low=self._low_battery)
 
     def errors(self) -> dict[str, int]:
         """Return the number of damaged packets, and of intact ones with invalid content."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from urbihw.buses import messages as m
@@ -190,6 +191,7 @@ class P3dx(ArcosRobot):
             P3dxLaser, None, mount, self.start_worker, self._watch_laser, self.offset
         )
         self.laser.log = self.log
+        self.laser.tell_lost = partial(self.show_part, "laser")
         mechanics = CAMERAS[self.options.camera_model]()
         self.camera = create(Camera, None, self, mechanics, self.channel, self.options.camera_url, self.log)
         self.x = create(XSpeed, None, self, self._fastest[0])

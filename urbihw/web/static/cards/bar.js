@@ -119,7 +119,7 @@ export function Bar() {
   if (state && !state.estop && wasHeld && told[1].startsWith("Held")) told = ["ok", "Released"];
   wasHeld = Boolean(state && state.estop);
   const stale = staleText(state, Math.max(now, performance.now()));
-  document.body.classList.toggle("stale", stale !== "");
+  document.body.classList.toggle("stale", stale !== "" || Boolean(state && !state.link));
   const health = state ? state.health : { verdict: "bad", reasons: [] };
   return html`<header class=${`bar ${state && state.estop ? "estopped" : ""}`} id="bar">
     <div class="row">

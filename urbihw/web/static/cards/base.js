@@ -6,7 +6,7 @@ import { connection } from "../js/connection.js";
 import { hearSamples } from "../js/samples.js";
 import { ask, isFull, mayDrive, showToast, store, useTopics } from "../js/store.js";
 import { directionsOf } from "../js/tree.js";
-import { Card, Live, colour, degrees, useCanvas } from "../js/ui.js";
+import { Card, Live, Switch, colour, degrees, fixed, useCanvas } from "../js/ui.js";
 import { stopRobot } from "./bar.js";
 
 const ORDER_MS = 100;
@@ -137,9 +137,17 @@ export function Base() {
   const { platform } = store.model;
   const switches = (platform && isFull() ? platform.slots : []).filter((slot) => slot.writable && slot.kind === "number" && slot.name.endsWith("Load"));
   const tools = switches.map(({ name }) => html`<${Switch} key=${name} slot=${`${platform.path}.${name}`} title=${name[0].toUpperCase() + name.slice(1, -4)} />`);
-  return html`<${Card} title="Drive" name="base" tools=${tools}><${Pad} />
+  const motors = platform?.slots.find((slot) => slot.name === "motorsLoad");
+  return html`<${Card} title="Drive" name="base" tools=${tools}>${motors && html`<${MotorsHint} slot=${`${platform.path}.${motors.name}`} />`}<${Pad} />
     <dl class="values">${rows.map(([name, unit]) => html`<dt>${name}</dt><dd><${Live} slot=${`robot.${name}`} unit=${unit} /></dd>`)}
     ${robot.slot("moving") && html`<dt>moving</dt><dd><${Live} slot="robot.moving" /></dd>`}</dl><//>`;
+}
+
+/** Says that nothing can drive, and why. */
+function MotorsHint({ slot }) {
+  const [isOff, setOff] = useState(false);
+  useEffect(() => hearSamples(slot, 4, (value) => setOff(value === 0)), [slot]);
+  return isOff ? html`<p class="bad" id="motors-off" role="status">The motors are off${isFull() ? ": switch them on above, at Motors." : "."}</p>` : null;
 }
 
 /** Keep the newest value of a slot for a canvas. */
@@ -225,16 +233,33 @@ function useWalls(planner) {
   return walls;
 }
 
+/** Where the robot was since the map was first shown, [x, y] in m. */
+const trail = [];
+let isTrailing = false;
+
+function beginTrail() {
+  if (isTrailing) return;
+  isTrailing = true;
+  hearSamples("robot.position", 10, (pose) => {
+    if (typeof pose?.x !== "number" || typeof pose.y !== "number") return;
+    const last = trail[trail.length - 1];
+    if (last && Math.hypot(last[0] - pose.x, last[1] - pose.y) < 0.02) return;
+    trail.push([pose.x, pose.y]);
+    if (trail.length > TRAIL) trail.shift();
+  });
+}
+
 export function Chart() {
   useTopics("state");
   const { model } = store;
   const laser = model.of("laser")[0];
   const planner = model.robot.slot("planner") ? "robot.planner" : "";
   const laserSlots = laser ? ["val", "angleMin", "angleMax"].map((name) => laser.slotPath(name)) : [];
-  const values = useNewest(["robot.position", ...laserSlots]);
+  const laserState = laser?.slot("state") ? laser.slotPath("state") : "";
+  const values = useNewest(["robot.position", ...laserSlots, ...(laserState ? [laserState] : [])]);
   const paths = useNewest(planner ? [`${planner}.path`] : [], 2);
   const walls = useWalls(planner);
-  const trail = useRef([]);
+  useEffect(beginTrail, []);
   const [scale, setScale] = useState(60);
   const [goal, setGoal] = useState(null);
   const [wantsGo, setWantsGo] = useState(false);
@@ -251,11 +276,10 @@ export function Chart() {
       context.fillRect(x, y, Math.max(1, (right - left) * scale), Math.max(1, (top - bottom) * scale));
     }
     canvas.current.dataset.walls = String(walls.current.length);
-    const last = trail.current[trail.current.length - 1];
-    if (!last || Math.hypot(last[0] - x0, last[1] - y0) > 0.02) trail.current.push([x0, y0]);
-    if (trail.current.length > TRAIL) trail.current.shift();
-    drawLine(context, trail.current.map(screen), "soft");
-    if (laser) {
+    canvas.current.dataset.trail = String(trail.length);
+    drawLine(context, [...trail, [x0, y0]].map(screen), "soft");
+    // The last scan of a laser that is off or lost is old.
+    if (laser && ["on", undefined].includes(values.get(laserState))) {
       context.fillStyle = colour("bad");
       const [ranges, from, to] = laserSlots.map((slot) => values.get(slot));
       for (const [x, y] of pointsOf(ranges, to, from)) {
@@ -284,7 +308,7 @@ export function Chart() {
     ${laser?.slot("load")?.writable && store.hello.role === "full" && html`<${Switch} slot=${laser.slotPath("load")} title="Laser" />`}
     <button class="small" aria-label="zoom in" onClick=${() => setScale(Math.min(400, scale * 1.4))}>+</button>
     <button class="small" aria-label="zoom out" onClick=${() => setScale(Math.max(4, scale / 1.4))}>−</button>
-    <button class="small" onClick=${() => (trail.current = [])}>Clear trail</button>`;
+    <button class="small" onClick=${() => trail.splice(0)}>Clear trail</button>`;
   return html`<${Card} title="Map" name="map" tools=${tools}>
     <canvas class=${`map ${wantsGo ? "aim" : ""}`} id="map" ref=${canvas} role="img" aria-label="map around the robot, with its trail" onClick=${click}></canvas>
     <p class="hint"><${Pose} /></p><//>`;
@@ -294,13 +318,7 @@ function Pose() {
   const [pose, setPose] = useState(null);
   useEffect(() => hearSamples("robot.position", 4, setPose), []);
   if (!pose) return "pose unknown";
-  return html`<span id="pose">x ${(pose.x ?? 0).toFixed(2)} m, y ${(pose.y ?? 0).toFixed(2)} m, heading ${degrees(pose.theta ?? 0)}</span>`;
-}
-
-function Switch({ slot, title }) {
-  const [isOn, setOn] = useState(false);
-  useEffect(() => hearSamples(slot, 4, (value) => setOn(value > 0)), []);
-  return html`<button class="small" aria-pressed=${isOn ? "true" : "false"} onClick=${() => ask("set", { slot, value: isOn ? 0 : 1 })}>${title} ${isOn ? "on" : "off"}</button>`;
+  return html`<span id="pose">x ${fixed(pose.x ?? 0, 2)} m, y ${fixed(pose.y ?? 0, 2)} m, heading ${degrees(pose.theta ?? 0)}</span>`;
 }
 
 /** Distances around the robot as a fan. */

@@ -83,6 +83,9 @@ function partOf(row) {
     || parts.find((part) => /\D/.test(part.title) && part.title.replace(/^\D+/, "") === String(row.device) && part.slot("registers"));
 }
 
+/** What is told of an opened device, with its unit. */
+const DETAILS = [["age", "s"], ["period", "s"], ["missed", ""], ["lost", ""], ["limits", ""], ["passed", ""], ["requested", ""], ["applied", ""]];
+
 export function Devices() {
   useTopics("devices", "state", "tree");
   const [open, setOpen] = useState(null);
@@ -99,7 +102,7 @@ export function Devices() {
       <th scope="row"><button class="link" aria-expanded=${open === row.device ? "true" : "false"} onClick=${() => setOpen(open === row.device ? null : row.device)}>${row.name ? `${row.device} ${row.name}` : row.device}</button></th>
       <td>${row.model}</td><td class=${row.state === "ok" ? "" : "bad"}>${row.state}${row.reason ? `: ${row.reason}` : ""}${row.alarm ? `, ${row.alarm}` : ""}</td>
       ${quantities.map((name) => html`<td class="number">${textOfSlot(row.values?.[name], row.units?.[name] || "")}</td>`)}<td>${row.who || ""}</td></tr>
-      ${open === row.device && html`<tr><td colspan=${quantities.length + 4}><dl class="values">${["age", "period", "missed", "lost", "limits", "passed", "requested", "applied"].filter((name) => row[name] !== undefined && row[name] !== null).map((name) => html`<dt>${name}</dt><dd>${textOf(row[name])}</dd>`)}</dl>
+      ${open === row.device && html`<tr><td colspan=${quantities.length + 4}><dl class="values">${DETAILS.filter(([name]) => textOf(row[name] ?? "") !== "" && !(Array.isArray(row[name]) && !row[name].length)).map(([name, unit]) => html`<dt>${name}</dt><dd>${textOf(row[name], unit)}</dd>`)}</dl>
         ${isFull() && partOf(row)?.slot("registers") && html`<${Registers} part=${partOf(row)} />`}</td></tr>`}`)}</tbody></table></div>
     ${store.devices.length === 0 && html`<p class="hint">The bus worker tells of none.</p>`}<//>`;
 }

@@ -2,10 +2,10 @@
 
 import { html, useEffect, useRef, useState } from "../vendor/htm-preact.js";
 import { connection } from "../js/connection.js";
-import { drawSlot } from "../js/samples.js";
+import { drawSlot, hearSamples } from "../js/samples.js";
 import { ask, isFull, mayDrive, showToast, store, useTopics } from "../js/store.js";
 import { rangeOf } from "../js/tree.js";
-import { Card, Live, LiveBar, SlotName, makeSender, useSlot } from "../js/ui.js";
+import { Card, Live, LiveBar, SlotName, Switch, makeSender, useSlot } from "../js/ui.js";
 
 /** Ask for the binary values of a slot, newest only; `take(header, data)` may be async: the next one comes after it. */
 function useBinary(slot, hz, take) {
@@ -66,6 +66,8 @@ export function Camera({ part }) {
   const canvas = useRef(null);
   const line = useRef(null);
   const [hz, setHz] = useState(10);
+  const isOn = useRef(undefined);
+  useEffect(() => (part.slot("load") ? hearSamples(part.slotPath("load"), 4, (value) => (isOn.current = value > 0)) : undefined), []);
   const came = useRef({ count: 0, at: 0, lost: 0, size: "", rate: 0 });
   useBinary(part.slotPath("val"), hz, async (header, data) => {
     if (!canvas.current) return;
@@ -88,7 +90,10 @@ export function Camera({ part }) {
       if (!line.current) return;
       const { at, count, lost, size, rate } = came.current;
       const age = (performance.now() - at) / 1000;
-      line.current.textContent = count ? `${size}, ${rate.toFixed(1)} pictures/s, ${age < 1 ? "now" : `${age.toFixed(0)} s old`}, ${lost} left out` : "no picture yet";
+      const isOff = isOn.current === false;
+      const none = isOff ? "switched off" : isOn.current ? "switched on, but no picture has come" : "no picture yet";
+      line.current.textContent = !count ? none
+        : `${size}, ${rate.toFixed(1)} pictures/s, ${age < 1 ? "now" : `${age.toFixed(0)} s old`}, ${lost} left out${isOff ? "; switched off" : ""}`;
       line.current.classList.toggle("bad", count > 0 && age > 2);
     }, 500);
     return () => clearInterval(timer);
@@ -100,7 +105,7 @@ export function Camera({ part }) {
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 1000);
   });
-  const tools = html`${part.slot("load")?.writable && isFull() && html`<button class="small" onClick=${() => ask("set", { slot: part.slotPath("load"), value: 1 })}>Switch on</button>`}
+  const tools = html`${part.slot("load")?.writable && isFull() && html`<${Switch} slot=${part.slotPath("load")} title="Camera" />`}
     <label>Rate <select value=${hz} onChange=${(event) => setHz(Number(event.target.value))}>${[2, 10, 30].map((each) => html`<option value=${each} selected=${each === hz}>${each}/s</option>`)}</select></label>
     <button class="small" onClick=${save}>Save picture</button>`;
   return html`<${Card} title=${/camera/i.test(part.title) ? part.title.replace(/^c/, "C") : `Camera ${part.title}`} name=${`camera-${part.title}`} tools=${tools}>

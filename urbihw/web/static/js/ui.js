@@ -1,7 +1,11 @@
 // Small pieces of all cards: numbers as text, a value that follows its slot, a card, buttons.
 
-import { html, useEffect, useRef } from "../vendor/htm-preact.js";
-import { drawSlot } from "./samples.js";
+import { html, useEffect, useRef, useState } from "../vendor/htm-preact.js";
+import { drawSlot, hearSamples } from "./samples.js";
+import { ask } from "./store.js";
+
+/** A number with so many digits, and no sign before zero. */
+export const fixed = (value, digits) => value.toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1");
 
 /** A value as text: numbers with as many digits as a person reads. */
 export function textOf(value, unit = "") {
@@ -10,7 +14,7 @@ export function textOf(value, unit = "") {
     if (unit === "ratio") return `${(100 * value).toFixed(0)} %`;
     const size = Math.abs(value);
     const digits = size >= 1000 || Number.isInteger(value) ? 0 : size >= 100 ? 1 : size >= 10 ? 2 : 3;
-    const shown = value.toFixed(digits);
+    const shown = fixed(value, digits);
     return unit && unit !== "1" ? `${shown} ${unit === "degC" ? "°C" : unit}` : shown;
   }
   if (typeof value === "boolean") return value ? "yes" : "no";
@@ -20,7 +24,7 @@ export function textOf(value, unit = "") {
   return Object.entries(value).map(([key, each]) => `${key} ${textOf(each)}`).join(", ");
 }
 
-export const degrees = (value) => (typeof value === "number" ? `${((value * 180) / Math.PI).toFixed(1)}°` : "–");
+export const degrees = (value) => (typeof value === "number" ? `${fixed((value * 180) / Math.PI, 1)}°` : "–");
 
 /** The text of an angle, in degrees for rad; of other values as they are. */
 export const textOfSlot = (value, unit) => (unit === "rad" ? degrees(value) : textOf(value, unit));
@@ -61,6 +65,14 @@ export function Card({ title, name, tools = null, children, wide = false }) {
   const id = `card-${name}`;
   return html`<section class=${`card ${wide ? "wide" : ""}`} id=${id} aria-labelledby=${`${id}-title`}>
     <header><h2 id=${`${id}-title`}>${title}</h2><div class="tools">${tools}</div></header>${children}</section>`;
+}
+
+/** Switches a slot on (1) and off (0), and shows what it is. */
+export function Switch({ slot, title }) {
+  const [isOn, setOn] = useState(false);
+  useEffect(() => hearSamples(slot, 4, (value) => setOn(value > 0)), [slot]);
+  return html`<button class="small" aria-pressed=${isOn ? "true" : "false"} title=${`switch ${isOn ? "off" : "on"}`}
+    onClick=${() => ask("set", { slot, value: isOn ? 0 : 1 })}>${title}: ${isOn ? "on" : "off"}</button>`;
 }
 
 /** A name that can be dragged into a plot, and added there by its button. */
