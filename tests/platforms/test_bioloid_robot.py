@@ -200,7 +200,7 @@ def test_a_servo_that_is_expected_and_missing_is_named_and_joins(caplog: pytest.
     kit.faults.start("silence", 6)
     lab = Lab.ready(kit, ids=[*range(1, 19), 100])
     lab.run(0.5)
-    assert "no answer from 6, which the settings expect" in caplog.text
+    assert "no answer from 6: it joins" in caplog.text
     assert "17 servos" in lab.robot.status() and "missing: 6" in lab.robot.status()
     lab.say('at (bioloid.found?(var m)) echo("found " + m.id.asString);')
     assert lab.say("robot.body.joint.has(6);") == "false"
@@ -298,6 +298,28 @@ def test_on_a_mixed_bus_each_can_be_lost_and_come_back(number: int) -> None:
     assert lab.say("motors.state;").count('"ok"') == 4
     lab.say("motors.val = -0.3;", 1.5)
     assert lab.say("motors.val < -0.2;") == "Group [true, true, true, true]"
+
+
+def test_a_servo_whose_registers_cannot_be_read_at_the_start_is_named_and_joins(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    kit, deaf = Kit(baud=BAUD), [True]
+    feed = kit.feed
+
+    def lossy(data: bytes, now: float) -> list[Answer]:
+        answers = feed(data, now)
+        return [] if deaf[0] and data[2:3] == b"\x06" and data[4:5] == b"\x02" else answers
+
+    monkeypatch.setattr(kit, "feed", lossy)
+    lab = Lab.ready(kit)
+    lab.run(0.5)
+    assert "no answer from 6" in caplog.text and "model 0" not in caplog.text
+    assert "17 servos" in lab.robot.status() and "missing: 6" in lab.robot.status()
+    deaf[0] = False
+    lab.run(3.0)
+    assert "missing" not in lab.robot.status()
+    lab.say("motor6.val = 0.5|;", 2.0)
+    assert lab.number("motor6.val") == pytest.approx(0.5, abs=0.02)
 
 
 @pytest.mark.parametrize("model", ["AX-12", "XL430-W250"])

@@ -179,7 +179,7 @@ def test_expected_devices_that_are_missing_are_one_line(caplog: pytest.LogCaptur
     lab = Bioloid.ready(ids=[1, 2, 30, 31, 32])
     lab.run(1)
     assert [record.getMessage() for record in caplog.records] == [
-        "no answer from 3 devices, which the settings expect: they join when they answer: 30-32"
+        "no answer from 3 devices, which join when they answer: 30-32"
     ]
 
 

@@ -102,7 +102,9 @@ def lines(report: PortReport) -> Iterator[str]:
     servos = report.survey.servos
     if not servos:
         tried = "1 speed" if len(report.survey.bauds) == 1 else f"{len(report.survey.bauds)} speeds"
-        yield f"  no servo answers ({tried}, {report.survey.seconds:.1f} s): is it powered?"
+        what = "no servo answers alone" if report.survey.conflicts else "no servo answers"
+        hint = "" if report.survey.conflicts else ": is it powered?"
+        yield f"  {what} ({tried}, {report.survey.seconds:.1f} s){hint}"
         return
     rows: list[tuple[str, ...]] = [_HEADER]
     for servo in servos:

@@ -53,6 +53,7 @@ from urbihw.buses.servos.unheld import check_line, explain_target, explain_write
 # Seconds between scans of a bus without devices (robot switched off?); a scan writes nothing.
 _SCAN_PERIOD_S = 3.0
 _GONE = "it does not answer"
+_UNREAD = "it answers pings, and its registers cannot be read: a busy computer, or status return level 0"
 
 
 class ServoDriver(Driver):
@@ -76,6 +77,7 @@ class ServoDriver(Driver):
         self._cycle: Cycle | None = None
         self._known: dict[int, Device] = {}
         self._expected: tuple[int, ...] = ()
+        self._unread: set[int] = set()
         self._urgent: Callable[[], bool] = no_stop
         self._moved: set[int] = set()
         self._watches: dict[tuple[int, str], float] = {}
@@ -136,9 +138,10 @@ class ServoDriver(Driver):
         return [Gone(tuple(sorted(gone)))] if gone else []
 
     def _absent_devices(self, bus: ServoBus, outcome: Scan) -> list[Device]:
-        """Return the devices that are known or expected and did not answer to a scan."""
-        expected = {*self._options.ids, *(each.id for each in self._settings.expected)}
-        wanted = {number: Device(number, 0, 0, bus.protocol) for number in sorted(expected)} | self._known
+        """Return the devices that are known or expected and did not answer to a scan, and those that it could not read:
+        they are found when they answer."""
+        expected = {*self._options.ids, *(each.id for each in self._settings.expected), *self._unread}
+        wanted = {number: Device(number, 0, 0, bus.protocol_of(number)) for number in sorted(expected)} | self._known
         # A known device is kept even when its answer was damaged: it may be turning, and must be stopped.
         there = {device.id for device in outcome.devices} | ({*outcome.conflicts} - self._known.keys())
         return [device for number, device in wanted.items() if number not in there]
@@ -307,7 +310,7 @@ class ServoDriver(Driver):
         now = bus.clock.now()
         self._next_scan_at = now + _SCAN_PERIOD_S
         for device in absent:
-            change = cycle.members[device.id].health.declare_lost(now, _GONE)
+            change = cycle.members[device.id].health.declare_lost(now, _UNREAD if device.id in self._unread else _GONE)
             if change is not None:
                 messages.append(DeviceState(device.id, change.old, change.new, change.reason))
         _clear_watchdogs(cycle, [device.id for device in outcome.devices if _has_fired(device)])
@@ -369,12 +372,16 @@ class ServoDriver(Driver):
     def _scan_bus(
         self, bus: ServoBus, ids: Iterable[int] | None, urgent: Callable[[], bool] = no_stop
     ) -> Scan:
-        """Scan; where nothing answers at the speed of a CM-5, it may be one that is not in toss mode yet."""
+        """Return the devices that could be read; those that could not are in `_unread`.
+
+        Where nothing answers at the speed of a CM-5, it may be one that is not in toss mode yet.
+        """
         outcome = scan(bus, ids, urgent)
-        if outcome.devices or outcome.conflicts or not has_toss_speed(bus.link):
-            return outcome
-        enter_toss_mode(bus.link)
-        return scan(bus, ids, urgent)
+        if not outcome.devices and not outcome.conflicts and has_toss_speed(bus.link):
+            enter_toss_mode(bus.link)
+            outcome = scan(bus, ids, urgent)
+        self._unread = {device.id for device in outcome.devices if not device.model}
+        return Scan(tuple(device for device in outcome.devices if device.model), outcome.conflicts)
 
     def _rescan(self, cycle: Cycle) -> list[FromWorker]:
         auto, protocol, protocols = cycle.bus.auto, cycle.bus.protocol, cycle.bus.protocols

@@ -31,8 +31,8 @@ LEFT: Final = DeviceEvent(
     "left",
 )
 MISSING: Final = DeviceEvent(
-    "no answer from {who}, which the settings expect: it joins when it answers",
-    "no answer from {count} devices, which the settings expect: they join when they answer: {who}",
+    "no answer from {who}: it joins when it answers",
+    "no answer from {count} devices, which join when they answer: {who}",
     "missing",
 )
 _MOST_NAMED: Final = 8
