@@ -11,7 +11,9 @@ import pytest
 from lab import RobotLab
 
 from urbihw.buses import messages as m
+from urbihw.kernel import Kernel
 from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.uobject.protection import protect_robot
 from urbihw.platforms import find, folders
 
@@ -22,12 +24,13 @@ APART = 0.1
 class Stage:
     """A robot that is open, as the daemon has it, with a saboteur and an innocent."""
 
-    def __init__(self, platform: str) -> None:
+    def __init__(self, platform: str, *, comes_late: bool = False) -> None:
         module = importlib.import_module(f"{platform}_lab")
         self.lab: RobotLab = module.lab() if hasattr(module, "lab") else module.Lab.ready()
         self.slot = find(platform).slot
-        protect_robot(self.lab.robot, self.slot)
-        self.lab.kernel.complete()
+        steps = [lambda: protect_robot(self.lab.robot, self.slot), self.lab.kernel.complete]
+        for step in reversed(steps) if comes_late else steps:
+            step()
         self.world = self.lab.kernel.world
         self.sent: list[m.ToWorker] = []
         assert self.lab.worker is not None
@@ -139,6 +142,28 @@ def test_what_the_robot_makes_of_itself_later_is_no_change(stage: Stage) -> None
     lab.kernel.host.run("robot.makeCompactNames;", "later")
     lab.run(0.1)
     assert stage.mended() == []
+
+
+def test_a_robot_that_is_protected_after_the_start_is_no_change(caplog: pytest.LogCaptureFixture) -> None:
+    stage = Stage("spykee", comes_late=True)
+    assert stage.mended() == []
+    assert stage.harm() == []
+    assert "library" not in caplog.text
+
+
+def test_the_state_of_a_behaviour_of_the_robot_is_not_put_back() -> None:
+    kernel = Kernel(clock=SimClock())
+    kernel.host.run("class Global.behaviour { var running = nil; };", "behaviour.u")
+    kernel.scheduler.run_simulated(0.1)
+    kernel.complete()
+    first = kernel.open_lobby()
+    kernel.feed(first, b'behaviour.running = Tag.new("t")|;')
+    kernel.scheduler.run_simulated(0.2)
+    first.output.take_bytes()
+    second = kernel.open_lobby()
+    kernel.feed(second, b"behaviour.running.isNil;")
+    kernel.scheduler.run_simulated(0.3)
+    assert b"false" in second.output.take_bytes()
 
 
 def test_devices_that_are_found_later_are_no_change(caplog: pytest.LogCaptureFixture) -> None:

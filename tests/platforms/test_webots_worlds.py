@@ -72,6 +72,19 @@ def test_ten_minutes_without_getting_stuck(world: str, body: str, size: float, l
     assert math.dist(here, lab.body(body).xpos) < size / 50
 
 
+def test_a_second_window_stops_what_the_first_one_began() -> None:
+    lab = SlowLab.ready(WORLDS / "pioneer-wander.xml", step=40)
+    lab.kernel.complete()
+    lab.say("camera.load = 0|; wander.start;", 2.0)
+    second = lab.kernel.open_lobby()
+    lab.kernel.feed(second, b"wander.stop;")
+    lab.run(1.0)
+    assert b"urbihw: " not in second.output.take_bytes().replace(b"*** urbihw: robots as", b"")
+    here = lab.body("pioneer").xpos.copy()
+    lab.run(2.0)
+    assert math.dist(here, lab.body("pioneer").xpos) < 0.01
+
+
 def test_a_head_tracks_a_ball_for_ten_minutes() -> None:
     lab = SlowLab.ready(WORLDS / "ball-tracking.xml", step=40)
     lab.run(0.5)

@@ -50,7 +50,10 @@ class ProtectedSlot(NamedTuple):
 
 
 class RecordedObject(NamedTuple):
-    """The record of one shared object; ``is_class``: it is a prototype, not a single object."""
+    """The record of one shared object.
+
+    ``is_class``: it is a prototype, not a single object; ``is_robots``: it was made by the robot, not by the library.
+    """
 
     name: str
     obj: Obj
@@ -58,6 +61,7 @@ class RecordedObject(NamedTuple):
     slots: dict[str, Any]
     meta: dict[str, SlotMeta]
     is_class: bool
+    is_robots: bool
 
 
 class Changes:
@@ -79,6 +83,7 @@ class Record:
         self._kept: dict[Obj, RecordedObject] = {}
         self._by_name: dict[str, RecordedObject] = {}
         self._functions: set[str] = set()
+        self._robots: set[str] = set()  # slots of Global that its own code has made
         self._quick: tuple[Any, ...] = ()
         self._logged: set[tuple[str, str]] = set()
         self._printers: list[RecordedObject] = []
@@ -145,7 +150,7 @@ class Record:
             some = obj in self.open_ended
             slots = {slot: value for slot, value in obj.slots.items() if not some or isinstance(value, Executable)}
             meta = {slot: each for slot, each in (obj.meta or {}).items() if each.accessor or each.constant}
-            kept = self._kept[obj] = RecordedObject(name, obj, list(obj.protos), slots, meta, "type" in slots)
+            kept = self._kept[obj] = RecordedObject(name, obj, list(obj.protos), slots, meta, "type" in slots, name.partition(".")[0] in self._robots)
             self._by_name.setdefault(name, kept)
             self._functions.update(slot for slot, value in slots.items() if isinstance(value, Executable))
         self._printers = [kept for kept in self._kept.values() if kept.is_class and kept.obj not in self.open_ended]
@@ -159,9 +164,11 @@ class Record:
         Before the first snapshot, all changes are part of the record.  Raises what ``run`` raises.
         """
         before = {obj: (dict(obj.slots), list(obj.protos)) for obj in self._kept}
+        known = set(self._world.global_.slots)
         try:
             run()
         finally:
+            self._robots |= self._world.global_.slots.keys() - known
             changed = [
                 root for obj, (slots, protos) in before.items() if obj.slots != slots or obj.protos != protos
                 for root in self._adopted(obj, slots, protos)
@@ -320,7 +327,8 @@ class Record:
         if not self.is_shared(value):
             return True
         world = self._world
-        return not kept.is_class and any(value is constant for constant in (world.nil, world.true, world.false))
+        # A class of the library has constants; one of the robot, a behaviour for instance, has its state.
+        return (kept.is_robots or not kept.is_class) and any(value is constant for constant in (world.nil, world.true, world.false))
 
     def _may_stand_for(self, now: Value, value: Value) -> bool:
         """Whether the new value is a plausible redefinition of a function or an object of the library."""

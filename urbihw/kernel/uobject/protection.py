@@ -51,4 +51,6 @@ def _stop_natively_first(world: World, device: Robot, obj: Obj) -> None:
         device.stop()
         return world.invoke(usual, this, (), STOP)
 
-    world.ops.put_slot(obj, STOP, make_primitive(world, STOP, stop, 0, 0))
+    native = make_primitive(world, STOP, stop, 0, 0)
+    # The robot may have come after the snapshot of the library.
+    world.record.adopt(lambda: world.ops.put_slot(obj, STOP, native))
