@@ -150,7 +150,9 @@ class Record:
             some = obj in self.open_ended
             slots = {slot: value for slot, value in obj.slots.items() if not some or isinstance(value, Executable)}
             meta = {slot: each for slot, each in (obj.meta or {}).items() if each.accessor or each.constant}
-            kept = self._kept[obj] = RecordedObject(name, obj, list(obj.protos), slots, meta, "type" in slots, name.partition(".")[0] in self._robots)
+            is_robots = name.partition(".")[0] in self._robots
+            kept = RecordedObject(name, obj, list(obj.protos), slots, meta, "type" in slots, is_robots)
+            self._kept[obj] = kept
             self._by_name.setdefault(name, kept)
             self._functions.update(slot for slot, value in slots.items() if isinstance(value, Executable))
         self._printers = [kept for kept in self._kept.values() if kept.is_class and kept.obj not in self.open_ended]
@@ -328,7 +330,8 @@ class Record:
             return True
         world = self._world
         # A class of the library has constants; one of the robot, a behaviour for instance, has its state.
-        return (kept.is_robots or not kept.is_class) and any(value is constant for constant in (world.nil, world.true, world.false))
+        plain = any(value is constant for constant in (world.nil, world.true, world.false))
+        return plain and (kept.is_robots or not kept.is_class)
 
     def _may_stand_for(self, now: Value, value: Value) -> bool:
         """Whether the new value is a plausible redefinition of a function or an object of the library."""
