@@ -74,7 +74,9 @@ deb:
 	rm -rf build/deb && mkdir -p build/deb/urbihw
 	tar --exclude-vcs --exclude='./.*' --exclude=./build --exclude=./dist --exclude='*.egg-info' --exclude=__pycache__ \
 	  -c . | tar -x -C build/deb/urbihw
-	cd build/deb/urbihw && dpkg-buildpackage -us -uc -b
+	cd build/deb/urbihw && { dpkg-checkbuilddeps 2>/dev/null || { dpkg-checkbuilddeps; \
+	  echo 'make deb: packages are missing here; sudo apt build-dep . installs them' >&2; exit 1; }; }
+	cd build/deb/urbihw && PATH=/usr/sbin:/usr/bin:/sbin:/bin dpkg-buildpackage -us -uc -b  # with Debian's own Python
 	@ls build/deb/*.deb
 
 clean:
