@@ -37,15 +37,18 @@ class ScanInterrupted(BusError):
     """The scan was interrupted by a stop."""
 
 
-def scan(bus: ServoBus, ids: Iterable[int] | None = None, urgent: Callable[[], bool] = lambda: False) -> Scan:
-    """Find the devices on `bus`, all ids or the given ones.
+def scan(
+    bus: ServoBus, ids: Iterable[int] | None = None, urgent: Callable[[], bool] = lambda: False,
+    echo: bool | None = None,
+) -> Scan:
+    """Find the devices on `bus`, all ids or the given ones.  `echo`: whether the adapter echoes, if that is known.
 
     With protocol "auto" both are tried, 1.0 first; the first with an answer becomes the protocol of the bus, and
     `bus.protocols` has that of each device. An id that answers in both is a conflict. Nothing is written to any
     device. Raises LinkGone, and ScanInterrupted when `urgent`, called between two ids.
     """
     wanted = None if ids is None else sorted(set(ids))
-    bus.echo = _detect_echo(bus)
+    bus.echo = _detect_echo(bus) if echo is None else echo
     found: dict[int, Device] = {}
     conflicts: set[int] = set()
     spoken = []

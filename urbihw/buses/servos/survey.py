@@ -22,7 +22,7 @@ from urbihw.buses.errors import BadFrame, BadUrl, BusTimeout, DeviceRefused
 from urbihw.buses.link import Link
 from urbihw.buses.servos import packet
 from urbihw.buses.servos.bus import ServoBus
-from urbihw.buses.servos.device import Device, Scan
+from urbihw.buses.servos.device import Device
 from urbihw.buses.servos.line import Line
 from urbihw.buses.servos.plan import read_blocks
 from urbihw.buses.servos.scan import scan
@@ -99,13 +99,20 @@ def survey(
     servos: list[Servo] = []
     conflicts: list[tuple[int, int]] = []
     tried = []
+    echo: bool | None = None  # of the adapter: the same at all speeds
     for index, baud in enumerate(bauds):
         try:
             link = line.set_speed(baud)
         except BadUrl:
             continue
         tried.append(baud)
-        bus, found = _survey_speed(link, protocols, thorough, _Meter(progress, index, len(bauds), baud))
+        meter = _Meter(progress, index, len(bauds), baud)
+        wanted = _wanted_ids(link, protocols, thorough)
+        if not wanted:
+            continue
+        bus = ServoBus(link, "auto" if len(wanted) > 1 else next(iter(wanted)))
+        found = scan(bus, None if 1 in wanted else wanted[2], meter.tick, echo)
+        echo = bus.echo
         servos += [read_live(bus, device) for device in found.devices]
         conflicts += [(baud, number) for number in found.conflicts]
     progress(1.0, "done")
@@ -132,8 +139,8 @@ class _Meter:
         return False
 
 
-def _survey_speed(link: Link, protocols: Sequence[int], thorough: bool, meter: _Meter) -> tuple[ServoBus, Scan]:
-    """Find the devices at one speed. Raises LinkGone."""
+def _wanted_ids(link: Link, protocols: Sequence[int], thorough: bool) -> dict[int, list[int] | None]:
+    """Return the ids to ping at one speed (None: all), by protocol; nothing where nobody answers.  Raises LinkGone."""
     wanted: dict[int, list[int] | None] = {}
     if 1 in protocols and (thorough or link.baud in _FACTORY_BAUDS_SCS or _anybody_1(link)):
         wanted[1] = None
@@ -141,13 +148,7 @@ def _survey_speed(link: Link, protocols: Sequence[int], thorough: bool, meter: _
         ids = None if thorough or link.baud >= _FAST_2 else _answers_2(link)
         if ids != []:
             wanted[2] = ids
-    if not wanted:
-        return ServoBus(link), Scan(())
-    if wanted.keys() == {2}:
-        bus = ServoBus(link, 2)
-        return bus, scan(bus, wanted[2], meter.tick)
-    bus = ServoBus(link, 1 if wanted.keys() == {1} else "auto")
-    return bus, scan(bus, None, meter.tick)
+    return wanted
 
 
 def _anybody_1(link: Link) -> bool:
