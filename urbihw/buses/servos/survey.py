@@ -110,7 +110,7 @@ def survey(
         wanted = _wanted_ids(link, protocols, thorough)
         if not wanted:
             continue
-        bus = ServoBus(link, "auto" if len(wanted) > 1 else next(iter(wanted)))
+        bus = ServoBus(link, "auto" if len(wanted) > 1 else 1 if 1 in wanted else 2)
         found = scan(bus, None if 1 in wanted else wanted[2], meter.tick, echo)
         echo = bus.echo
         servos += [read_live(bus, device) for device in found.devices]
