@@ -58,6 +58,18 @@ def test_a_pioneer_slips_and_its_bumper_ends_a_drive(serve: Callable[..., Daemon
     assert float(believed) + 2.2 > float(x)
 
 
+def test_a_nao_wakes_up_walks_and_falls(serve: Callable[..., Daemon]) -> None:
+    client = serve("--platform", "nao").client()
+    until(lambda: "crouching" in where(client))
+    client.say("motion.wakeUp|;")
+    until(lambda: "standing" in where(client))
+    before = float(where(client).strip('"').split()[0])
+    client.say("robot.go(0.1);")
+    until(lambda: float(where(client).strip('"').split()[0]) > before + 0.08)
+    client.say("motors.load = 0|;")
+    until(lambda: "fallen" in where(client))
+
+
 @pytest.mark.parametrize("platform", ["nxt", "segway", "spykee"])
 def test_the_others_are_served_in_their_world(platform: str, serve: Callable[..., Daemon]) -> None:
     client = serve("--platform", platform).client()

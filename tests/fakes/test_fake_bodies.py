@@ -18,6 +18,7 @@ from urbihw_fakes.bodies import humanoid, simulation
 from urbihw_fakes.bodies.balance import BalancingBody
 from urbihw_fakes.bodies.eye import Eye, choose_drawing
 from urbihw_fakes.bodies.humanoid import READY, Humanoid
+from urbihw_fakes.bodies.legged import LeggedBody
 from urbihw_fakes.bodies.pioneer import SimulatedBody
 from urbihw_fakes.bodies.tracked import TrackedBody
 from urbihw_fakes.bodies.tribot import SimulatedTriBot
@@ -467,7 +468,7 @@ def test_the_camera_of_a_spykee_sees_the_walls_of_the_room() -> None:
 
 
 @pytest.mark.parametrize("world", simulation.world_names())
-@pytest.mark.parametrize("make", [Humanoid, SimulatedBody, SimulatedTriBot, BalancingBody, TrackedBody])
+@pytest.mark.parametrize("make", [Humanoid, SimulatedBody, SimulatedTriBot, BalancingBody, TrackedBody, LeggedBody])
 def test_every_robot_stands_still_in_every_world(make: Callable[[str], Any], world: str) -> None:
     robot = make(world)
     start = robot.simulation.data.qpos.copy()
@@ -516,6 +517,7 @@ def test_a_world_that_is_none_is_told_in_a_line(
         (["bioloid", "--world", "room"], "the package mujoco is not installed: "),
         (["p3dx", "--world", "room"], "the package mujoco is not installed: "),
         (["bioloid", "--world", "room", "--x-series"], "the humanoid is the kit of 18 AX-12 and an AX-S1"),
+        (["nao", "--world", "room"], "the package mujoco is not installed: "),
         (["nxt", "--world", "room"], "the package mujoco is not installed: "),
         (["chain", "--world", "room"], "chain has no body for a simulated world"),
         (["p3dx", "--world", "attic"], "the worlds are flat and room, or a file: MJCF"),

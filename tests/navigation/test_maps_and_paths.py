@@ -14,7 +14,7 @@ from urbihw.navigation.follow import BLOCKED_TIMEOUT_S, PathFollower, Tolerance
 from urbihw.navigation.frames import compose, frame_of
 from urbihw.navigation.grid import MAX_CELLS, Grid
 from urbihw.navigation.loading import MAX_BOXES, wall_boxes
-from urbihw.navigation.localize import CELL, match_scan
+from urbihw.navigation.localize import CELL, is_hidden, match_scan
 from urbihw.navigation.maps import Map
 from urbihw.navigation.planner import NoPath, plan
 from urbihw_fakes.p3dx.world import World
@@ -309,25 +309,45 @@ def scan(pose: tuple[float, float, float], place: float = 0.021) -> list[tuple[f
     return [(world.ray(lx, ly, heading + angle, 30), angle) for angle in angles]
 
 
-@pytest.mark.parametrize("off", [(0.15, 0.1, 0.1), (-0.2, 0.0, -0.15), (0.0, -0.15, 0.08)])
-def test_a_scan_says_where_the_robot_is(off: tuple[float, float, float]) -> None:
+def room_walls() -> Grid:
+    """The walls of the room."""
     walls = Grid(-2, -3, 6, 3, CELL)
     for wall in World.room().walls:
         walls.block_line(*wall)
+    return walls
+
+
+@pytest.mark.parametrize("off", [(0.15, 0.1, 0.1), (-0.2, 0.0, -0.15), (0.0, -0.15, 0.08)])
+def test_a_scan_says_where_the_robot_is(off: tuple[float, float, float]) -> None:
     truth = (0.5, 0.5, 0.4)
     guess = (truth[0] + off[0], truth[1] + off[1], truth[2] + off[2])
-    found = match_scan(walls, guess, scan(truth), 0.021)
+    found = match_scan(room_walls(), guess, scan(truth), 0.021)
     assert math.dist(found.pose[:2], truth[:2]) < 0.04
     assert found.pose[2] == pytest.approx(truth[2], abs=0.02)
     assert found.score > 0.8
 
 
+def test_things_before_the_walls_are_told_from_another_place() -> None:
+    truth = (0.5, 0.5, 0.4)
+    seen = scan(truth)
+    crowded = [(r if index % 10 < 3 else 0.5 * r, angle) for index, (r, angle) in enumerate(seen)]
+    assert match_scan(room_walls(), truth, crowded, 0.021).score < 0.5
+    assert is_hidden(room_walls(), truth, crowded, 0.021)
+    assert is_hidden(room_walls(), truth, seen, 0.021)
+    assert not is_hidden(room_walls(), truth, [(0.5 * r, angle) for r, angle in seen], 0.021)  # nothing tells the place
+    assert not is_hidden(room_walls(), truth, [], 0.021)
+
+
+@pytest.mark.parametrize("truth", [(4.5, 1.0, 2.0), (4.5, -1.0, -2.0), (-1.0, 2.0, 1.0)])
+def test_a_scan_of_another_place_is_not_hidden(truth: tuple[float, float, float]) -> None:
+    found = match_scan(room_walls(), (0.0, 0.0, 0.0), scan(truth), 0.021)
+    assert found.score < 0.5
+    assert not is_hidden(room_walls(), found.pose, scan(truth), 0.021)
+
+
 def test_a_scan_of_another_place_does_not_fit() -> None:
-    walls = Grid(-2, -3, 6, 3, CELL)
-    for wall in World.room().walls:
-        walls.block_line(*wall)
-    assert match_scan(walls, (0.0, 0.0, 0.0), scan((4.5, 1.0, 2.0)), 0.021).score < 0.5
-    assert match_scan(walls, (0.0, 0.0, 0.0), [], 0.021).score == 0
+    assert match_scan(room_walls(), (0.0, 0.0, 0.0), scan((4.5, 1.0, 2.0)), 0.021).score < 0.5
+    assert match_scan(room_walls(), (0.0, 0.0, 0.0), [], 0.021).score == 0
 
 
 def test_frames() -> None:

@@ -23,6 +23,10 @@ NEAR_WALL: Final = 0.25
 """Distance in m to a wall up to which a point adds to the score; a nearer point adds more."""
 GOOD_SCORE: Final = 0.5
 """Minimum share of the maximum score for a localized robot."""
+CLEAR_SCORE: Final = 0.7
+"""Minimum of the same for a robot between things that the map does not show, over the readings that tell something."""
+TELLING_SHARE: Final = 0.2
+"""Minimum share of such readings."""
 STEPS: Final = ((0.1, 0.05), (0.05, 0.02), (0.02, 0.01), (0.01, 0.005))
 """The steps of the search, in m and rad."""
 ROUNDS: Final = 6
@@ -58,10 +62,43 @@ def match_scan(grid: Grid, guess: Pose, points: Sequence[tuple[float, float]], p
     return Match(best, score)
 
 
+def is_hidden(grid: Grid, pose: Pose, points: Sequence[tuple[float, float]], place: float) -> bool:
+    """Return whether a scan matches the walls badly only since things stand before them that the map does not show.
+
+    A reading that is shorter than the way to the wall tells nothing about the pose; one that goes through a wall does.
+    """
+    x, y, heading = pose
+    laser = x + place * math.cos(heading), y + place * math.sin(heading)
+    local = _ends(points, place)
+    telling, total = 0, 0.0
+    for (r, angle), end in zip(points[:: _step(points)], local, strict=True):
+        gain = _score(grid, pose, [end])
+        if gain or r > _free_way(grid, laser, heading + angle, r + NEAR_WALL) - NEAR_WALL:
+            telling += 1
+            total += gain
+    return telling >= TELLING_SHARE * len(local) and total >= CLEAR_SCORE * telling > 0
+
+
+def _free_way(grid: Grid, start: tuple[float, float], angle: float, longest: float) -> float:
+    """Return the distance in m from a point to the first wall in a direction; inf if it is farther than ``longest``."""
+    way, (c, s) = 0.0, (math.cos(angle), math.sin(angle))
+    while way < longest:
+        free = grid.distance(start[0] + way * c, start[1] + way * s)
+        if free < grid.cell:
+            return way
+        if free == math.inf:
+            break  # off the map
+        way += free
+    return math.inf
+
+
+def _step(points: Sequence[tuple[float, float]]) -> int:
+    return max(1, len(points) // MAX_POINTS)
+
+
 def _ends(points: Sequence[tuple[float, float]], place: float) -> list[tuple[float, float]]:
     """Where some of the readings end, in the frame of the robot."""
-    step = max(1, len(points) // MAX_POINTS)
-    return [(place + r * math.cos(a), r * math.sin(a)) for r, a in points[::step]]
+    return [(place + r * math.cos(a), r * math.sin(a)) for r, a in points[:: _step(points)]]
 
 
 def _score(grid: Grid, pose: Pose, local: list[tuple[float, float]]) -> float:

@@ -1,7 +1,8 @@
 """Keeps the pose of a base on its map by the scans of a laser, and searches the whole map for a base that is lost.
 
 While the pose is known each scan corrects it (``localize``).  After ``MAX_MISFITS`` scans that do not match the map the
-base is lost: somebody carried it, or it was never where the map says.  Then a particle filter (``montecarlo``, in a
+base is lost: somebody carried it, or it was never where the map says.  A scan whose readings end before the walls that
+the map shows is no misfit: boxes or people stand there.  Then a particle filter (``montecarlo``, in a
 thread) takes the scans until one place explains them.  Standing still may not be enough for that: a program has to turn
 or drive the base, the locator never does.
 
@@ -20,7 +21,7 @@ from urbihw.navigation.base import Echo, PoseEstimate
 from urbihw.navigation.extra import how_to_install, load_montecarlo
 from urbihw.navigation.frames import Pose, compose, frame_of, wrapped
 from urbihw.navigation.grid import Grid
-from urbihw.navigation.localize import GOOD_SCORE, match_scan
+from urbihw.navigation.localize import GOOD_SCORE, is_hidden, match_scan
 
 MAX_MISFITS: Final = 5
 """Consecutive scans that do not match the map after which the robot is lost."""
@@ -120,7 +121,7 @@ class Locator:
             return
         match = match_scan(self._walls, self._odometry.absolute, echoes, place)
         self.score = match.score
-        if match.score < GOOD_SCORE:
+        if match.score < GOOD_SCORE and not (self.found and is_hidden(self._walls, match.pose, echoes, place)):
             self._misfits += 1
             if self._misfits >= (MAX_MISFITS if self.found else MAX_FIRST_SCANS):
                 self._lose(f"the laser does not see what the map shows (score {self.score:.2f})")

@@ -106,6 +106,11 @@ class Simulation:
         """The number of a site of the robot."""
         return int(self.model.site(PREFIX + name).id)
 
+    def sensor(self, name: str) -> slice:
+        """Where the values of a sensor of the robot are, in ``sensordata``."""
+        sensor = self.model.sensor(PREFIX + name)
+        return slice(int(sensor.adr[0]), int(sensor.adr[0] + sensor.dim[0]))
+
     def place_in_world(self, site: str) -> tuple[float, float] | None:
         """Where a site of the world is on the plane: m; None if it has none of this name."""
         number = self._mujoco.mj_name2id(self.model, self._mujoco.mjtObj.mjOBJ_SITE, site)
@@ -194,6 +199,8 @@ class Simulation:
         self.model.geom_size[geom] = (half, half, half)
         self.model.geom_aabb[geom][3:] = half
         self.model.geom_rbound[geom] = half * math.sqrt(3)
+        # The box around its body, by which a body of several geoms is told from it.
+        self.model.bvh_aabb[self.model.body_bvhadr[self.model.geom_bodyid[geom]], 3:] = half
         self._place_crate(number, (x, y, half))
         self._crates.append(geom)
 

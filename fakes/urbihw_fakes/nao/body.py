@@ -1,4 +1,4 @@
-"""The body of a Nao: 26 joints with speed, limits and stiffness, two legs that carry it, and where it is.
+"""The body of a Nao: 26 joints with speed, limits and stiffness, two legs that carry it, where it is, what it feels.
 
 A joint with stiffness goes to its command, no faster than its motor and the asked share of that; a slack one falls as
 its weight pulls it, or stays where nothing pulls.  A command stays when the stiffness goes: a joint that gets stiff
@@ -23,13 +23,13 @@ LWristYaw -1.8239 1.8239 24.62
 LHand 0 1 8.33
 LHipYawPitch -1.1453 0.7407 4.162
 LHipRoll -0.3794 0.7905 4.162
-LHipPitch -1.5359 0.4840 6.402 -0.7
+LHipPitch -1.5359 0.4840 6.402 -0.95
 LKneePitch -0.0923 2.1126 6.402 2.1
 LAnklePitch -1.1894 0.9226 6.402 -1.18
 LAnkleRoll -0.3978 0.7690 4.162
 RHipYawPitch -1.1453 0.7407 4.162
 RHipRoll -0.7905 0.3794 4.162
-RHipPitch -1.5359 0.4840 6.402 -0.7
+RHipPitch -1.5359 0.4840 6.402 -0.95
 RKneePitch -0.0923 2.1126 6.402 2.1
 RAnklePitch -1.1863 0.9320 6.402 -1.18
 RAnkleRoll -0.7690 0.3978 4.162
@@ -51,13 +51,21 @@ ACCELERATION = (0.3, 0.3, 1.5)
 """What walking speeds up and slows down by: m/s2, m/s2, rad/s2."""
 STIFF = 0.05
 """Stiffness from which a motor holds."""
+NEAR = 0.01
+"""rad (hands: share) from its command at which a joint has arrived."""
+WEIGHT = 5.2
+"""kg, shared by two feet."""
 STAND = {
     "HeadYaw": 0.0, "HeadPitch": -0.17, "ShoulderPitch": 1.45, "ShoulderRoll": 0.2, "ElbowYaw": -1.2,
     "ElbowRoll": -0.4, "WristYaw": 0.1, "Hand": 0.3, "HipYawPitch": 0.0, "HipRoll": 0.0, "HipPitch": -0.45,
     "KneePitch": 0.7, "AnklePitch": -0.35, "AnkleRoll": 0.0,
 }  # fmt: skip
-CROUCH = {"HipPitch": -0.7, "KneePitch": 2.1, "AnklePitch": -1.18, "ShoulderPitch": 1.5}
+CROUCH = {"HipPitch": -0.95, "KneePitch": 2.1, "AnklePitch": -1.18, "ShoulderPitch": 1.5}
+"""With an upright torso: so it stays there when it goes slack, in a world, too.  The maker's angle of the hips is not
+known."""
 ZERO: dict[str, float] = {}
+LEGS = ("Hip", "Knee", "Ankle")
+"""In the names of the joints of the legs."""
 POSTURES = {"Stand": STAND, "StandInit": STAND, "StandZero": ZERO, "Crouch": CROUCH}
 
 
@@ -75,6 +83,15 @@ class Joint:
     share: float = 1.0
     stiffness: float = 0.0
     moves_at: float = 0.0
+
+    @property
+    def arrived(self) -> bool:
+        """Whether its motion is over."""
+        return abs(self.angle - self.command) < NEAR
+
+    def hold(self) -> None:
+        """Stay where it is."""
+        self.command = self.angle
 
     def advance(self, dt: float) -> None:
         """Some time passes."""
@@ -128,7 +145,7 @@ class PostureMotion:
 
     def reached(self) -> bool:
         """Whether all joints are there."""
-        return all(abs(joint.angle - self.goals[name]) < 0.01 for name, joint in self.joints.items())
+        return all(joint.arrived and joint.command == self.goals[name] for name, joint in self.joints.items())
 
     def ended(self) -> bool:
         """Whether it is over: all joints are there, or one was told something else since, or is slack."""
@@ -136,10 +153,28 @@ class PostureMotion:
         return self.reached() or any(replaced)
 
 
+@dataclass(frozen=True)
+class Feeling:
+    """What its sensors feel: of the inertial unit in the torso, and under the feet.
+
+    Attributes:
+        acceleration: ahead, left, up, with gravity: m/s2.
+        turning: about these axes: rad/s.
+        lean: to its right, and ahead: rad.
+        weights: under each foot (``LFoot``, ``RFoot``): front left, front right, rear left, rear right; kg.
+    """
+
+    acceleration: tuple[float, float, float]
+    turning: tuple[float, float, float]
+    lean: tuple[float, float]
+    weights: Mapping[str, tuple[float, float, float, float]]
+
+
 class Body:
     """The whole robot; ``x``, ``y``, ``heading`` are where it is, ``walk`` its speeds, ``asked`` those it was told.
 
-    ``on_step`` are called before each step of the simulation, with its time; ``on_posture`` before a posture begins.
+    ``on_step`` are called before each step of the simulation, with its time; ``on_posture`` before a posture begins;
+    ``on_tip`` when it tips over, ``on_fall`` when it has fallen.
     """
 
     def __init__(self) -> None:
@@ -155,6 +190,7 @@ class Body:
         self.plugged_in = False
         self.touched: dict[str, float] = {}
         self.sonars = [1.2, 1.5]
+        self.on_tip: Callable[[], None] = lambda: None
         self.on_fall: Callable[[], None] = lambda: None
         self.on_step: list[Callable[[float], None]] = []
         self.on_posture: list[Callable[[], None]] = []
@@ -174,7 +210,17 @@ class Body:
             self._step(left / steps)
         self._now = max(now, self._now)
 
+    def due(self) -> float | None:
+        """When it wants to move on, though nobody asks: never."""
+        return None
+
     def _step(self, dt: float) -> None:
+        self._move(dt)
+        self._steps(dt)
+        if not self.plugged_in and self.powered:
+            self.charge = max(0.0, self.charge - dt * 1e-5)
+
+    def _move(self, dt: float) -> None:
         for joint in self.joints.values():
             joint.advance(dt)
         left, right = self.joints["LHipYawPitch"], self.joints["RHipYawPitch"]
@@ -182,15 +228,16 @@ class Body:
         right.stiffness = left.stiffness
         if self.standing and not self.legs_stiff:
             self._fall()
-        self._steps(dt)
-        if not self.plugged_in and self.powered:
-            self.charge = max(0.0, self.charge - dt * 1e-5)
 
     def _fall(self) -> None:
-        self.standing, self.fallen, self.goal = False, True, None
+        self._give_up_standing()
+        self.fallen = True
+        self.on_fall()
+
+    def _give_up_standing(self) -> None:
+        self.standing, self.goal = False, None
         self.walk = [0.0, 0.0, 0.0]
         self.asked = [0.0, 0.0, 0.0]
-        self.on_fall()
 
     def _steps(self, dt: float) -> None:
         if self.goal is not None:
@@ -225,6 +272,27 @@ class Body:
         return all(self.joints[name].stiffness >= STIFF for name in legs)
 
     @property
+    def feeling(self) -> Feeling:
+        """What its sensors feel."""
+        foot = WEIGHT / 8
+        weights = (0.0,) * 4 if self.fallen else (foot,) * 4
+        return Feeling(
+            (0.0, 0.0, 0.0) if self.fallen else (0.1, 0.0, 9.8), (0.0, 0.0, self.walk[2]),
+            (0.0, -math.pi / 2 if self.fallen else 0.0), {"LFoot": weights, "RFoot": weights},
+        )  # fmt: skip
+
+    @property
+    def doing(self) -> str:
+        """What it does, in a word."""
+        stance = "standing" if self.standing else "crouching"
+        return "fallen" if self.fallen else "walking" if self.walking else stance
+
+    @property
+    def posture_name(self) -> str:
+        """What NAOqi calls the posture that it is in."""
+        return "LyingBack" if self.fallen else "Stand" if self.standing else "Crouch"
+
+    @property
     def walking(self) -> bool:
         """Whether it walks, or is about to."""
         return self.goal is not None or any(self.asked) or any(abs(speed) > 1e-6 for speed in self.walk)
@@ -236,7 +304,7 @@ class Body:
         goals = posture(name)
         for joint in self.joints.values():
             joint.stiffness = 1.0
-            joint.order(goals[joint.name], share * 0.3)
+        self._order(goals, share * 0.3)
         self.fallen = False
         self.standing = name.startswith("Stand")
         return PostureMotion(self.joints, goals)
@@ -247,11 +315,15 @@ class Body:
             return False
         if not self.standing:
             goals = posture("StandInit")
-            for name, joint in self.joints.items():
-                if any(part in name for part in ("Hip", "Knee", "Ankle")):
-                    joint.order(goals[name], 0.5)
+            legs = {name: goal for name, goal in goals.items() if any(part in name for part in LEGS)}
+            self._order(legs, 0.5)
             self.standing = True
         return True
+
+    def _order(self, goals: Mapping[str, float], share: float) -> None:
+        """Send joints to their goals."""
+        for name, goal in goals.items():
+            self.joints[name].order(goal, share)
 
     def drive(self, speeds: Iterable[float], shares: Iterable[float] = (1.0, 1.0, 1.0)) -> None:
         """Walk with these speeds until told otherwise; ``shares`` of its greatest speeds are what its steps allow."""
@@ -276,7 +348,7 @@ class Body:
     def hold_joints(self) -> None:
         """Each joint stays where it is."""
         for joint in self.joints.values():
-            joint.command = joint.angle
+            joint.hold()
 
     def slack(self) -> None:
         """All motors off."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from urbihw_fakes.bodies.legged import LeggedBody, describe
+from urbihw_fakes.bodies.scene import scene_word
 from urbihw_fakes.console import Command
 from urbihw_fakes.errors import UnknownRequest
 from urbihw_fakes.nao.audio import Tone
@@ -52,8 +54,7 @@ class Words:
         """Place, heading, and what it does."""
         self._robot.advance(self._clock())
         body = self._body
-        doing = "fallen" if body.fallen else "walking" if body.walking else "standing" if body.standing else "crouching"
-        return f"{body.x:.3f} {body.y:.3f} {math.degrees(body.heading):.1f} {doing}"
+        return f"{body.x:.3f} {body.y:.3f} {math.degrees(body.heading):.1f} {body.doing}"
 
     def hear(self, words: list[str]) -> str:
         """Somebody says one of several words."""
@@ -109,3 +110,52 @@ def commands(robot: Nao, clock: Callable[[], float]) -> dict[str, Command]:
         "calls": Command("[METHOD]", "how often a method was called, or all of them", words.tell_calls),
         "joints": Command("", "angles and stiffnesses", words.tell_joints),
     }
+
+
+def in_world(robot: Nao, body: LeggedBody, words: dict[str, Command], clock: Callable[[], float]) -> dict[str, Command]:
+    """The table for one robot with a body in a world: what the world decides is not set by hand."""
+
+    def advance() -> None:
+        robot.advance(clock())
+
+    def stand(_: list[str]) -> str:
+        advance()
+        body.stand()
+        return "ok"
+
+    def place(words: list[str]) -> str:
+        x, y, degrees = (float(word) for word in words[:3])
+        advance()
+        body.put(x, y, math.radians(degrees))
+        return "ok"
+
+    def push(words: list[str]) -> str:
+        forward, left = (float(word) for word in (*words, "0")[:2])
+        advance()
+        body.push(forward, left)
+        return "ok"
+
+    def where(_: list[str]) -> str:
+        advance()
+        return describe(body)
+
+    def box(words: list[str]) -> str:
+        x, y, *size = (float(word) for word in words[:3])
+        body.simulation.add_crate(x, y, *size)
+        return "ok"
+
+    def unbox(_: list[str]) -> str:
+        if not body.simulation.crates:
+            raise UnknownRequest("unbox: there is no crate to take away")
+        body.simulation.remove_crate()
+        return "ok"
+
+    kept = {word: command for word, command in words.items() if word != "sonar"}
+    return kept | scene_word(body.simulation, advance) | {
+        "stand": Command("", "put it on its feet where it started; slack joints as for standing", stand),
+        "place": Command("X Y DEGREES", "put it on its feet somewhere in its world, its joints as they are", place),
+        "push": Command("FORWARD [LEFT]", "push its chest for 0.1 s, N", push),
+        "where": Command("", "where it is: m, m, degrees; and what it does", where),
+        "box": Command("X Y [SIZE]", "add a crate to the world", box),
+        "unbox": Command("", "remove the crate that was added last", unbox),
+    }  # fmt: skip

@@ -40,10 +40,10 @@ class Nao(Device):
         endpoint: what the directory says of where it is.
     """
 
-    def __init__(self, user: str = "", password: str = "") -> None:
+    def __init__(self, user: str = "", password: str = "", *, body: Body | None = None) -> None:
         super().__init__()
         self.endpoint = "tcp://127.0.0.1:9559"
-        self.body = Body()
+        self.body = body if body is not None else Body()
         self.server = Server(user, password, lambda data: self.faults.disturb(UNIT, data))
         self.services = self.server.services
         self.directory = Directory(self.server, lambda: self.endpoint)
@@ -54,6 +54,7 @@ class Nao(Device):
         self.player = AudioPlayer(self.read_clock)
         self.behaviours, self.leds = Behaviours(self.body, self.read_clock), Leds()
         self.video = Video(self.body, self.read_clock)
+        self.body.on_tip = self._manage_fall
         self.body.on_fall = lambda: self.memory.raise_event("robotHasFallen", 1)
         self._client = Connection()
         services: tuple[Service, ...] = (
@@ -81,6 +82,11 @@ class Nao(Device):
     def add_watchdog(self, program: Path) -> None:
         """Somebody has put urbihw's program on the robot.  Raises UnknownRequest."""
         self.server.add_service(Watchdog(program, self.motion, self._find_service))
+
+    def _manage_fall(self) -> None:
+        """It tips over: NAOqi's fall manager lets all motors go slack.  The arms do not protect it here."""
+        if self.motion.fall_manager:
+            self.body.slack()
 
     def _find_service(self, name: str) -> Service:
         """A service by its name.  Raises RuntimeError."""
@@ -126,7 +132,8 @@ class Nao(Device):
 
     def due(self) -> float | None:
         """See `Device`."""
-        return self.server.due()
+        times = [time for time in (self.server.due(), self.body.due()) if time is not None]
+        return min(times, default=None)
 
     def advance(self, now: float) -> None:
         """Let time pass until ``now``."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -20,8 +19,16 @@ TOUCH_EVENTS = {
     "Head/Touch/Middle": "MiddleTactilTouched",
     "Head/Touch/Rear": "RearTactilTouched",
 }
-WEIGHT = 5.2
-"""kg, shared by two feet."""
+FEET = ("LFoot", "RFoot")
+CELLS = {
+    "LFoot": ((0.07025, 0.0299), (0.07025, -0.0231), (-0.03025, 0.0299), (-0.02965, -0.0191)),
+    "RFoot": ((0.07025, 0.0231), (0.07025, -0.0299), (-0.03025, 0.0191), (-0.02965, -0.0299)),
+}
+"""Places of a foot's sensors of force from its ankle, ahead and left, m: front left, front right, rear left, rear right
+(the maker's page "FSRs")."""
+CELL_NAMES = ("FrontLeft", "FrontRight", "RearLeft", "RearRight")
+CONTACT = 0.1
+"""kg under a foot that touches."""
 Measure = Callable[[], Any]
 CallService = Callable[[str, str, tuple[Any, ...]], None]
 """Calls a method of a client's service: their names, and the values."""
@@ -54,7 +61,9 @@ class Memory(Service):
             "Device/DeviceList/ChestBoard/BodyId": "ALDT000000000001",
         }
         self.sonars: set[str] = set()
-        self.measured = {**_measure_joints(body), **_measure_inertia(body), **self._measure_others()}
+        self.measured = {
+            **_measure_joints(body), **_measure_inertia(body), **_measure_feet(body), **self._measure_others(),
+        }  # fmt: skip
         self._subscribers: dict[str, Subscriber] = {}
         self._modules: dict[tuple[str, str], tuple[str, str]] = {}
         self._call_service = call_service
@@ -147,20 +156,15 @@ class Memory(Service):
             "Battery/Temperature": lambda: 31.0,
         }
         sensors.update({touch: partial(body.touched.get, touch, 0.0) for touch in TOUCHES})
-        for foot in ("LFoot", "RFoot"):
-            sensors[f"{foot}/FSR/TotalWeight"] = _when_upright(body, WEIGHT / 2)
         found = _sensor_keys(sensors)
-        for key in ("footContact", "leftFootContact", "rightFootContact"):
-            found[key] = _when_upright(body, 1.0)
+        found["footContact"] = lambda: float(any(_total(body, foot) > CONTACT for foot in FEET))
+        found["leftFootContact"] = lambda: float(_total(body, "LFoot") > CONTACT)
+        found["rightFootContact"] = lambda: float(_total(body, "RFoot") > CONTACT)
         return found
 
 
 def _sensor_keys(sensors: dict[str, Measure]) -> dict[str, Measure]:
     return {f"{PREFIX}{name}/Sensor/Value": measure for name, measure in sensors.items()}
-
-
-def _when_upright(body: Body, value: float) -> Measure:
-    return lambda: 0.0 if body.fallen else value
 
 
 def _measure_joints(body: Body) -> dict[str, Measure]:
@@ -177,16 +181,43 @@ def _measure_joints(body: Body) -> dict[str, Measure]:
 
 def _measure_inertia(body: Body) -> dict[str, Measure]:
     sensors: dict[str, Measure] = {
-        "AccelerometerX": _when_upright(body, 0.1),
-        "AccelerometerY": _when_upright(body, 0.0),
-        "AccelerometerZ": _when_upright(body, 9.8),
-        "GyroscopeX": lambda: 0.0,
-        "GyroscopeY": lambda: 0.0,
-        "GyroscopeZ": lambda: body.walk[2],
-        "AngleX": lambda: 0.0,
-        "AngleY": lambda: -math.pi / 2 if body.fallen else 0.0,
+        "AccelerometerX": lambda: body.feeling.acceleration[0],
+        "AccelerometerY": lambda: body.feeling.acceleration[1],
+        "AccelerometerZ": lambda: body.feeling.acceleration[2],
+        "GyroscopeX": lambda: body.feeling.turning[0],
+        "GyroscopeY": lambda: body.feeling.turning[1],
+        "GyroscopeZ": lambda: body.feeling.turning[2],
+        "AngleX": lambda: body.feeling.lean[0],
+        "AngleY": lambda: body.feeling.lean[1],
     }
     return _sensor_keys({f"InertialSensor/{name}": measure for name, measure in sensors.items()})
+
+
+def _measure_feet(body: Body) -> dict[str, Measure]:
+    sensors: dict[str, Measure] = {}
+    for foot in FEET:
+        for index, cell in enumerate(CELL_NAMES):
+            sensors[f"{foot}/FSR/{cell}"] = partial(_cell, body, foot, index)
+        sensors[f"{foot}/FSR/TotalWeight"] = partial(_total, body, foot)
+        for axis, name in enumerate("XY"):
+            sensors[f"{foot}/FSR/CenterOfPressure/{name}"] = partial(_pressure, body, foot, axis)
+    return _sensor_keys(sensors)
+
+
+def _cell(body: Body, foot: str, index: int) -> float:
+    return body.feeling.weights[foot][index]
+
+
+def _total(body: Body, foot: str) -> float:
+    return sum(body.feeling.weights[foot])
+
+
+def _pressure(body: Body, foot: str, axis: int) -> float:
+    """Where the weight is on a foot, from its ankle, m; 0 without any."""
+    weights = body.feeling.weights[foot]
+    total = sum(weights)
+    places = (cell[axis] for cell in CELLS[foot])
+    return sum(weight * place for weight, place in zip(weights, places, strict=True)) / total if total > 0.0 else 0.0
 
 
 def _temperature(joint: Joint) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from urbihw_fakes.nao.body import FASTEST, Body, Joint
+from urbihw_fakes.nao.body import FASTEST, STIFF, Body, Joint
 from urbihw_fakes.nao.services import Failed, Later, as_list, finite, method
 from urbihw_fakes.nao.wholebody import WholeBody
 
@@ -109,7 +109,7 @@ class Motion(WholeBody):
         """Goals; the answer comes when all stiff joints are there."""
         self.set_angles(names, angles, share)
         joints = self.find_joints(names)
-        return Later(lambda: all(abs(one.angle - one.command) < 0.01 or one.stiffness < 0.05 for one in joints))
+        return Later(lambda: all(one.arrived or one.stiffness < STIFF for one in joints))
 
     @method("angleInterpolation", "(mmmb)")
     def interpolate_courses(self, names: Any, angles: Any, times: Any, absolute: bool) -> Later:
@@ -120,7 +120,7 @@ class Motion(WholeBody):
         for joint, goal, end in zip(joints, goals, ends, strict=True):
             place = goal if absolute else joint.angle + goal
             joint.order(place, abs(place - joint.angle) / end / joint.fastest)
-        return Later(lambda: all(abs(one.angle - one.command) < 0.01 or one.stiffness < 0.05 for one in joints))
+        return Later(lambda: all(one.arrived or one.stiffness < STIFF for one in joints))
 
     @method("openHand", "(s)")
     def open_hand(self, name: str) -> Later:
@@ -138,7 +138,7 @@ class Motion(WholeBody):
         joint.order(place, 1.0)
 
         def arrived() -> bool:
-            if abs(joint.angle - joint.command) > 0.01:
+            if not joint.arrived:
                 return False
             joint.stiffness = 0.0
             return True

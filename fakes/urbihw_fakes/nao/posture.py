@@ -30,7 +30,7 @@ class Posture(Service):
     @method("getPosture", "()", "s")
     def get_posture(self) -> str:
         """The one it is in."""
-        return "LyingBack" if self.body.fallen else "Stand" if self.body.standing else "Crouch"
+        return self.body.posture_name
 
     @method("getPostureList", "()", "[s]")
     def get_postures(self) -> list[str]:

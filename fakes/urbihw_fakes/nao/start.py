@@ -6,9 +6,10 @@ import argparse
 from collections.abc import Mapping
 from pathlib import Path
 
+from urbihw_fakes.bodies.legged import LeggedBody
 from urbihw_fakes.console import Command
 from urbihw_fakes.errors import FakeError
-from urbihw_fakes.nao.console import commands
+from urbihw_fakes.nao.console import commands, in_world
 from urbihw_fakes.nao.device import Nao
 from urbihw_fakes.nao.endpoint import NaoEndpoint
 from urbihw_fakes.nao.tls import Identity
@@ -25,6 +26,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--user", default="", help="who may come in; anybody without it")
     parser.add_argument("--password", default="", help="of that user")
     parser.add_argument("--watchdog", type=Path, metavar="FILE", help="urbihw's program on the robot, watchdog.py")
+    parser.add_argument("--world", metavar="WORLD", help="with a body in MuJoCo: room, flat, or a file .xml")
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--tls", action="store_true", help="encrypted, as NAOqi 2.9; with a certificate made now")
     form.add_argument("--libqi", action="store_true", help="behind a session of libqi itself (PyPI qi)")
@@ -32,11 +34,13 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 def start(options: argparse.Namespace) -> tuple[Endpoint, Mapping[str, Command]]:
     """The robot on its transport, and its words for the console."""
-    robot = Nao(options.user, options.password)
+    body = None if options.world is None else LeggedBody(options.world)
+    robot = Nao(options.user, options.password, body=body)
     if options.watchdog is not None:
         robot.add_watchdog(options.watchdog)
     end = _make_endpoint(robot, options)
-    return end, commands(robot, end.clock)
+    words = commands(robot, end.clock)
+    return end, words if body is None else in_world(robot, body, words, end.clock)
 
 
 def _make_endpoint(robot: Nao, options: argparse.Namespace) -> Endpoint:

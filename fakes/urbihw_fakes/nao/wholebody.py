@@ -139,7 +139,7 @@ class WholeBody(Service):
 
     def _hold_arm(self, effector: str) -> None:
         for joint in self._arm(effector).values():
-            joint.command = joint.angle
+            joint.hold()
 
     # ---------------------------------------------------------------- motion
 
