@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Final, TextIO
 
 from urbihw.buses.servos.hand_calibration import Joint
+from urbihw.cli.rows import RowsInPlace
 
 _WIDTH: Final = 40
 _LINE_PERIOD_S: Final = 1.0
@@ -17,18 +18,14 @@ class RangeDisplay:
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self._stream = sys.stdout if stream is None else stream
-        self._rows = 0
+        self._rows = RowsInPlace()
         self._next_line = 0.0
         self._shown: list[str] = []
 
     def show(self, joints: Sequence[Joint], now: float) -> None:
         """Show the joints; `now` in seconds bounds the number of lines that a pipe gets."""
         if self._stream.isatty():
-            rows = [f"\x1b[K{bar(joint)}" for joint in joints]
-            up = f"\x1b[{self._rows}A" if self._rows else ""
-            self._rows = len(rows)
-            self._stream.write(up + "".join(f"{row}\n" for row in rows))
-            self._stream.flush()
+            self._rows.show(self._stream, [bar(joint) for joint in joints])
         elif now >= self._next_line:
             self._next_line = now + _LINE_PERIOD_S
             self._print_changes(joints)
@@ -37,7 +34,8 @@ class RangeDisplay:
         """Show the final state."""
         self._next_line = now
         self.show(joints, now)
-        self._rows, self._shown = 0, []
+        self._rows.leave()
+        self._shown = []
 
     def _print_changes(self, joints: Sequence[Joint]) -> None:
         lines = [f"{joint.name} {joint.low}..{joint.high}" for joint in joints if joint.is_measured]

@@ -21,6 +21,7 @@ from typing import Final, TextIO
 from urbihw.cli.lobby_client import LobbyClient
 from urbihw.cli.options import Refused, complain, number
 from urbihw.cli.play import quoted, require_joints
+from urbihw.cli.rows import RowsInPlace
 from urbihw.cli.reach import add_server, credentials, server
 from urbihw.client.values import value_of
 from urbihw.exitcodes import EX_OK, EX_RUNTIME, INTERRUPTED
@@ -73,7 +74,7 @@ class Lesson:
         self._name = name
         self._key_poses = key_poses
         self._taken = 0
-        self._lines = 0
+        self._rows = RowsInPlace()
         link.read_banner()
         require_joints(link)
         link.send(files("urbihw.cli").joinpath("teach.u").read_bytes())
@@ -134,10 +135,7 @@ class Lesson:
         for part in filter(None, told.split("|")):
             name, _, angle = part.rpartition("=")
             lines.append(f"  {one_line(name):<20} {float(angle):+8.3f} rad")
-        up = f"\x1b[{self._lines}A" if self._lines else ""
-        sys.stdout.write(up + "".join(f"\r\x1b[K{line}\n" for line in lines))
-        sys.stdout.flush()
-        self._lines = len(lines)
+        self._rows.show(sys.stdout, lines)
 
 
 @contextlib.contextmanager
