@@ -21,8 +21,8 @@ from typing import Final, TextIO
 from urbihw.cli.lobby_client import LobbyClient
 from urbihw.cli.options import Refused, complain, number
 from urbihw.cli.play import quoted, require_joints
-from urbihw.cli.rows import RowsInPlace
 from urbihw.cli.reach import add_server, credentials, server
+from urbihw.cli.rows import RowsInPlace
 from urbihw.client.values import value_of
 from urbihw.exitcodes import EX_OK, EX_RUNTIME, INTERRUPTED
 from urbihw.platforms.teach.store import check_name
