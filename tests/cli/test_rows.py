@@ -17,7 +17,7 @@ def test_rows_fit_the_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     assert screen.getvalue() == f"\r\x1b[K{'x' * 19}\n\r\x1b[Kshort\n"
     rows.show(screen, [str(number) for number in range(9)])
     assert screen.getvalue().partition("short\n")[2] == (
-        "\x1b[2A\r\x1b[K0\n\r\x1b[K1\n\r\x1b[K2\n\r\x1b[K... and 6 more; the t\n"
+        "\x1b[2A\r\x1b[K0\n\r\x1b[K1\n\r\x1b[K2\n\r\x1b[K... and 6 more; the\n"
     )
     rows.leave()
     screen.truncate(0)
