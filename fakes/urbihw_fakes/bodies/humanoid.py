@@ -30,6 +30,8 @@ MOUNTED = {7: -45.0, 8: 45.0}
 READY = (235, 788, 279, 744, 462, 561, 358, 666, 507, 516, 341, 682, 240, 783, 647, 376, 507, 516)
 """Positions of the servos 1 to 18 in which the kit's motions begin (RoboPlus, page "Init" of the humanoid's file;
 as remembered: UNCONFIRMED)."""
+SETTLING = 0.5
+"""s until a robot that was put on its feet stands still, which it has done before anybody connects."""
 PUSH_TIME = 0.1
 """s that a push lasts."""
 IR_RANGE = 2.0
@@ -80,6 +82,8 @@ class Humanoid(Bioloid):
         for servo in self._servos:
             servo.registers.put("torque_enable", 1)
         self.stand()
+        self._run(round(SETTLING / STEP))
+        simulation.data.time = 0.0
 
     # --- the wire -------------------------------------------------------------------------------------------------
 
