@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import socket
 import struct
 import time
 import wave
@@ -18,6 +19,16 @@ pytestmark = pytest.mark.e2e
 
 PICTURE_TIMEOUT_S = 60.0
 """Until the first picture of a world: OpenGL without hardware starts slowly."""
+
+
+def heard_until(connection: socket.socket, text: bytes) -> bytes:
+    """What a connection says up to a text.  Raises TimeoutError."""
+    heard = b""
+    while text not in heard:
+        heard += connection.recv(4096)
+    return heard
+
+
 Visit = Callable[..., Visitor]
 __all__ = ["browser", "scenes", "visit"]  # fixtures
 
@@ -220,9 +231,7 @@ def test_a_spykee_shows_its_picture_lights_its_lamp_and_has_a_page_of_faults(
     lamp.evaluate("e => { e.value = 1; e.dispatchEvent(new Event('input', {bubbles: true})); }")
     with scene.run("waituntil(ledL.val == 1); echo(\"lit\");") as connection:
         connection.settimeout(5)
-        heard = b""
-        while b"lit" not in heard:
-            heard += connection.recv(4096)
+        heard_until(connection, b"*** lit")
     visitor.open("faults")
     page.click("#fault-unplug")
     page.wait_for_selector("#lamp-link.bad")
@@ -267,3 +276,22 @@ def test_the_world_of_a_simulated_robot_is_shown_and_what_moves_in_it(
     assert len(before) > 2000  # more than one colour
     visitor.ask("run", text="wander.start;")
     wait_until(lambda: page.evaluate(f"{canvas}.toDataURL()") != before)
+
+
+def test_a_slider_in_degrees_goes_at_the_speed_that_is_shown_and_follows_a_motor_that_turns_on(
+    scenes: Callable[..., Scene], visit: Visit
+) -> None:
+    scene = scenes("nxt", simulated=True)
+    page = visit(scene.pair("full", "anna")).page
+    claw = page.locator("[data-part=claw] input")
+    claw.evaluate("e => { e.value = 60; e.dispatchEvent(new Event('input', {bubbles: true})); }")
+    with scene.run('waituntil(claw.val > 50); echo("there");') as connection:
+        connection.settimeout(4)  # 1 rad/s; at 1 deg/s it takes a minute
+        heard_until(connection, b"*** there")
+    assert abs(float(claw.input_value()) - 60) < 4  # the goal, not the set-point on its way
+    with scene.run('wheelL.speed = 300; sleep(2s); wheelL.speed = 0; echo("turned");') as connection:
+        connection.settimeout(5)
+        heard_until(connection, b"*** turned")
+    wheel = page.locator("[data-part=wheelL] input")
+    wait_until(lambda: float(wheel.get_attribute("min") or 0) > 100)
+    assert page.locator("#card-joints button:has-text('All on')").count() == 0

@@ -7,6 +7,8 @@ import { rangeOf } from "../js/tree.js";
 import { Card, Live, SlotName, makeSender, textOfSlot } from "../js/ui.js";
 
 const DETAILS = ["torque", "load", "current", "temperature", "voltage"];
+/** rad in a unit of an angle: a speed in rad/s is sent in the unit of the slot. */
+const PER_RAD = { deg: 180 / Math.PI, turn: 1 / (2 * Math.PI) };
 const LEVELS = { temperature: [60, 70] };
 
 /** A number beside a joint, yellow and red where it is too high. */
@@ -48,15 +50,22 @@ function Notes({ part }) {
 export function GoalSlider({ part, speed = null, springs = false }) {
   const slot = part.goal;
   const path = part.slotPath(slot.name);
-  const [min, max] = rangeOf(slot);
+  const [least, most] = rangeOf(slot);
+  // A motor without a range may turn on and on: the track then shows the turn in which it is.
+  const turn = slot.min === null && slot.max === null && !springs ? most - least : 0;
+  const [turns, setTurns] = useState(0);
+  const [min, max] = [least + turns * turn, most + turns * turn];
+  const range = useRef(null);
+  range.current = [min, max];
   const middle = min <= 0 && max >= 0 ? 0 : (min + max) / 2;
   const input = useRef(null);
   const mark = useRef(null);
   const held = useRef(false);
   const waits = useRef(0); // until this time the slider stays where the user has put it
+  const aim = useRef(null); // where the user has put it, and how far the set-point was from there
   const measured = useRef(null);
   const send = useMemo(() => makeSender((value) =>
-    ask("set", springs || speed === null ? { slot: path, value } : { slot: path, value, speed: speed.current })), []);
+    ask("set", springs || speed === null ? { slot: path, value } : { slot: path, value, speed: speed.current * (PER_RAD[slot.unit] ?? 1) })), []);
   const place = (value) => {
     if (input.current && !held.current && typeof value === "number") input.current.value = value;
   };
@@ -64,6 +73,8 @@ export function GoalSlider({ part, speed = null, springs = false }) {
     input.current.value = middle;
     const end = drawSlot(path, (value) => {
       measured.current = value;
+      const [min, max] = range.current;
+      if (turn && !held.current && typeof value === "number") setTurns(Math.round(value / turn));
       if (mark.current && typeof value === "number") {
         mark.current.style.left = `${(100 * (Math.min(max, Math.max(min, value)) - min)) / (max - min)}%`;
       }
@@ -71,7 +82,17 @@ export function GoalSlider({ part, speed = null, springs = false }) {
     }, 20);
     const endGoal = part.slot("requested")
       ? drawSlot(part.slotPath("requested"), (value) => {
-        if (performance.now() > waits.current && !springs) place(value ?? measured.current);
+        if (springs) return;
+        const left = aim.current === null || typeof value !== "number" ? Infinity : Math.abs(value - aim.current.value);
+        if (left < aim.current?.left) {
+          // A slow set-point is on its way to where the user has put the slider.
+          aim.current.left = left;
+          waits.current = Math.max(waits.current, performance.now() + 700);
+        }
+        if (performance.now() > waits.current) {
+          aim.current = null;
+          place(value ?? measured.current);
+        }
       }, 4)
       : () => {};
     return () => {
@@ -81,6 +102,7 @@ export function GoalSlider({ part, speed = null, springs = false }) {
   }, []);
   const move = (value) => {
     waits.current = performance.now() + 700;
+    aim.current = { value, left: Infinity };
     send(Math.min(max, Math.max(min, value)));
   };
   const letGo = () => {
@@ -146,7 +168,7 @@ export function Joints() {
       <option value="">all</option>${groups.map(({ name }) => html`<option value=${name}>${name}</option>`)}</select></label>`}
     <label>Speed <input type="range" min="0.1" max=${most} step="0.1" value=${shownSpeed} aria-label="speed to goals in rad/s"
       onInput=${(event) => setShownSpeed((speed.current = Number(event.target.value)))} /> ${shownSpeed.toFixed(1)} rad/s</label>
-    ${isFull() && html`<button class="small" onClick=${() => switchAll(1)}>All on</button>
+    ${isFull() && shown.some((part) => part.slot("load")?.writable) && html`<button class="small" onClick=${() => switchAll(1)}>All on</button>
     <button class="small" onClick=${() => switchAll(0)}>All off</button>`}
     <button class="small" onClick=${copy}>Copy pose</button>`;
   return html`<${Card} title=${`Joints (${shown.length})`} name="joints" tools=${tools} wide=${true}>
