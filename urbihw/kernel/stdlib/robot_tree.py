@@ -131,7 +131,7 @@ class _Walk:
             self._world.scheduler.give_way(TIME_SLICE_S)
         self._count += 1
         made: Node = {
-            "name": name, "place": place, "path": path, "global": self._world.global_name(part) or "",
+            "name": name, "place": place, "path": path, "global": self._global_name(part),
             "class": _class_name(part), "interfaces": self._interfaces(part),
         }  # fmt: skip
         if self._with_slots and (made["interfaces"] or depth == 0):
@@ -143,6 +143,12 @@ class _Walk:
             if depth < MAX_DEPTH and self._count < MAX_NODES
         ]
         return made
+
+    def _global_name(self, part: Obj) -> str:
+        """The slot of Global that holds a part, "" for none: of several a name that somebody has given, such as
+        ``wrist_roll``, rather than a number, such as ``motor5``."""
+        names = [name for name, held in self._world.global_.slots.items() if held is part]
+        return next((name for name in names if not name[-1].isdigit()), names[0] if names else "")
 
     def _branches(self, part: Obj, path: str, name: str) -> Iterator[tuple[Obj, str, str, Any]]:
         if isinstance(part, LocalizerObject):

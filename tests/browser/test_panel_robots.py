@@ -1,0 +1,101 @@
+"""What an owner of each robot does first, at a desk and on a phone: move it, pull the plug and see it told, stop it."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+
+import pytest
+from panel_lab import Scene, Visitor, browser, scenes, visit, wait_until
+
+pytestmark = pytest.mark.e2e
+
+Visit = Callable[..., Visitor]
+__all__ = ["browser", "scenes", "visit"]  # fixtures
+DESK, PHONE = 1280, 390
+
+
+def told(scene: Scene, line: str) -> str:
+    """What the simulated robot tells of its body."""
+    heard = b""
+    with scene.run(f'echo("<" + fake.tell("{line}") + ">");') as connection:
+        connection.settimeout(5)
+        while b">" not in heard.partition(b"*** <")[2]:
+            heard += connection.recv(4096)
+    return heard.partition(b"*** <")[2].partition(b">")[0].decode()
+
+
+def place(scene: Scene) -> float:
+    """How far ahead of its start a base truly is: m; of an NXT the way of a wheel of 28 mm."""
+    if scene.platform == "nxt":
+        found = re.search(r"A power -?\d+ at (-?\d+)", told(scene, "state"))
+        assert found is not None
+        return math.radians(float(found[1])) * 0.028
+    return float(re.findall(r"-?\d+\.\d+", told(scene, "where"))[0])
+
+
+def pull_the_plug_and_stop(visitor: Visitor) -> None:
+    """Unplug, see it told, plug, stop, hold and release."""
+    page = visitor.page
+    visitor.open("faults")
+    page.click("#fault-unplug")
+    page.wait_for_selector("#lamp-link.bad")
+    assert "no link" in (page.text_content("#health") or "")
+    page.click("#fault-plug")
+    page.wait_for_selector("#lamp-link.ok")
+    page.click("#stop")
+    page.wait_for_selector("#stop-line.ok:has-text('Stopped after')")
+    page.click("#estop")
+    page.wait_for_selector("#held")
+    visitor.ask("release")
+    page.wait_for_selector("#stop-line:has-text('Released')")
+
+
+@pytest.mark.parametrize("width", [DESK, PHONE])
+@pytest.mark.parametrize("platform", ["segway", "spykee", "nxt"])
+def test_a_base_drives_while_a_key_is_held(
+    scenes: Callable[..., Scene], visit: Visit, platform: str, width: int
+) -> None:
+    scene = scenes(platform, simulated=True)
+    visitor = visit(scene.pair("full", f"anna{width}"), width=width, height=844)
+    page = visitor.page
+
+    def is_still() -> bool:
+        return page.text_content("#card-base dd:last-of-type") == "no"  # moving
+
+    wait_until(is_still)
+    before = place(scene)
+    page.focus("#pad")
+    page.keyboard.down("w")
+    wait_until(lambda: abs(place(scene) - before) > 0.1)
+    page.keyboard.up("w")
+    wait_until(is_still)
+    here = place(scene)
+    pull_the_plug_and_stop(visitor)
+    assert abs(place(scene) - here) < 0.02
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+@pytest.mark.parametrize(("width", "goal"), [(DESK, 0.5), (PHONE, 0.2)])
+@pytest.mark.parametrize(
+    ("platform", "joint", "word"), [("nao", "HeadYaw", "joints"), ("so101", "wrist_roll", "state")]
+)
+def test_a_slider_moves_a_joint(
+    scenes: Callable[..., Scene], visit: Visit, platform: str, joint: str, word: str, width: int, goal: float
+) -> None:
+    scene = scenes(platform, simulated=True)
+    visitor = visit(scene.pair("full", f"anna{width}"), width=width, height=844)
+    page = visitor.page
+    row = page.locator(f"[data-part$={joint}]")
+    power = row.locator(".power")
+    if power.get_attribute("aria-pressed") == "false":
+        power.click()
+    row.locator(".power[aria-pressed=true]").wait_for()
+    before = told(scene, word)
+    moved = "(e, v) => { e.value = v; e.dispatchEvent(new Event('input', {bubbles: true})); }"
+    row.locator(".track input").evaluate(moved, goal)
+    wait_until(lambda: told(scene, word) != before)
+    wait_until(lambda: abs(float((row.locator(".live").first.text_content() or "x")[:-1]) - math.degrees(goal)) < 3)
+    pull_the_plug_and_stop(visitor)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
