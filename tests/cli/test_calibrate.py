@@ -219,3 +219,21 @@ def test_names_come_from_a_list_or_from_the_settings(tmp_path: Path) -> None:
     assert calibrate.joint_names(None, settings) == {"hip_l": 3, "hip_r": 4}
     with pytest.raises(BadCalibration, match="write each name once"):
         calibrate.joint_names("a=1,a=2", None)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"), [(None, "No such file"), ("rate = [", "robot.toml"), ("[devices]\nhip = []\n", "hip")]
+)
+def test_settings_that_cannot_be_used_are_refused_before_anything_is_let_go(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str | None, words: str
+) -> None:
+    file = tmp_path / "robot.toml"
+    if text is not None:
+        file.write_text(text)
+    assert main(["calibrate", "/dev/none", "--config", str(file), "--out", str(tmp_path / "c.json")]) == 78
+    assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", [("play", "bow"), ("teach", "bow")])
+def test_without_a_server_the_exit_code_is_that_of_the_table(command: tuple[str, ...]) -> None:
+    assert main([*command, "--host", "127.0.0.1", "--port", "1"]) == 69

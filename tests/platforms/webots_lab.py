@@ -124,7 +124,7 @@ class Lab(RobotLab):
 
     def console(self) -> Console:
         """A world has no console."""
-        cable: Any = SimpleNamespace(device=None, clock=self.bus_clock.now)
+        cable: Any = SimpleNamespace(device=SimpleNamespace(numbers=tuple), clock=self.bus_clock.now)
         return Console(cable, {})
 
     @property

@@ -67,8 +67,11 @@ def run(options: argparse.Namespace) -> int:
 def joint_names(names: str | None, config: Path | None) -> dict[str, int]:
     """The ids of the joints by name, from a text or from settings; {} for none. Raises BadCalibration, BadConfig."""
     if config is not None:
-        table = load(config, {}).config.devices
-        return {name: row["id"] if isinstance(row, dict) else row for name, row in table.items()}
+        loaded = load(config, {})
+        for mistake in loaded.mistakes:
+            if mistake.setting in ("", "devices"):  # the file itself, or what is taken from it
+                raise BadConfig(mistake.line)
+        return {name: row["id"] if isinstance(row, dict) else row for name, row in loaded.config.devices.items()}
     found: dict[str, int] = {}
     for part in names.split(",") if names else ():
         name, _, number = part.strip().partition("=")

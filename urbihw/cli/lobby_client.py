@@ -32,9 +32,12 @@ BANNER_TIMEOUT_S: Final = 5.0
 
 
 class LobbyClient:
-    """``with LobbyClient(where, credentials) as link``: connected.  Raises Refused when that cannot be."""
+    """``with LobbyClient(where, credentials) as link``: connected.  Raises Refused when that cannot be.
 
-    def __init__(self, where: Where, credentials: Credentials) -> None:
+    ``unreachable`` is its exit code then: 1 for the programs of Urbi (docs/programs.md).
+    """
+
+    def __init__(self, where: Where, credentials: Credentials, unreachable: int = NO_SERVER) -> None:
         self.peer = str(where)
         self._waiting: deque[Message] = deque()
         self._told_rest = False
@@ -43,7 +46,7 @@ class LobbyClient:
                 where, credentials, CONNECT_TIMEOUT_S, False, self._waiting.append, asks_first=False
             )
         except CannotConnect as error:
-            raise Refused(str(error), NO_SERVER) from error
+            raise Refused(str(error), unreachable) from error
         except AccessDenied as error:
             raise Refused(str(error), EX_UNAVAILABLE) from error
 

@@ -36,7 +36,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Play, and wait until the end; returns the exit code."""
     try:
-        with LobbyClient(server(options), credentials(options)) as link:
+        with LobbyClient(server(options), credentials(options), EX_UNAVAILABLE) as link:
             link.read_banner()
             require_joints(link)
             if not options.names:

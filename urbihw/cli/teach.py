@@ -24,7 +24,7 @@ from urbihw.cli.play import quoted, require_joints
 from urbihw.cli.reach import add_server, credentials, server
 from urbihw.cli.rows import RowsInPlace
 from urbihw.client.values import value_of
-from urbihw.exitcodes import EX_OK, EX_RUNTIME, INTERRUPTED
+from urbihw.exitcodes import EX_OK, EX_RUNTIME, EX_UNAVAILABLE, INTERRUPTED
 from urbihw.platforms.teach.store import check_name
 from urbihw.settings import one_line
 
@@ -57,7 +57,7 @@ def _motion_name(text: str) -> str:
 def run(options: argparse.Namespace) -> int:
     """Record until q; returns the exit code."""
     try:
-        with LobbyClient(server(options), credentials(options)) as link:
+        with LobbyClient(server(options), credentials(options), EX_UNAVAILABLE) as link:
             return Lesson(link, options.name, options.key_poses).run(options.joints, options.rate)
     except Refused as error:
         return complain("urbihw teach", error)
