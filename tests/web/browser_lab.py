@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import json
 import socket
+import ssl
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
@@ -129,13 +130,15 @@ class Site:
 
     def __init__(self, gateway: Gateway, daemon: Daemon, worker: Worker, connections: Connections) -> None:
         self.gateway, self.daemon, self.worker, self.connections = gateway, daemon, worker, connections
-        self.base = f"http://127.0.0.1:{gateway.port}"
+        scheme = "http" if gateway.settings.tls is None else "https"
+        self.base = f"{scheme}://127.0.0.1:{gateway.port}"
         self._clients: list[aiohttp.ClientSession] = []
         self._browsers: list[Browser] = []
 
     def client(self) -> aiohttp.ClientSession:
         """A browser without a cookie."""
-        made = aiohttp.ClientSession(cookie_jar=aiohttp.CookieJar(unsafe=True))
+        jar = aiohttp.CookieJar(unsafe=True)
+        made = aiohttp.ClientSession(cookie_jar=jar, connector=aiohttp.TCPConnector(ssl=False))
         self._clients.append(made)
         return made
 
@@ -164,17 +167,17 @@ class Site:
 
 
 @contextlib.asynccontextmanager
-async def site(folder: Path) -> AsyncIterator[Site]:
+async def site(folder: Path, tls: ssl.SSLContext | None = None) -> AsyncIterator[Site]:
     """A gateway while the block runs."""
     daemon, worker = Daemon(folder / "daemon.socket"), Worker(folder / "worker.sock")
     await daemon.start()
     await worker.start()
     listener = socket.create_server(("127.0.0.1", 0))
-    settings = Settings(Where(str(daemon.path), 1), Credentials(environment={}), folder, worker.path, "toy")
+    settings = Settings(Where(str(daemon.path), 1), Credentials(environment={}), folder, worker.path, "toy", tls=tls)
     gateway = Gateway(settings, listener.getsockname()[1])
     running = asyncio.create_task(gateway.run())
     try:
-        async with accepting(gateway.app, listener, None) as connections:
+        async with accepting(gateway.app, listener, tls) as connections:
             made = Site(gateway, daemon, worker, connections)
             try:
                 yield made

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import json
 import logging
+import ssl
 from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -14,15 +15,16 @@ import aiohttp
 import pytest
 from browser_lab import WAIT_S, Site, site
 
+from urbihw.daemon import tls
 from urbihw.web import attempts, connections, gateway, quietly
 from urbihw.web.attempts import Attempts
 from urbihw.web.quietly import Quietly
 from urbihw.web.session import Session
 
 
-def play(folder: Path, test: Callable[[Site], Awaitable[None]]) -> None:
+def play(folder: Path, test: Callable[[Site], Awaitable[None]], context: ssl.SSLContext | None = None) -> None:
     async def run() -> None:
-        async with site(folder) as made:
+        async with site(folder, context) as made:
             await test(made)
 
     asyncio.run(run())
@@ -118,9 +120,10 @@ def test_addresses_of_one_machine_count_as_one(peer: Any, origin: str) -> None:
 
 
 @pytest.mark.parametrize("said", [
-    b"nonsense\r\n\r\n", b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03\r\n\r\n", b"GET / HTTP/9.9\r\n\r\n",
+    b"nonsense\r\n\r\n", b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03\r\n\r\n",
+    b"GET / HTTP/9.9\r\nConnection: close\r\n\r\n",
     b"GET / HTTP/1.1\r\nHost 127.0.0.1\r\n\r\n", b"GET /" + b"x" * 9000 + b" HTTP/1.1\r\n\r\n",
-    b"GET / HTTP/1.1\r\n" + b"".join(b"X-%d: 1\r\n" % number for number in range(200)) + b"\r\n",
+    b"GET / HTTP/1.1\r\nConnection: close\r\n" + b"X: 1\r\n" * 200 + b"\r\n",
     b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n", b"GET / HTTP/1.1\r\nHost: a\r\nContent-Length: x\r\n\r\n",
     b"GET /nothing HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n",
     b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nExpect: 1\r\nConnection: close\r\n\r\n",
@@ -131,8 +134,43 @@ def test_no_answer_tells_versions(tmp_path: Path, said: bytes) -> None:
         writer.write(said)
         async with asyncio.timeout(WAIT_S):
             answer = (await reader.read()).lower()
-        assert answer.startswith(b"http/1.") and b"server: urbihw\r\n" in answer
+        assert answer.startswith(b"http/") and b"server: urbihw\r\n" in answer
         assert b"python" not in answer and b"aiohttp" not in answer
+        await end(writer)
+
+    play(tmp_path, test)
+
+
+def test_tls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connections, "HANDSHAKE_S", 0.5)
+    tls.make(tmp_path)
+
+    async def test(made: Site) -> None:
+        browser = await made.browser("view")
+        for said in (b"", b"GET / HTTP/1.1\r\n\r\n", b"\x16\x03\x01\x02\x00\x01\x00"):
+            reader, writer = await connect(made)
+            writer.write(said)
+            assert await is_closed(reader), "no handshake"
+            await end(writer)
+        await until(lambda: strangers(made) == 0)
+        assert (await browser.ask("stop"))["confirmed"]
+        assert made.base.startswith("https:")
+
+    play(tmp_path, test, tls.context(tls.files("", "", tmp_path)))
+
+
+@pytest.mark.parametrize("said", [b"X: 1\r\n", b"\r\nGET /nothing HTTP/1.1\r\nHost: 127.0.0.1\r\n"])
+def test_a_head_and_requests_ahead_of_the_answers_are_bounded(tmp_path: Path, said: bytes) -> None:
+    async def test(made: Site) -> None:
+        reader, writer = await connect(made)
+        writer.write(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n" + said * (connections.MAX_AHEAD_BYTES // len(said)))
+        async with asyncio.timeout(WAIT_S):
+            try:
+                answers = await reader.read()
+            except ConnectionResetError:
+                answers = b""
+        assert len(answers) < connections.MAX_AHEAD_BYTES
+        assert not made.connections.open
         await end(writer)
 
     play(tmp_path, test)

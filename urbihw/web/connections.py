@@ -36,6 +36,9 @@ RECEIVE_BUFFER_BYTES: Final = 64 * 1024
 MAX_FIELD: Final = 4096
 """Bytes of a field of a head."""
 MAX_FIELDS: Final = 64
+MAX_AHEAD_BYTES: Final = 64 * 1024
+"""Bytes from the head of one request to that of the next one.  Older versions of aiohttp do not bound the fields, none
+bounds what is sent before the answer."""
 _PAUSE_S: Final = 0.2
 """Seconds until the next attempt to accept when the system has no descriptor left."""
 
@@ -49,7 +52,7 @@ class Handler(web.RequestHandler):
         is_socket: whether it has become a WebSocket, which has its own signs of life.
     """
 
-    __slots__ = ("_timer", "address", "gone", "is_known", "is_socket")
+    __slots__ = ("_ahead", "_timer", "address", "gone", "is_known", "is_socket")
 
     def __init__(self, server: web.Server, address: str) -> None:
         loop = asyncio.get_running_loop()
@@ -60,6 +63,7 @@ class Handler(web.RequestHandler):
         self.address = address
         self.is_known = self.is_socket = False
         self.gone = asyncio.Event()
+        self._ahead = 0
         self._timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -73,9 +77,18 @@ class Handler(web.RequestHandler):
         super().connection_lost(exc)
         self.gone.set()
 
+    def data_received(self, data: bytes) -> None:
+        """Bytes have come."""
+        self._ahead += len(data)
+        if self._ahead > MAX_AHEAD_BYTES and not self.is_socket:
+            self._abort()
+        else:
+            super().data_received(data)
+
     def note_request(self) -> None:
         """The head of a request has come: the next one has its time."""
         self._stop_timer()
+        self._ahead = 0
         self._timer = asyncio.get_running_loop().call_later(IDLE_S, self._abort)
 
     def note_socket(self) -> None:
