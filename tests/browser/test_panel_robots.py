@@ -77,6 +77,30 @@ def test_a_base_drives_while_a_key_is_held(
     assert page.evaluate("document.documentElement.scrollWidth") <= width
 
 
+def test_a_fallen_segway_says_so_and_why_it_does_not_drive(scenes: Callable[..., Scene], visit: Visit) -> None:
+    scene = scenes("segway", simulated=True)
+    visitor = visit(scene.pair("full", "bert"))
+    page = visitor.page
+    visitor.open("faults")
+    for arguments, words in (("on", "emergency stop switch open"), ("off", "pitch angle limit")):
+        page.fill("#fault-estop ~ input", arguments)
+        page.click("#fault-estop")
+        page.wait_for_selector(f"#health:has-text('{words}')")
+    # It has fallen, as its motors were off.
+    before = place(scene)
+    visitor.open("control")
+    page.focus("#pad")
+    page.keyboard.down("w")
+    page.wait_for_selector("#toasts:has-text('the base does not drive (mode disabled)')")
+    page.keyboard.up("w")
+    assert place(scene) == before
+    visitor.open("faults")
+    page.click("#fault-lift")
+    page.wait_for_selector("#health.ok")
+    with scene.run('rmp.mode = "balance";'):
+        wait_until(lambda: "motors on" in told(scene, "show"))
+
+
 @pytest.mark.parametrize(("width", "goal"), [(DESK, 0.5), (PHONE, 0.2)])
 @pytest.mark.parametrize(
     ("platform", "joint", "word"), [("nao", "HeadYaw", "joints"), ("so101", "wrist_roll", "state")]

@@ -26,7 +26,6 @@ FAULT_WORD = 0x0008
     [
         (NxtDriver, "brick", "millivolts", 7900, "voltage", 7.9, "V"),
         (ArcosDriver, "robot", "battery", 124, "voltage", 12.4, "V"),
-        (RmpDriver, "base", "battery", 290, "voltage", 72.5, "V"),
         (SpykeeDriver, "power", "level", 80, "charge", 0.8, ""),
         (SpykeeDriver, "power", "level", -80, "charge", 0.8, ""),
         (NaoDriver, "HeadYaw", "angle", 0.5, "position", 0.5, "rad"),
@@ -53,6 +52,16 @@ def test_the_pressed_stop_button_of_a_pioneer_is_an_alarm() -> None:
     driver = ArcosDriver()
     assert driver.reading("robot", "flags", 0x0021) == Reading("alarm", "its STOP button is pressed")
     assert driver.reading("robot", "flags", 0x001F) == Reading("alarm", "")
+
+
+def test_the_faults_of_an_rmp_are_an_alarm_and_its_voltage_has_a_lower_limit() -> None:
+    driver = RmpDriver()
+    assert driver.reading("base", "status1", 0x0180) == Reading("alarm", "")
+    assert driver.reading("base", "status1", 0x0101) == Reading("alarm", "safety shutdown")
+    found = driver.reading("base", "battery", 290)
+    assert found is not None
+    assert found[:4] == ("voltage", 72.5, "V", 66.0) and math.isnan(found.high)
+    assert driver.reading("base", "mode", 2) is None
 
 
 @pytest.mark.parametrize("raw", [True, "text", None, b"bytes", [1]])

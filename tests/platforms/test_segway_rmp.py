@@ -449,6 +449,17 @@ def test_a_speed_for_motors_that_are_off_does_not_wait_for_them(caplog: pytest.L
     assert_stands(lab)
 
 
+def test_a_fallen_base_says_why_it_does_not_drive() -> None:
+    lab = driving(f.BALANCE)
+    lab.base.body.fallen = True
+    lab.run(0.5)
+    why = "the base does not drive, its motors are off: safety shutdown, pitch angle limit"
+    assert why in lab.say("rmp.forwardSpeed = 1;")
+    lab.console().line("lift")
+    lab.say('rmp.mode = "balance";', 0.5)
+    assert_stands(lab)
+
+
 # ---------------------------------------------------------------- frames that are missing
 
 

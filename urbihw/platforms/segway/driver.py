@@ -46,7 +46,7 @@ from urbihw.buses.messages import (
     Targets,
     Watch,
 )
-from urbihw.buses.readings import Quantity
+from urbihw.buses.readings import ALARM, Quantity, Reading
 from urbihw.platforms.segway import protocol as p
 from urbihw.platforms.segway.bases import Bases
 from urbihw.platforms.segway.channels import DoubleLine
@@ -240,6 +240,13 @@ class RmpDriver(Driver):
     def request_moves(self, request: Request) -> bool:
         """Return whether the request sets a mode in which the motors are on."""
         return request.verb == "write" and request.item == "mode" and request.value in MOVING_MODES
+
+    def reading(self, device: Any, item: str, raw: Any) -> Reading | None:
+        """Return the faults of both status words, and the voltage beside the one below which the battery is low."""
+        if item == "status1" and raw.__class__ is int:
+            return Reading(ALARM, p.fault_words(raw, self._monitor.latest.get("status2", 0)))
+        found = super().reading(device, item, raw)
+        return found and found._replace(low=p.LOW_VOLTAGE)
 
     def errors(self) -> dict[str, int]:
         """Return the number of failures since `attach`."""

@@ -61,6 +61,9 @@ OLD_BATTERY: Final = ("battery", 2, _UNSIGNED)
 """In 0x0400 of the oldest firmware, which has no 0x0406 (CARMEN)."""
 COUNTERS: Final = ("left", "right", "forward", "yaw")
 
+LOW_VOLTAGE: Final = 66.0
+"""Volts of the base below which its battery is low (Orca)."""
+
 _MOTORS_ON = 0x0080
 ENABLED: Final = _MOTORS_ON | 0x0100
 """The bits of the first status word that report no fault: motors on, balance mode."""

@@ -47,8 +47,6 @@ _FULL_SPEED: Final = 3.576
 _QUARTERS: Final = 4  # counts of the battery for 1 V
 EMPTY, FULL = 60.0, 78.0
 """Volts between which the battery's charge is interpolated; guessed around the nominal 72."""
-LOW: Final = 66.0
-"""Volts of the base below which its battery is low (Orca)."""
 RECOVERED: Final = 1.0
 """Volts above that at which it counts as charged again: the voltage sags while the base accelerates."""
 
@@ -75,6 +73,7 @@ _SHARES: Final = {
 }
 """Slot with the range 0..1 -> (configuration, parameter for 1)."""
 _OFF: Final = (p.MODES[0], p.MODES[3])
+_UNKNOWN_FAULT: Final = "not known: the base does not send its status"
 """The modes in which the base does not execute speeds."""
 _NAMED: Final = {"mode": p.MODES, "gain": p.GAINS}
 
@@ -127,7 +126,7 @@ class RMP(EffectorDevice):
     turnCoeff = variable(1.0)
     torqueCoeff = variable(1.0)
 
-    lowVoltage = variable(LOW)
+    lowVoltage = variable(p.LOW_VOLTAGE)
     batteryLow = event()
 
     period = reading(0.05)
@@ -232,10 +231,13 @@ class RMP(EffectorDevice):
         return write
 
     def explain_off(self) -> str:
-        """Return why the base does not drive in its present mode, "" if it does."""
-        if self.mode.sensed not in _OFF:
-            return ""
-        return f'the base does not drive (mode {self.mode.sensed}): switch it on with mode = "tractor" or "balance"'
+        """Return why the base does not drive in its present mode or with its present fault, "" if it does."""
+        if self.mode.sensed in _OFF:
+            return f'the base does not drive (mode {self.mode.sensed}): switch it on with mode = "tractor" or "balance"'
+        fault = self.fault.sensed
+        if fault and fault != _UNKNOWN_FAULT and not self.motors.sensed:
+            return f"the base does not drive, its motors are off: {fault}"
+        return ""
 
     def _check(self, coefficient: UVar) -> None:
         if number(coefficient) == 0:
@@ -362,7 +364,7 @@ class RMP(EffectorDevice):
             self._show_fault(p.fault_words(raw["status1"], raw["status2"]))
         elif status_missing(missing):
             self.motors.sense(False)
-            self._show_fault("not known: the base does not send its status")
+            self._show_fault(_UNKNOWN_FAULT)
 
     def _check_battery(self, volts: float) -> None:
         """Emit ``batteryLow`` when the voltage falls below ``lowVoltage``."""

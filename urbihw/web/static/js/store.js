@@ -159,9 +159,13 @@ connection.on("devices", (told) => {
   notify("devices");
 });
 connection.on("tree", (told) => takeTree(told.tree));
+const PLACE = /^!!! (?:(?:[^\s:]+:)?\d+\.\d[\d.-]*: )?(?:warning: )?/;
+
 connection.on("output", (line) => {
   keep(store.output, line);
   notify("output");
+  // Errors and warnings of what the cards ask for would be seen by nobody in the console.
+  if ((line.kind === "error" || line.channel === "warning") && !document.getElementById("output")) showToast(line.text.replace(PLACE, ""));
 });
 connection.on("log", (row) => {
   if (typeof row.n === "number") lastLogRow = Math.max(lastLogRow, row.n);
