@@ -34,7 +34,8 @@ FIRST_PAUSE_S: Final = 0.25
 MAX_PAUSE_S: Final = 2.0
 TREE_TIMEOUT_S: Final = 10.0
 _NO_WORKER: Final = {
-    "worker": False, "link": False, "rate": 0, "late": 0, "load": 0, "estop": "", "battery": None, "stopped": None,
+    "worker": False, "link": False, "rate": 0, "late": 0, "load": 0, "estop": "", "battery": None,
+    "charge": None, "stopped": None,
 }  # fmt: skip
 _PROGRAM: Final = '{ if (Global.hasLocalSlot("robot")) %s else "null" }'
 

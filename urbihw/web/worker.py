@@ -17,18 +17,20 @@ def worker_state(told: Mapping[str, Any]) -> dict[str, Any]:
         "late": bus.get("late") or 0,
         "load": bus.get("load") or 0,
         "estop": str(told.get("estop") or ""),
-        "battery": battery_voltage(told.get("devices")),
+        "battery": battery_of(told.get("devices"), "voltage"),
+        "charge": battery_of(told.get("devices"), "charge"),
         "stopped": told.get("last_stop"),
     }
 
 
-def battery_voltage(devices: Any) -> float | None:
-    """The voltage of the device that is a battery, else the median of all, V; None where none is known."""
+def battery_of(devices: Any, quantity: str) -> float | None:
+    """A quantity of the device that is a battery, else the median of all: "voltage" in V, "charge" of 1; None where it
+    is not known."""
     found = []
     for row in devices if isinstance(devices, list) else ():
-        voltage = (row.get("values") or {}).get("voltage") if isinstance(row, dict) else None
-        if isinstance(voltage, int | float) and voltage == voltage:
+        value = (row.get("values") or {}).get(quantity) if isinstance(row, dict) else None
+        if isinstance(value, int | float) and value == value:
             if "battery" in f"{row.get('device')} {row.get('name')} {row.get('model')}".lower():
-                return float(voltage)
-            found.append(float(voltage))
+                return float(value)
+            found.append(float(value))
     return sorted(found)[len(found) // 2] if found else None

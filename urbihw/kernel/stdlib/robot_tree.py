@@ -61,6 +61,7 @@ class _Slot:
 
     def __init__(self, world: World, device: Obj, name: str) -> None:
         self.name = name
+        self._nil = world.nil
         self.value, self.meta = _resolve(world, device, name)
         self.accessor: Any = None if self.meta is None else self.meta.accessor
 
@@ -77,6 +78,12 @@ class _Slot:
         if hasattr(self.accessor, "current"):
             return self.accessor.current(False)
         return None if isinstance(self.value, Executable) else self.value
+
+    def is_missing(self) -> bool:
+        """Whether the device does not have a slot that its interface promises: nobody provides it, or it is nil."""
+        if isinstance(self.value, Promise):
+            return self.value.getter is None and self.value.default is self._nil
+        return self.content() is self._nil and not (self.meta is not None and self.meta.getter)
 
     def is_writable(self) -> bool:
         """Whether an assignment is taken."""
@@ -196,7 +203,9 @@ class _Walk:
             "min": _finite(find_property(device, name, "rangemin")),
             "max": _finite(find_property(device, name, "rangemax")),
             "meaning": self._meaning(device, name),
-            "readable": kind not in ("function", "event"),
+            "readable": kind not in ("function", "event") and (
+                kind == "binary" or not (promising and slot.is_missing())
+            ),
             "writable": writable,
             "effector": writable and (slot.is_guarded() or any(name in _EFFECTS.get(each, ()) for each in promising)),
         }

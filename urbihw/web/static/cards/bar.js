@@ -95,6 +95,12 @@ function Held({ state }) {
     ${mayDrive() ? html`<${HoldButton} act=${() => ask("release")}>Hold for 1 s to release<//>` : null}</div>`;
 }
 
+/** What is known of the battery; "" for nothing. */
+function batteryText({ battery, charge }) {
+  const known = (value) => value !== null && value !== undefined;
+  return [known(battery) && `${battery.toFixed(1)} V`, known(charge) && `${Math.round(100 * charge)} %`].filter(Boolean).join(", ");
+}
+
 /** What is wrong with the picture that the page shows; "" for nothing. */
 function staleText(state, now) {
   if (!store.isOpen) {
@@ -132,7 +138,7 @@ export function Bar() {
         <${Lamp} name="link" level=${state.link ? "ok" : "bad"} text=${!state.link ? "down" : state.remote ? "up" : `${Math.round(state.rate)} Hz`} />
         ${state.remote ? html`<span class="lamp" id="remote" title="The bus worker is on another machine: the server stops the robot, unless a program holds it">stop by the server</span>`
           : html`<span class="lamp load"><span class="what">bus</span><b>${Math.round(100 * state.load)} %</b></span>`}
-        ${state.battery !== null && state.battery !== undefined && html`<span class="lamp battery"><span class="what">battery</span><b>${state.battery.toFixed(1)} V</b></span>`}
+        ${batteryText(state) && html`<span class="lamp battery"><span class="what">battery</span><b>${batteryText(state)}</b></span>`}
         <${Driver} state=${state} />
       </div>`}
       <div class="stops">

@@ -134,7 +134,9 @@ export function Slots() {
   const [owner, setOwner] = useState((store.model.parts[0] || store.model.robot).path);
   const [text, setText] = useState("");
   const found = store.model.owners.find((each) => each.path === owner) || store.model.owners[0];
-  const shown = found.slots.filter((slot) => `${slot.name} ${slot.meaning}`.toLowerCase().includes(text.toLowerCase()));
+  // Without what its interface promises and this device does not have.
+  const there = found.slots.filter((slot) => slot.readable || slot.writable || ["function", "event"].includes(slot.kind));
+  const shown = there.filter((slot) => `${slot.name} ${slot.meaning}`.toLowerCase().includes(text.toLowerCase()));
   const tools = html`<label>Of <select id="owner" onChange=${(event) => setOwner(event.target.value)}>${store.model.owners.map((each) => html`<option value=${each.path} selected=${each.path === owner}>${each.title}</option>`)}</select></label>
     <label>Find <input value=${text} size="10" onInput=${(event) => setText(event.target.value)} /></label>`;
   return html`<${Card} title="Slots" name="slots" tools=${tools} wide=${true}><ul class="slots">${shown.map((slot) => html`<${SlotRow} key=${`${found.path}.${slot.name}`} path=${`${found.path}.${slot.name}`} slot=${slot} />`)}</ul><//>`;

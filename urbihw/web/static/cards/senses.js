@@ -221,8 +221,8 @@ export function Sound() {
     ${part.has("AudioIn") && html`<${Microphone} part=${part} />`}
     ${SOUNDS.filter((name) => part.slot(name)?.kind === "function").map((name) => html`<li><span>${part.title}</span><${Caller} part=${part} name=${name} /></li>`)}
     ${part.slot("val")?.effector && part.slot("val").kind === "binary" && html`<li><span>${part.title}</span><${SoundFile} part=${part} /></li>`}
-    ${part.slot("volume") && html`<li><span>${part.title} <span class="what">volume</span></span><${Live} slot=${part.slotPath("volume")} unit=${part.slot("volume").unit} hz=${4} /></li>`}
-    ${part.slot("playing") && html`<li><span>${part.title} <span class="what">playing</span></span><${Live} slot=${part.slotPath("playing")} hz=${4} /></li>`}
+    ${part.slot("volume")?.readable && html`<li><span>${part.title} <span class="what">volume</span></span><${Live} slot=${part.slotPath("volume")} unit=${part.slot("volume").unit} hz=${4} /></li>`}
+    ${part.slot("playing")?.readable && html`<li><span>${part.title} <span class="what">playing</span></span><${Live} slot=${part.slotPath("playing")} hz=${4} /></li>`}
   `)}</ul><//>`;
 }
 
