@@ -71,6 +71,7 @@ CASES = [
     (with_device(values={"temperature": 71.0}), 2, "6: 71 degC, beyond its limit of 70"),
     (with_device(values={"voltage": 5.5}), 2, "6: 5.5 V, below its limit of 6.0"),
     (with_device(values={"voltage": 15.0}), 2, "6: 15.0 V, above its limit of 14.0"),
+    (with_device(values={"charge": 0.06}), 1, "6: 6 % of its charge left"),
 ]  # fmt: skip
 
 

@@ -107,9 +107,13 @@ class Browser:
         self._number += 1
         request = {"id": self._number, "do": do, **fields}
         await self.socket.send_json(request)
+        return await self.answer(self._number)
+
+    async def answer(self, number: int | None) -> dict[str, Any]:
+        """The answer to a request of this number."""
         while True:
             message = await self._read()
-            if message.get("id") == self._number:
+            if "event" not in message and message["id"] == number:
                 return message
 
     async def event(self, name: str, fits: Callable[[dict[str, Any]], bool] = lambda told: True) -> dict[str, Any]:

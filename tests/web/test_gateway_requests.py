@@ -26,6 +26,12 @@ TREE = Tree({"robot": {"name": "robot", "path": "robot", "global": "robot", "slo
     {"name": "joint", "path": "robot.joint[6]", "global": "motor6", "slots": [
         {**SLOT, "name": "val", "unit": "rad", "effector": True},
         {**SLOT, "name": "speed", "unit": "rad/s", "effector": True},
+        {**SLOT, "name": "turn", "unit": "turn", "effector": True},
+        {**SLOT, "name": "goalPwm", "unit": "1", "effector": True},
+        {**SLOT, "name": "torque", "unit": "N m", "effector": True},
+        {**SLOT, "name": "power", "unit": "%", "effector": True},
+        {**SLOT, "name": "share", "unit": "%", "min": -100.0, "max": 100.0, "effector": True},
+        {**SLOT, "name": "light", "unit": "ratio", "effector": True},
         {**SLOT, "name": "offset", "unit": "rad"},
     ]}, {"name": "speaker", "path": "robot.speaker", "global": "speaker", "slots": [
         {**SLOT, "name": "val", "kind": "binary", "effector": True},
@@ -93,6 +99,40 @@ def test_role_drive_has_effectors_and_limits(tmp_path: Path) -> None:
         assert (await browser.ask("set", slot="motor6.speed", value=-50))["ok"]
         assert "motor6.speed = (-1.0)" in made.daemon.said
         assert (await browser.ask("call", slot="robot.go", args=[0.5]))["ok"]
+
+    play(tmp_path, test)
+
+
+def test_role_drive_writes_only_what_has_a_limit_of_speed(tmp_path: Path) -> None:
+    async def test(made: Site) -> None:
+        browser = await made.browser("drive")
+        assert (await browser.ask("set", slot="motor6.turn", value=0.25))["ok"]
+        assert "motor6.turn = 0.25 speed:0.159155 " in made.daemon.said, "1 rad/s"
+        for slot in ("goalPwm", "torque", "power"):
+            assert await refused(browser.ask("set", slot=f"motor6.{slot}", value=0.1)) == "role"
+        assert (await browser.ask("set", slot="motor6.share", value=-100))["ok"]
+        assert (await browser.ask("set", slot="motor6.light", value=0.9))["ok"]
+        assert "motor6.share = (-50.0)" in made.daemon.said and "motor6.light = 0.9" in made.daemon.said
+
+    play(tmp_path, test)
+
+
+def test_requests_that_no_text_or_number_can_be(tmp_path: Path) -> None:
+    async def test(made: Site) -> None:
+        browser = await made.browser("full")
+        half = "\ud800"
+        assert await refused(browser.ask("run", text=half)) == "bad"
+        assert await refused(browser.ask("tag", uid=half, action="stop")) == "bad"
+        assert await refused(browser.ask("subscribe", slots=[f'motor6["{half}"]'])) == "bad"
+        assert await refused(browser.ask("set", slot="motor6.val", value=half)) == "bad"
+        for tag in ("if", "nil", "a b", "a" * 100):
+            assert await refused(browser.ask("run", text="1", tag=tag)) == "bad"
+        for number in ("[" * 500 + "]" * 500, '{"a": 1}', '"' + "a" * 200 + '"', "1e999"):
+            await browser.socket.send_str(f'{{"id": {number}, "do": "stop"}}')
+            assert await refused(browser.answer(None)) == "bad"
+        assert not made.worker.asked
+        assert (await browser.ask("set", slot="robot.new", value=1))["ok"]
+        assert "robot.'new' = 1" in made.daemon.said, "a word of the language"
 
     play(tmp_path, test)
 

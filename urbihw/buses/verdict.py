@@ -10,6 +10,8 @@ from collections.abc import Iterator, Mapping
 from enum import IntEnum
 from typing import Any, Final, NamedTuple
 
+LOW_CHARGE: Final = 0.1
+"""Share of its charge below which a battery is reported."""
 NEAR_LIMIT_DEGC: Final = 5.0
 """Distance to the highest temperature at which a warning begins, in degrees C."""
 LATE_SHARE: Final = 0.01
@@ -151,7 +153,7 @@ def _device(row: Mapping[str, Any]) -> Iterator[Finding]:
 
 
 def _ranges(name: str, values: Mapping[str, Any], limits: Mapping[str, Any]) -> Iterator[Finding]:
-    """Temperature and voltage beside the range of the model."""
+    """Temperature and voltage beside the range of the model, and what is left in a battery."""
     temperature, (_, hot) = values.get("temperature"), _pair(limits.get("temperature"))
     if _is_number(temperature) and _is_number(hot) and temperature > hot - NEAR_LIMIT_DEGC:
         level, words = (Level.BAD, "beyond") if temperature > hot else (Level.WARNING, "near")
@@ -161,6 +163,9 @@ def _ranges(name: str, values: Mapping[str, Any], limits: Mapping[str, Any]) -> 
         yield Finding(Level.BAD, "voltage", name, f"{voltage:.1f} V, below its limit of {low:.1f}")
     if _is_number(voltage) and _is_number(high) and voltage > high:
         yield Finding(Level.BAD, "voltage", name, f"{voltage:.1f} V, above its limit of {high:.1f}")
+    charge = values.get("charge")
+    if _is_number(charge) and charge < LOW_CHARGE:
+        yield Finding(Level.WARNING, "charge", name, f"{100 * charge:.0f} % of its charge left")
 
 
 def _is_number(value: Any) -> bool:

@@ -22,10 +22,14 @@ def number_of(request: Mapping[str, Any], name: str, least: float, most: float, 
 
 
 def text_of(request: Mapping[str, Any], name: str, default: str | None = None) -> str:
-    """A text.  Raises Refusal."""
+    """A text.  Raises Refusal, also for halves of surrogate pairs, which JSON can have and no program can."""
     value = request.get(name, default)
     if not isinstance(value, str):
         raise Refusal(f"{name} wants a text")
+    try:
+        value.encode()
+    except UnicodeEncodeError as error:
+        raise Refusal(f"{name}: character {error.start + 1} is half of a surrogate pair") from error
     return value
 
 

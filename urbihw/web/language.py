@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from typing import Any, Final
 
-from urbihw.client.literals import literal, string_literal
+from urbihw.client.literals import checked_name, literal, string_literal
 from urbihw.client.subject import subject
 from urbihw.web.asked import number_of, text_of
 from urbihw.web.lobby import LobbyError
@@ -15,7 +14,7 @@ from urbihw.web.session import PANEL, Refusal, Session
 MAX_TEXT: Final = 60_000
 ACTIONS: Final = ("stop", "freeze", "unfreeze")
 MAX_WORDS: Final = 200
-_TAG: Final = re.compile(r"[A-Za-z_]\w{0,60}", re.ASCII)
+MAX_TAG: Final = 60
 Request = Mapping[str, Any]
 
 
@@ -87,6 +86,9 @@ async def fake(session: Session, request: Request) -> dict[str, Any]:
 
 
 def _tag_name(text: str) -> str:
-    if not _TAG.fullmatch(text):
-        raise Refusal(f"{text[:40]!r} is no name of a tag")
-    return text
+    if len(text) > MAX_TAG:
+        raise Refusal(f"the name of a tag has {MAX_TAG} characters at most")
+    try:
+        return checked_name(text)
+    except ValueError as error:
+        raise Refusal(str(error)) from error

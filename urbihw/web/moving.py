@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import base64
+import math
 import re
 from collections.abc import Mapping
 from typing import Any, Final
 
 from urbihw.client.driving import order_text, parse_answer
 from urbihw.client.lines import Line
-from urbihw.client.literals import literal
+from urbihw.client.literals import literal, written_path
 from urbihw.web.asked import number_of, path_of, text_of, truth_of
 from urbihw.web.lobby import LobbyError, plain_value
 from urbihw.web.session import Refusal, Session
@@ -24,6 +25,7 @@ TAKEN_S: Final = 0.1
 MAX_ARGUMENTS: Final = 8
 MAX_NUMBER: Final = 1e9
 """Greatest number that role drive writes; nan, inf and what no float can be are none."""
+_PER_RAD: Final = {"rad": 1.0, "deg": 180 / math.pi, "turn": 0.5 / math.pi}
 _SOUND: Final = re.compile(r"raw [12] [0-9]{4,6} (8|16) [12]", re.ASCII)
 Request = Mapping[str, Any]
 
@@ -54,9 +56,9 @@ async def set_slot(session: Session, request: Request) -> dict[str, Any]:
     except (ValueError, TypeError, OverflowError) as error:
         raise Refusal(str(error)) from error
     if not extra:
-        await session.link.ask(f"__web.end(\"{_plain(slot)}\") | {slot} = {text} | 1")
+        await session.link.ask(f"__web.end(\"{_plain(slot)}\") | {written_path(slot)} = {text} | 1")
     else:
-        moving = session.link.begin(f"__web.move(\"{_plain(slot)}\"): {slot} = {text}{extra} | 1")
+        moving = session.link.begin(f"__web.move(\"{_plain(slot)}\"): {written_path(slot)} = {text}{extra} | 1")
         await _taken(session, moving)
     return {}
 
@@ -71,16 +73,25 @@ def _limited(session: Session, slot: str, value: Any, extra: str, request: Reque
     # Anything else than a number, such as true for 1 or a list of speeds, would pass by the limits.
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= MAX_NUMBER:
         raise Refusal(f"role {session.role} writes numbers to {slot}", "role")
-    factor = 57.29577951308232 if unit.startswith("deg") and unit != "degC" else 1.0
-    if unit in ("rad", "deg", "m"):
-        most = limits.speed * factor if unit != "m" else limits.x
+    if unit in _PER_RAD or unit == "m":
+        most = limits.x if unit == "m" else limits.speed * _PER_RAD[unit]
         asked = request.get("speed")
         speed = min(most, asked) if isinstance(asked, int | float) else most
         return value, f" speed:{speed:g}"
-    bound = {"rad/s": limits.yaw, "deg/s": limits.yaw * factor, "m/s": limits.x}.get(unit)
-    if bound is None and _is_speed(slot, about):
-        bound = limits.share * max(abs(float(about.get(end) or 0.0)) for end in ("min", "max")) or None
-    return (value if bound is None else max(-bound, min(bound, value))), extra
+    angle, slash, second = unit.rpartition("/")
+    if unit == "m/s":
+        bound = limits.x
+    elif slash and second == "s" and angle in _PER_RAD:
+        bound = limits.yaw * _PER_RAD[angle]
+    elif _is_speed(slot, about):
+        bound = limits.share * max(abs(float(about.get(end) or 0.0)) for end in ("min", "max"))
+    elif unit in ("", "ratio"):  # a light, say
+        return value, extra
+    else:  # a torque, a current, a share of the power
+        bound = 0.0
+    if not bound:
+        raise Refusal(f"role {session.role} does not write {slot}: its speed would have no limit", "role")
+    return max(-bound, min(bound, value)), extra
 
 
 def _is_speed(slot: str, about: Mapping[str, Any]) -> bool:
@@ -102,7 +113,7 @@ async def play_sound(session: Session, request: Request) -> dict[str, Any]:
     session.gateway.take_lease(session)
     # The link encodes text as UTF-8, bytes that are none as they are.
     content = samples.decode("utf-8", "surrogateescape")
-    await session.link.ask(f"{slot} = BIN {len(samples)} {keywords};{content}; 1")
+    await session.link.ask(f"{written_path(slot)} = BIN {len(samples)} {keywords};{content}; 1")
     return {}
 
 
@@ -123,7 +134,7 @@ async def call(session: Session, request: Request) -> dict[str, Any]:
     except (ValueError, TypeError, OverflowError) as error:
         raise Refusal(str(error)) from error
     # A function without a value is no error.
-    body = f"var __value = {slot}({text}).acceptVoid | if (__value.isVoid) nil else __value"
+    body = f"var __value = {written_path(slot)}({text}).acceptVoid | if (__value.isVoid) nil else __value"
     line = await _taken(session, session.link.begin(body))
     return {} if line is None else {"value": plain_value(line)}
 

@@ -45,6 +45,7 @@ MAX_PENDING: Final = 64
 PANEL: Final = " (panel)"
 """The end of the names that browsers have for the daemon."""
 STOPS: Final = ("stop", "estop")
+MAX_ID: Final = 100
 MAX_STOPS: Final = 4
 """Stops of a browser that are not answered yet."""
 OPENING_S: Final = 3.0
@@ -413,7 +414,15 @@ def parse_request(text: str) -> dict[str, Any]:
         raise Refusal("a request is a line of JSON") from None
     if not isinstance(request, dict):
         raise Refusal("a request is a JSON object")
+    if request.get("id") != _plain_id(request):
+        raise Refusal(f"id wants a number, or a text of at most {MAX_ID} characters")
     return request
+
+
+def _plain_id(request: Mapping[str, Any]) -> int | float | str | None:
+    """The number of a request, which its answer repeats; None without one, or for what is none."""
+    number = request.get("id")
+    return number if isinstance(number, int | float) or isinstance(number, str) and len(number) <= MAX_ID else None
 
 
 def _finite(text: str) -> float:
@@ -430,5 +439,5 @@ def _id_in(text: str) -> Any:
     with contextlib.suppress(ValueError, RecursionError):
         request = json.loads(text)
         if isinstance(request, Mapping):
-            return request.get("id")
+            return _plain_id(request)
     return None

@@ -7,7 +7,7 @@ import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
-from urbihw.client.literals import literal, string_literal
+from urbihw.client.literals import literal, string_literal, written_path
 from urbihw.web.asked import number_of, path_of, paths_of
 from urbihw.web.lobby import LobbyError
 from urbihw.web.session import EVENTS, LOG, PICTURE, SAMPLES, Refusal, Session, Sub
@@ -65,7 +65,7 @@ async def events(session: Session, request: Request) -> dict[str, Any]:
         if session.role != "full" and not tree.is_event(slot):
             raise Refusal(f"{slot} is no event of the robot", "role")
     sub = _new(session, EVENTS, lambda sub: " | ".join(
-        f'lobby.answerEvents("{sub.channel}_{number}", {slot})' for number, slot in enumerate(slots)
+        f'lobby.answerEvents("{sub.channel}_{number}", {written_path(slot)})' for number, slot in enumerate(slots)
     ) + " | 1", slots)  # fmt: skip
     await _ask(session, sub)
     return {"sub": sub.number}
