@@ -164,7 +164,7 @@ def _ranges(name: str, values: Mapping[str, Any], limits: Mapping[str, Any]) -> 
     if _is_number(voltage) and _is_number(high) and voltage > high:
         yield Finding(Level.BAD, "voltage", name, f"{voltage:.1f} V, above its limit of {high:.1f}")
     charge = values.get("charge")
-    if _is_number(charge) and charge < LOW_CHARGE:
+    if charge is not None and _is_number(charge) and charge < LOW_CHARGE:
         yield Finding(Level.WARNING, "charge", name, f"{100 * charge:.0f} % of its charge left")
 
 
