@@ -91,6 +91,7 @@ class Scene:
         self._arguments = "--platform", rig.platform, "--config", str(file)
         self.daemon = Daemon(folder, *self._arguments)
         self.tabs: list[Tab] = []
+        self.panel: subprocess.Popen[bytes]
         self.url = ""
         self.cookies: list[str] = []
 
@@ -114,7 +115,7 @@ async def scene(folder: Path, rig: Rig, *roles: str, remote: bool = False) -> As
     port_file = folder / "panel-port"
     environment = {**os.environ, "XDG_STATE_HOME": str(folder), "STATE_DIRECTORY": ""}
     control = () if remote else ("--control", str(made.control))
-    panel = subprocess.Popen(
+    panel = made.panel = subprocess.Popen(
         (*URBIHW, "panel", f"127.0.0.1:{made.daemon.port}", "--port", "0", "--port-file", str(port_file),
          *control), env=environment, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
@@ -281,6 +282,46 @@ def test_a_base_stands_soon_after_the_last_order_and_when_the_browser_is_closed(
         await hold()
         await drive.socket.close()
         await until(lambda: made.watcher.speed() < P3DX.rest, 3.0, "a standing base")
+
+    play(tmp_path, P3DX, ("full", "drive"), test)
+
+
+@pytest.mark.parametrize("take", [True, False])
+def test_what_a_browser_has_moved_stops_when_it_does_not_drive_any_more(tmp_path: Path, take: bool) -> None:
+    async def test(made: Scene) -> None:
+        full, drive = made.tabs
+        await full.run(f"{P3DX.prepare} waituntil({P3DX.until});")
+        for do, fields in (
+            ("set", {"slot": "robot.body.x.speed", "value": 0.3}), ("call", {"slot": "robot.go", "args": [20]})
+        ):  # fmt: skip
+            assert (await drive.ask(do, **fields))["ok"]
+            await until(lambda: made.watcher.speed() > P3DX.moving, 10.0, "a driving base")
+            assert (await (full if take else drive).ask("lease", take=take))["ok"]
+            await until(lambda: made.watcher.speed() < P3DX.rest, 3.0, "a standing base")
+            await asyncio.sleep(1.0)
+            assert made.watcher.speed() < P3DX.rest, "the call goes on"
+            await full.ask("lease", take=False)
+
+    play(tmp_path, P3DX, ("full", "drive"), test)
+
+
+def test_orders_that_waited_for_a_gateway_that_hung_are_not_carried_out(tmp_path: Path) -> None:
+    async def test(made: Scene) -> None:
+        full, drive = made.tabs
+        await full.run(f"{P3DX.prepare} waituntil({P3DX.until});")
+        before = time.monotonic()
+        assert (await drive.ask("drive", x=0, yaw=0, at=time.monotonic() - before))["ok"]
+        made.panel.send_signal(signal.SIGSTOP)
+        for number in range(10):
+            await drive.socket.send_json(
+                {"id": f"late {number}", "do": "drive", "x": 0.3, "yaw": 0, "at": time.monotonic() - before}
+            )
+        await asyncio.sleep(1.5)
+        made.panel.send_signal(signal.SIGCONT)
+        for number in range(10):
+            answer = await drive.wait(lambda told, number=number: told.get("id") == f"late {number}")  # type: ignore[misc]
+            assert answer["late"]
+            assert made.watcher.speed() < P3DX.rest
 
     play(tmp_path, P3DX, ("full", "drive"), test)
 

@@ -338,6 +338,26 @@ def test_the_end_of_the_connection_that_drives_it_stops_it(caplog: pytest.LogCap
     assert "is closed, which moved it" in caplog.text
 
 
+def test_a_connection_that_releases_its_devices_stops_them_and_may_move_them_again(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    lab = Lab.ready()
+    client, other = lab.kernel.open_lobby(), lab.kernel.open_lobby()
+    lab.kernel.feed(client, b"rmp.forwardSpeed = 1; detach({ sleep(4s); rmp.forwardSpeed = 1 })|;")
+    lab.run(2.0)
+    lab.kernel.feed(other, b"lobby.releaseDevices;")
+    lab.run(1.0)
+    assert lab.base.body.speed == pytest.approx(1.0, abs=0.01), "another connection has nothing to release"
+    lab.kernel.feed(client, b"lobby.releaseDevices;")
+    lab.run(2.0)
+    assert lab.base.body.speed == 0.0
+    assert "has released it" in caplog.text
+    assert b"after this statement had begun" in client.output.take_bytes()
+    lab.kernel.feed(client, b"rmp.forwardSpeed = 0.5;")
+    lab.run(2.0)
+    assert lab.base.body.speed == pytest.approx(0.5, abs=0.01)
+
+
 def test_the_end_of_another_connection_does_not() -> None:
     lab = Lab.ready()
     client = lab.kernel.open_lobby()

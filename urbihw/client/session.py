@@ -5,6 +5,7 @@ The blocking and the asyncio connection both use it, under a lock of their own.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from time import time
@@ -129,8 +130,10 @@ class Session:
         self.greeted = True
         self.set_offset(question.stamp / 1000, asked, answered)
 
-    def set_offset(self, told: float, asked: float, answered: float) -> None:
-        """Compare the clocks: the server's time, in the middle between question and answer."""
+    def set_offset(self, told: Any, asked: float, answered: float) -> None:
+        """Compare the clocks: the server's time, in the middle between question and answer.  Raises BadAnswer."""
+        if not isinstance(told, float) or not math.isfinite(told):
+            raise BadAnswer(f"the server told {shortened(repr(told))} as its time")
         self.offset = (asked + answered) / 2 - told
 
     # ---------------------------------------------------------------- streams
@@ -201,14 +204,14 @@ class Session:
         except BadValue:
             question.finish(Found("object", line.shown))
             return
-        if not isinstance(answer, list) or not answer:
-            return
         try:
             self._finish(question, answer)
         except (LookupError, TypeError, ValueError, AttributeError):
             question.finish(error=BadAnswer(f"the server sent an answer that cannot be read: {shortened(line.shown)}"))
 
-    def _finish(self, question: Question, answer: list[Any]) -> None:
+    def _finish(self, question: Question, answer: Any) -> None:
+        if not isinstance(answer, list):
+            raise TypeError
         kind, *rest = answer
         if not isinstance(kind, str):  # the first question
             question.finish(answer)

@@ -63,7 +63,10 @@ class _Reader:
             return self._list(deep)
         if number := _NUMBER.match(text, at):
             self._at = number.end()
-            return float(int(number[0], 16)) if b"x" in number[0] else float(number[0])
+            try:
+                return float(int(number[0], 16)) if b"x" in number[0] else float(number[0])
+            except OverflowError:
+                raise BadValue("a number that is too great") from None
         if text.startswith(b"BIN ", at):
             return self._next_binary()
         word = _WORD.match(text, at)

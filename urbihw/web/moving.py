@@ -170,11 +170,15 @@ async def drive(session: Session, request: Request) -> dict[str, Any]:
     if session.role != "full":
         limits = session.gateway.settings.limits
         x, yaw = max(-limits.x, min(limits.x, x)), max(-limits.yaw, min(limits.yaw, yaw))
+    at = number_of(request, "at", 0, 1e9) if request.get("at") is not None else None
     session.gateway.take_lease(session)
     loop = asyncio.get_running_loop()
+    if x == yaw == 0:
+        session.travel.begin_again()
+    delay = 0.0 if at is None else session.travel.delay(at, loop.time())
     if session.server_ahead is None:
         session.server_ahead = float(await session.link.value("System.time")) - loop.time()
-    made = session.server_ahead + loop.time()
+    made = session.server_ahead + loop.time() - delay
     line = await session.link.ask(order_text(x, yaw, DEAD_MAN_S, made), 1.0)
     try:
         driven = parse_answer(line.shown)

@@ -30,6 +30,7 @@ from urbihw.web.lobby import LobbyError, LobbyLink, utf8
 from urbihw.web.outbox import KEPT, Outbox
 from urbihw.web.pairing import Browser
 from urbihw.web.pictures import frame_of
+from urbihw.web.travel import Travel
 
 if TYPE_CHECKING:
     from urbihw.web.gateway import Gateway
@@ -115,6 +116,7 @@ class Session:
         self.subs: dict[int, Sub] = {}
         self.console_uid = ""
         self.server_ahead: float | None = None
+        self.travel = Travel()
         """The server's time without that of this process, s; None while it is not known."""
         self.tasks: dict[str, asyncio.Task[None]] = {}
         """Tasks that serve the browser, by name: each ends with it."""

@@ -34,7 +34,7 @@ class Lobby(Obj):
     is_per_connection = True
     __slots__ = (
         "connected", "holdings", "in_command", "input_handler", "label", "maker", "on_quit", "output", "peer",
-        "programs", "received", "shell", "tag", "user",
+        "programs", "received", "released_at", "shell", "tag", "user",
     )  # fmt: skip
 
     def __init__(
@@ -54,6 +54,8 @@ class Lobby(Obj):
         """Whether the client can still send statements, such as a stop.  Without command, its programs may not move
         devices."""
         self.received = 0
+        self.released_at = 0
+        """The lowest epoch of a statement that may move devices: ``releaseDevices`` sets it."""
         self.on_quit: Callable[[], None] = lambda: None
         self.peer = remote
         """The address of the client, None for none; ``remoteIP`` has the same value, but a program can change that

@@ -65,6 +65,8 @@ class World:
         self.redefinition = RedefinitionMode(scheduler)
         self.client_gone: list[Callable[[Any], None]] = []
         """Called with a lobby as soon as its connection is lost, before its jobs are ended."""
+        self.devices_released: list[Callable[[Any], None]] = []
+        """Called with a lobby that shall not move devices any more by what it has done until now."""
         self.holdings = Holdings()
         """The resources of jobs without a lobby."""
         self._parts: dict[type, Any] = {}

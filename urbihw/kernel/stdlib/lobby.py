@@ -72,6 +72,7 @@ class Lobby(Protocol):
     shell: Any
     holdings: Holdings
     label: str
+    released_at: int
 
     def feed(self, data: bytes) -> None:
         """Add bytes to the input, as if the client had sent them."""
@@ -150,6 +151,21 @@ def send(world: World, this: Value, text: str, channel: str = "") -> None:
 def write(world: World, this: Value, text: str) -> None:
     """Send the bytes of a string without a time stamp or a line end."""
     connected_lobby(this).output.write(text.encode("latin-1", "replace"))
+
+
+@TABLE.primitive("releaseDevices")
+def release_devices(world: World, this: Value) -> None:
+    """Stop the devices that one's own connection has moved last, as its end would: wheels stand, joints hold their
+    position.  Not in the manual.
+
+    The statements that move them end with an error; statements that begin later may move them again.
+    """
+    lobby = own_lobby(world, this)
+    world.scheduler.epoch += 1
+    lobby.released_at = world.scheduler.epoch
+    for hear in list(world.devices_released):
+        hear(lobby)
+    world.scheduler.running().renew()
 
 
 @TABLE.primitive("receive")

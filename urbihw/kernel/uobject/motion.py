@@ -119,11 +119,13 @@ class Motion:
         self._told: list[tuple[Any, str]] = []
         self._limits_told: list[tuple[Any, str]] = []
         self._world.client_gone.append(self._client_gone)
+        self._world.devices_released.append(self._client_lets_go)
 
     def close(self) -> None:
         """Unsubscribe from the lobbies."""
         if self._client_gone in self._world.client_gone:
             self._world.client_gone.remove(self._client_gone)
+            self._world.devices_released.remove(self._client_lets_go)
 
     # ---------------------------------------------------------------- stopping
 
@@ -157,10 +159,14 @@ class Motion:
             job.renew()
 
     def check(self) -> None:
-        """Raise the error for a statement that began before the last stop."""
+        """Raise the error for a statement that began before the last stop, or before its client let go."""
         job = self._world.scheduler.current
-        if job is not None and job.epoch < self._mark:
+        if job is None:
+            return
+        if job.epoch < self._mark:
             raise errors.Stopped(f"{self._name} was stopped after this statement had begun: {self.reason}")
+        if job.epoch < getattr(job.context, "released_at", 0):
+            raise errors.Stopped(f"{_client(job.context)} has released its devices after this statement had begun")
 
     # ---------------------------------------------------------------- writing
 
@@ -292,6 +298,8 @@ class Motion:
         """Whether a request with this origin may still move the robot, or the given device of it."""
         if origin.epoch != self.epoch or self.latched or not self._lease_lasts(origin):
             return False
+        if origin.mark < getattr(origin.lease, "released_at", 0):
+            return False
         return device not in self._ended or origin.mark >= self._ended[device][0]
 
     def now(self) -> float:
@@ -321,14 +329,19 @@ class Motion:
     # ---------------------------------------------------------------- leases
 
     def _client_gone(self, lease: Any) -> None:
-        if self.keep:
-            return
+        if not self.keep:
+            self._end_of_lease(lease, f"the connection of {_client(lease)} is closed, which moved it")
+
+    def _client_lets_go(self, lease: Any) -> None:
+        self._end_of_lease(lease, f"{_client(lease)} has released it")
+
+    def _end_of_lease(self, lease: Any, reason: str) -> None:
         devices = tuple(device for device, origin in self._moved_by.items() if origin.lease is lease)
         if devices:
             for device in devices:
                 del self._moved_by[device]
             self.stops += 1
-            self._release(devices, f"the connection of {_client(lease)} is closed, which moved it")
+            self._release(devices, reason)
 
 
 def _client(lease: Any) -> str:

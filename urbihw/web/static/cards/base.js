@@ -51,8 +51,9 @@ class Driver {
     for (const [ahead, left] of this.held.values()) [x, yaw] = [x + ahead, yaw + left];
     const most = this.scale();
     try {
-      const told = await connection.ask("drive", { x: Math.max(-1, Math.min(1, x)) * most.x, yaw: Math.max(-1, Math.min(1, yaw)) * most.yaw });
-      if (told.deferred) showToast("The robot was stopped or moved by somebody else: let go, then hold again.", "bad");
+      const told = await connection.ask("drive", { x: Math.max(-1, Math.min(1, x)) * most.x, yaw: Math.max(-1, Math.min(1, yaw)) * most.yaw, at: performance.now() / 1000 });
+      if (told.late) showToast("The order came too late: the connection is too slow to drive.", "bad");
+      else if (told.deferred) showToast("The robot was stopped or moved by somebody else: let go, then hold again.", "bad");
     } catch (error) {
       const takeOver = error.code === "lease" ? ["Take over", () => ask("lease", { take: true })] : null;
       showToast(error.message, "bad", takeOver);
