@@ -2,7 +2,7 @@
 
 It has no thread of its own: whoever waits for an answer reads the socket, also for the others; the others wait until
 their answer has come or the reader leaves.  So a command costs no more than the way to the server and back, and nothing
-is left behind when a program ends or is interrupted.
+is left behind when a program ends or is interrupted: Ctrl-C ends the waiting of the main thread only (``interrupts``).
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from urbihw.client.connect import ClientSocket, connect, has_unread
 from urbihw.client.credentials import Credentials, Denied
 from urbihw.client.dialect import Native
 from urbihw.client.errors import AccessDenied, CannotConnect, ClientError, ConnectionLost, TimedOut
+from urbihw.client.interrupts import DEFERRAL, uninterrupted
 from urbihw.client.lines import BadLine
 from urbihw.client.login import explain_close
 from urbihw.client.session import Message, Question, Session
@@ -43,6 +44,7 @@ Statement = Callable[[Native, str], str]
 class Connection:
     """Connected when made.  Raises CannotConnect, AccessDenied or TimedOut."""
 
+    @uninterrupted
     def __init__(
         self,
         where: Where,
@@ -100,15 +102,18 @@ class Connection:
 
     # ---------------------------------------------------------------- for the objects above
 
+    @uninterrupted
     def send(self, text: str) -> None:
         """Send a text, a character for each byte.  Does nothing without a connection; raises ConnectionLost if the
         server does not read."""
         self._send(text)
 
+    @uninterrupted
     def wait(self, ready: Callable[[], bool], timeout: float | None) -> None:
         """Read until ``ready()``, for so many seconds, or until the end of the connection."""
         self._wait(ready, None if timeout is None else monotonic() + timeout)
 
+    @uninterrupted
     def ask(self, statement: Statement, timeout: float | None, located: bool = False, raw: bool = False) -> Any:
         """The answer to a statement.  Raises UrbiError, TimedOut, ConnectionLost, or why there is no connection.
 
@@ -135,6 +140,7 @@ class Connection:
             raise TimedOut(f"{self.where} did not answer within {timeout:g} s: is it busy, or the statement longer?")
         return question.result()
 
+    @uninterrupted
     def open_stream(self, stream: Stream) -> None:
         """Begin a stream.  It goes on after a reconnection.  Raises what ``ask`` raises."""
         def text(dialect: Native, channel: str) -> str:
@@ -150,6 +156,7 @@ class Connection:
         with self._turn:
             self._streams.append(stream)
 
+    @uninterrupted
     def close_stream(self, stream: Stream) -> None:
         """End a stream, also from another thread; a second call does nothing."""
         with self._turn:
@@ -167,6 +174,7 @@ class Connection:
         with self._turn:
             self._session.remove_stream(stream)
 
+    @uninterrupted
     def next_item(self, stream: Stream, timeout: float | None) -> Any:
         """The next item of a stream; None when it was closed.  Raises TimedOut, or why there is no connection.
 
@@ -186,6 +194,7 @@ class Connection:
                 raise stream.silence(self.where, timeout or 0.0)
         return None
 
+    @uninterrupted
     def want_next(self, stream: Stream) -> None:
         """Tell the server that the program takes one more Binary."""
         with self._turn:
@@ -201,6 +210,7 @@ class Connection:
         stream.closed = True
         self._forgotten.append(stream)
 
+    @uninterrupted
     def close(self) -> None:
         """Close the connection, also from another thread; what waits ends with ConnectionLost."""
         with self._turn:
@@ -219,7 +229,8 @@ class Connection:
                 if left is not None and left <= 0 or self._socket is None:
                     return
                 if self._led:
-                    self._turn.wait(left)
+                    with DEFERRAL.waiting:
+                        self._turn.wait(left)
                     continue
                 self._led = True
                 self._turn.release()
@@ -239,7 +250,8 @@ class Connection:
             message = self._messages.popleft()
             self._turn.release()
             try:
-                self._on_message(message)
+                with DEFERRAL.waiting:
+                    self._on_message(message)
             finally:
                 self._turn.acquire()
 
@@ -267,8 +279,11 @@ class Connection:
             return None
         self._reading = made
         try:
-            if not has_unread(made) and not self._poll.poll(None if timeout is None else timeout * 1000):
-                return None
+            if not has_unread(made):
+                with DEFERRAL.waiting:
+                    ready = self._poll.poll(None if timeout is None else timeout * 1000)
+                if not ready:
+                    return None
             return made.recv(CHUNK)
         except TimeoutError:
             return None  # a part of a record of TLS
@@ -327,7 +342,8 @@ class Connection:
             return
         with self._turn:
             while self._led and self._socket is None and not self.closed:
-                self._turn.wait(None if limit is None else max(0.0, limit - monotonic()))
+                with DEFERRAL.waiting:
+                    self._turn.wait(None if limit is None else max(0.0, limit - monotonic()))
                 if limit is not None and monotonic() >= limit:
                     break
             if self._socket is not None:
@@ -353,13 +369,15 @@ class Connection:
             except ClientError:
                 if self.closed or limit is not None and monotonic() + pause >= limit:
                     raise
-            threading.Event().wait(pause)
+            with DEFERRAL.waiting:
+                threading.Event().wait(pause)
             pause = min(2 * pause, MAX_PAUSE_S)
 
     def _connect(self, limit: float) -> None:
         """Connect, greet, and begin what was watched; by the thread that leads."""
         try:
-            made = connect(self.where, self._credentials, max(0.1, limit - monotonic()))
+            with DEFERRAL.waiting:
+                made = connect(self.where, self._credentials, max(0.1, limit - monotonic()))
         except Denied as error:
             raise AccessDenied(str(error)) from None
         except (OSError, UnicodeError) as error:
