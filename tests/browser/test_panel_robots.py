@@ -93,7 +93,7 @@ def test_a_fallen_segway_says_so_and_why_it_does_not_drive(scenes: Callable[...,
     page.keyboard.down("w")
     page.wait_for_selector("#toasts:has-text('the base does not drive (mode disabled)')")
     page.keyboard.up("w")
-    assert place(scene) == before
+    assert abs(place(scene) - before) < 0.02
     visitor.open("faults")
     page.click("#fault-lift")
     page.wait_for_selector("#health.ok")

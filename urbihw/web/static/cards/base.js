@@ -53,7 +53,7 @@ class Driver {
     try {
       const told = await connection.ask("drive", { x: Math.max(-1, Math.min(1, x)) * most.x, yaw: Math.max(-1, Math.min(1, yaw)) * most.yaw, at: performance.now() / 1000 });
       if (told.late) showToast("The order came too late: the connection is too slow to drive.", "bad");
-      else if (told.deferred) showToast("The robot was stopped or moved by somebody else: let go, then hold again.", "bad");
+      else if (told.deferred) showToast("The robot stands: it refused, was stopped, or somebody else moved it. Let go, then hold again.", "bad");
     } catch (error) {
       const takeOver = error.code === "lease" ? ["Take over", () => ask("lease", { take: true })] : null;
       showToast(error.message, "bad", takeOver);
