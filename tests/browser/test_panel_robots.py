@@ -101,6 +101,22 @@ def test_a_fallen_segway_says_so_and_why_it_does_not_drive(scenes: Callable[...,
         wait_until(lambda: "motors on" in told(scene, "show"))
 
 
+def test_nothing_covers_the_bar_when_the_page_is_scrolled(scenes: Callable[..., Scene], visit: Visit) -> None:
+    visitor = visit(scenes("segway", simulated=True).pair("full", "dora"), width=PHONE, height=844)
+    page = visitor.page
+    page.wait_for_selector("#pad .front")
+    for step in range(0, 400, 20):
+        page.evaluate(f"window.scrollTo(0, {step})")
+        assert page.evaluate("""() => {
+            const bar = document.getElementById("bar");
+            const { left, top, right, bottom } = bar.getBoundingClientRect();
+            for (let x = left + 5; x < right; x += 20)
+              for (let y = Math.max(0, top) + 5; y < bottom; y += 10)
+                if (!bar.contains(document.elementFromPoint(x, y))) return false;
+            return true;
+        }"""), step
+
+
 @pytest.mark.parametrize(("width", "goal"), [(DESK, 0.5), (PHONE, 0.2)])
 @pytest.mark.parametrize(
     ("platform", "joint", "word"), [("nao", "HeadYaw", "joints"), ("so101", "wrist_roll", "state")]
