@@ -192,11 +192,13 @@ class Visitor:
     """A browser of its own cookies at the panel; ``errors`` are those of its console."""
 
     def __init__(
-        self, browser: Browser, address: str, *, width: int = 1280, height: int = 900, dark: bool = False
-    ) -> None:
+        self, browser: Browser, address: str, *, width: int = 1280, height: int = 900, dark: bool = False,
+        finger: bool = False,
+    ) -> None:  # fmt: skip
         self._context = browser.new_context(
-            viewport={"width": width, "height": height}, color_scheme="dark" if dark else "light"
-        )
+            viewport={"width": width, "height": height}, color_scheme="dark" if dark else "light",
+            has_touch=finger, is_mobile=finger,
+        )  # fmt: skip
         self.page: Page = self._context.new_page()
         self.page.set_default_timeout(PAGE_MS)
         self.errors: list[str] = []

@@ -9,6 +9,8 @@ import { Card, Live, SlotName, makeSender, textOfSlot } from "../js/ui.js";
 const DETAILS = ["torque", "load", "current", "temperature", "voltage"];
 /** rad in a unit of an angle: a speed in rad/s is sent in the unit of the slot. */
 const PER_RAD = { deg: 180 / Math.PI, turn: 1 / (2 * Math.PI) };
+/** Pixels along the track after which a finger means the slider: less may become a swipe that scrolls the page. */
+const MEANT_PX = 8;
 const LEVELS = { temperature: [60, 70] };
 
 /** A number beside a joint, yellow and red where it is too high. */
@@ -24,12 +26,12 @@ function Detail({ part, name }) {
   return html`<span class="detail" ref=${element} title=${slot.meaning}><span class="what">${name}</span> <b class="live"></b></span>`;
 }
 
-/** A switch for the torque of a joint. */
+/** A switch for the torque of a joint; it is none until its state is known. */
 function Power({ part }) {
-  const [isOn, setOn] = useState(false);
-  useEffect(() => drawSlot(part.slotPath("load"), (value) => setOn(value > 0), 4), []);
-  return html`<button class="small power" aria-pressed=${isOn ? "true" : "false"} disabled=${!isFull()} title=${part.slot("load").meaning}
-    onClick=${() => ask("set", { slot: part.slotPath("load"), value: isOn ? 0 : 1 })}>${isOn ? "on" : "off"}</button>`;
+  const [isOn, setOn] = useState(null);
+  useEffect(() => drawSlot(part.slotPath("load"), (value) => setOn(typeof value === "number" ? value > 0 : null), 4), []);
+  return html`<button class="small power" aria-pressed=${isOn === null ? "mixed" : String(isOn)} disabled=${!isFull() || isOn === null} title=${part.slot("load").meaning}
+    onClick=${() => ask("set", { slot: part.slotPath("load"), value: isOn ? 0 : 1 })}>${isOn === null ? "–" : isOn ? "on" : "off"}</button>`;
 }
 
 /** What keeps a joint from its goal, and its state when it is not ok. */
@@ -105,13 +107,52 @@ export function GoalSlider({ part, speed = null, springs = false }) {
     aim.current = { value, left: Infinity };
     send(Math.min(max, Math.max(min, value)));
   };
+  // A finger that has not said yet whether it means the slider: where it began, and the value that waits.
+  const finger = useRef(null);
+  const press = (event) => {
+    held.current = true;
+    finger.current = event.pointerType === "touch" ? { x: event.clientX, value: null } : null;
+  };
+  const decide = () => {
+    const value = finger.current?.value ?? null;
+    finger.current = null;
+    if (value !== null) move(value);
+  };
+  const slide = (event) => {
+    if (finger.current && Math.abs(event.clientX - finger.current.x) > MEANT_PX) decide();
+  };
+  const change = (event) => {
+    const value = Number(event.target.value);
+    if (finger.current) finger.current.value = value;
+    else move(value);
+  };
+  const cancel = () => {
+    if (!finger.current) {
+      letGo();
+      return;
+    }
+    // It scrolls.  What still comes from it counts for nothing.
+    finger.current.value = null;
+    held.current = false;
+    place(springs ? 0 : measured.current);
+  };
+  const lift = () => {
+    if (finger.current && springs) {
+      cancel(); // a tap
+      return;
+    }
+    decide();
+    letGo();
+  };
   const letGo = () => {
+    if (!held.current) return;
     held.current = false;
     waits.current = performance.now() + 700;
-    if (springs) {
-      input.current.value = 0;
-      move(0);
-    }
+    if (springs) spring();
+  };
+  const spring = () => {
+    input.current.value = 0;
+    move(0);
   };
   const centre = () => {
     input.current.value = middle;
@@ -120,9 +161,9 @@ export function GoalSlider({ part, speed = null, springs = false }) {
   return html`<div class="track"><span class="measured" ref=${mark} aria-hidden="true"></span>
     <input type="range" ref=${input} min=${min} max=${max} step=${(max - min) / 200} disabled=${!mayDrive()}
       aria-label=${`goal of ${part.title} in ${slot.unit}`} title="double click: the middle"
-      onPointerDown=${() => (held.current = true)} onPointerUp=${letGo} onPointerCancel=${letGo} onLostPointerCapture=${letGo}
-      onKeyUp=${springs ? letGo : undefined} onDblClick=${centre}
-      onInput=${(event) => move(Number(event.target.value))} /></div>`;
+      onPointerDown=${press} onPointerMove=${slide} onPointerUp=${lift} onPointerCancel=${cancel} onLostPointerCapture=${letGo}
+      onKeyDown=${() => (finger.current = null)}
+      onKeyUp=${springs ? spring : undefined} onDblClick=${centre} onInput=${change} /></div>`;
 }
 
 function JointRow({ part, speed }) {

@@ -69,10 +69,10 @@ export function Card({ title, name, tools = null, children, wide = false }) {
 
 /** Switches a slot on (1) and off (0), and shows what it is. */
 export function Switch({ slot, title }) {
-  const [isOn, setOn] = useState(false);
-  useEffect(() => hearSamples(slot, 4, (value) => setOn(value > 0)), [slot]);
-  return html`<button class="small" aria-pressed=${isOn ? "true" : "false"} title=${`switch ${isOn ? "off" : "on"}`}
-    onClick=${() => ask("set", { slot, value: isOn ? 0 : 1 })}>${title}: ${isOn ? "on" : "off"}</button>`;
+  const [isOn, setOn] = useState(null);
+  useEffect(() => hearSamples(slot, 4, (value) => setOn(typeof value === "number" ? value > 0 : null)), [slot]);
+  return html`<button class="small" aria-pressed=${isOn === null ? "mixed" : String(isOn)} disabled=${isOn === null} title=${isOn === null ? "not known yet" : `switch ${isOn ? "off" : "on"}`}
+    onClick=${() => ask("set", { slot, value: isOn ? 0 : 1 })}>${title}: ${isOn === null ? "–" : isOn ? "on" : "off"}</button>`;
 }
 
 /** A name that can be dragged into a plot, and added there by its button. */
