@@ -82,6 +82,24 @@ def test_a_slot_is_dragged_in_and_its_curve_is_saved_zoomed_and_paused(panel: Vi
     assert abs(sum(values) / len(values)) < 0.15
 
 
+def test_a_value_of_the_worker_is_plotted_at_the_time_of_the_slots(panel: Visitor) -> None:
+    page = panel.open("plots")
+    page.evaluate(ADD, ["motor6.val", "@6.position"])
+    wait_until(lambda: page.evaluate(COUNT, "@6.position") > 150)
+    near = """() => import('/static/cards/plots.js').then(({ plot }) => {
+        const [slot, device] = ["motor6.val", "@6.position"].map((name) => plot.series.get(name));
+        const at = slot.count - 100, other = device.first(slot.times[at]);
+        return [slot.times[at] - device.times[other], slot.values[at] - device.values[other]];
+    })"""
+    late, apart = page.evaluate(near)
+    assert abs(late) < 0.2
+    assert abs(apart) < 0.5, "it swings by 0.5 rad in a second, 3 rad/s at most"
+    page.fill("[aria-label='Slot'], #slot, form input", "nothing.val")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#toasts:has-text('nothing.val: no slot with a number')")
+    page.click("button:has-text('Clear')")
+
+
 def test_sixty_slots_at_50_hz_arrive_whole_and_the_page_does_not_grow(panel: Visitor) -> None:
     """A short look; ``python -m bench.panel --minutes 5`` takes longer."""
     page = panel.open("plots")

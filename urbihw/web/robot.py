@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
@@ -67,6 +68,7 @@ class Robot:
         self._known_devices: object = None
         self._tree_wanted = asyncio.Event()
         self._held_by = ""
+        self._server_ahead = -math.inf
 
     # ---------------------------------------------------------------- what is known
 
@@ -74,6 +76,10 @@ class Robot:
     def is_remote(self) -> bool:
         """Whether the robot is on another machine, whose bus worker is not reached."""
         return self.worker.path is None
+
+    def server_time(self, time: float) -> float:
+        """A time of the bus worker, which has the monotonic clock of this machine, by the clock of the server, s."""
+        return time + self._server_ahead if math.isfinite(self._server_ahead) else time
 
     @property
     def silent(self) -> float:
@@ -189,6 +195,7 @@ class Robot:
                 if self._link is not None:
                     self._link.close()
                 self._link = self._asked_at = None
+                self._server_ahead = -math.inf
             await asyncio.sleep(pauses.next_pause())
 
     async def _ping(self, link: LobbyLink, pauses: BackOff, ended: asyncio.Event) -> None:
@@ -196,8 +203,11 @@ class Robot:
         loop = asyncio.get_running_loop()
         while not ended.is_set():
             self._asked_at = loop.time()
-            await link.begin("1")
+            answer = await link.begin("1")
             self._asked_at, self._last_answer = None, loop.time()
+            if answer.stamp is not None:
+                # The quickest answer tells it best.
+                self._server_ahead = max(self._server_ahead, answer.stamp / 1000 - self._last_answer)
             pauses.reset()
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(PING_PERIOD_S):

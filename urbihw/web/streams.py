@@ -87,7 +87,10 @@ async def values(session: Session, request: Request) -> dict[str, Any]:
 
 
 def _hear_values(session: Session, told: Mapping[str, Any]) -> None:
-    rows = {"time": told.get("time"), "lost": told.get("dropped", 0), "values": told.get("values")}
+    time = told.get("time")
+    if isinstance(time, int | float):
+        time = round(session.gateway.robot.server_time(time), 4)
+    rows = {"time": time, "lost": told.get("dropped", 0), "values": told.get("values")}
     session.outbox.put_newest("values", {"event": "values", **rows}, 4)
 
 

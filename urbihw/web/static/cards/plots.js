@@ -173,7 +173,8 @@ function saveCsv() {
     const time = leader.times[index % leader.size];
     rows.push([time.toFixed(3), ...list.map((series) => {
       const at = Math.max(0, Math.min(series.count - 1, series.first(time)));
-      const value = series.count ? series.values[at % series.size] : NaN;
+      const isNear = series.count > 0 && Math.abs(series.times[at % series.size] - time) < 1;
+      const value = isNear ? series.values[at % series.size] : NaN;
       return Number.isNaN(value) ? "" : value;
     })].join(","));
   }
@@ -205,7 +206,7 @@ export function Plots() {
     if (choices().includes(wanted)) {
       addSeries(wanted);
       setWanted("");
-    }
+    } else if (wanted) showToast(`${wanted}: no slot with a number of this robot`);
     again();
   };
   const change = (name, value) => {
