@@ -101,6 +101,43 @@ def test_a_fallen_segway_says_so_and_why_it_does_not_drive(scenes: Callable[...,
         wait_until(lambda: "motors on" in told(scene, "show"))
 
 
+def test_tab_passes_a_slider_of_a_speed_and_an_arrow_key_drives_while_it_is_held(
+    scenes: Callable[..., Scene], visit: Visit
+) -> None:
+    scene = scenes("segway", simulated=True)
+    visitor = visit(scene.pair("full", "fred"))
+    page = visitor.page
+    slider = page.locator("#card-speeds input").first
+    slider.wait_for()
+
+    def speed() -> float:
+        found = re.search(r"(-?\d+\.\d+) m/s", told(scene, "show"))
+        assert found is not None
+        return float(found[1])
+
+    with scene.run("rmp.forwardSpeed = 0.3;"):
+        wait_until(lambda: speed() > 0.25)
+        slider.focus()
+        for key in ("Tab", "Shift+Tab", "Shift+Tab", "Tab"):
+            page.keyboard.press(key)
+        page.wait_for_timeout(500)
+        assert speed() > 0.25
+        assert "nobody" in (page.text_content("#driver") or "")
+    wait_until(lambda: abs(speed()) < 0.02)
+    slider.focus()
+    for _ in range(40):
+        page.keyboard.down("ArrowRight")
+    wait_until(lambda: speed() > 0.1)
+    page.keyboard.up("ArrowRight")
+    wait_until(lambda: abs(speed()) < 0.02)
+    for _ in range(40):
+        page.keyboard.down("ArrowRight")
+    wait_until(lambda: speed() > 0.1)
+    page.locator("#pad").focus()
+    wait_until(lambda: abs(speed()) < 0.02)
+    page.keyboard.up("ArrowRight")
+
+
 def test_nothing_covers_the_bar_when_the_page_is_scrolled(scenes: Callable[..., Scene], visit: Visit) -> None:
     visitor = visit(scenes("segway", simulated=True).pair("full", "dora"), width=PHONE, height=844)
     page = visitor.page

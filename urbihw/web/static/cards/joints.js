@@ -109,6 +109,7 @@ export function GoalSlider({ part, speed = null, springs = false }) {
   };
   // A finger that has not said yet whether it means the slider: where it began, and the value that waits.
   const finger = useRef(null);
+  const isKeyed = useRef(false); // whether a key has moved it: Tab only comes by
   const press = (event) => {
     held.current = true;
     finger.current = event.pointerType === "touch" ? { x: event.clientX, value: null } : null;
@@ -123,8 +124,16 @@ export function GoalSlider({ part, speed = null, springs = false }) {
   };
   const change = (event) => {
     const value = Number(event.target.value);
-    if (finger.current) finger.current.value = value;
-    else move(value);
+    if (finger.current) {
+      finger.current.value = value;
+      return;
+    }
+    isKeyed.current = !held.current;
+    move(value);
+  };
+  const endKey = () => {
+    if (isKeyed.current && springs) spring();
+    isKeyed.current = false;
   };
   const cancel = () => {
     if (!finger.current) {
@@ -163,7 +172,7 @@ export function GoalSlider({ part, speed = null, springs = false }) {
       aria-label=${`goal of ${part.title} in ${slot.unit}`} title="double click: the middle"
       onPointerDown=${press} onPointerMove=${slide} onPointerUp=${lift} onPointerCancel=${cancel} onLostPointerCapture=${letGo}
       onKeyDown=${() => (finger.current = null)}
-      onKeyUp=${springs ? spring : undefined} onDblClick=${centre} onInput=${change} /></div>`;
+      onKeyUp=${endKey} onBlur=${endKey} onDblClick=${centre} onInput=${change} /></div>`;
 }
 
 function JointRow({ part, speed }) {
