@@ -6,6 +6,7 @@ block that releases it.  A connection that was left so would not answer the ``ro
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
 from collections.abc import Callable
@@ -16,7 +17,23 @@ from typing import Any, ParamSpec, TypeVar
 P = ParamSpec("P")
 R = TypeVar("R")
 
-_main = threading.main_thread
+_set_handler: Callable[[int, Any], Any] = getattr(signal.signal, "__wrapped__", signal.signal)
+"""Without the conversion to members of enumerations, which takes longer than the call."""
+
+
+def _in_main() -> bool:
+    return threading.get_ident() == _main
+
+
+def _note_main() -> None:
+    global _main
+    _main = threading.main_thread().ident
+
+
+_main: int | None
+_note_main()
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_note_main)
 
 
 class Deferral:
@@ -33,26 +50,26 @@ class Deferral:
         self.waiting = _Waiting(self)
 
     def __enter__(self) -> None:
-        if threading.get_ident() != _main().ident:
+        if not _in_main():
             return
         if self._depth == 0:
             self._waits = 0  # an interrupt in the last step of waiting leaves it
-            handler = signal.signal(signal.SIGINT, self._hear)
+            handler = _set_handler(signal.SIGINT, self._hear)
             self._handler = handler if callable(handler) else None
             if self._handler is None:  # SIGINT is ignored, or ends the program at once
-                signal.signal(signal.SIGINT, handler)
+                _set_handler(signal.SIGINT, handler)
         self._depth += 1
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if threading.get_ident() != _main().ident:
+        if not _in_main():
             return
         self._depth -= 1
         if self._depth == 0 and self._handler is not None:
-            present = signal.signal(signal.SIGINT, self._handler)
+            present = _set_handler(signal.SIGINT, self._handler)
             if present != self._hear:  # the program has set another one meanwhile
-                signal.signal(signal.SIGINT, present)
+                _set_handler(signal.SIGINT, present)
             self._deliver()
 
     def _hear(self, number: int, frame: FrameType | None) -> None:
@@ -67,13 +84,13 @@ class Deferral:
 
     def begin_wait(self) -> None:
         """An interrupt may come from now on."""
-        if threading.get_ident() == _main().ident:
+        if _in_main():
             self._waits += 1
             self._deliver()
 
     def end_wait(self) -> None:
         """An interrupt has to wait again."""
-        if threading.get_ident() == _main().ident:
+        if _in_main():
             self._waits -= 1
 
 
