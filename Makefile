@@ -2,7 +2,8 @@
 #
 #   make run     serve a Bioloid in software on port 54000 (PLATFORM=nxt for another robot, ARGS="--port 54001",
 #                PANEL=1 with the panel for browsers)
-#   make test    lint, strict types and all tests
+#   make test    lint, strict types and tests
+#   make long    the tests that take longest, before a release
 #   make bench   measure, beside plain Python and the other drivers
 #   make fuzz    random programs (URBIHW_FUZZ_SECONDS=3600 for an hour, URBIHW_SEED=7 for another beginning)
 #   make hostile all attacks of tests/hostile, beside a neighbour; ARGS="regexp TLS" for some of them
@@ -26,7 +27,7 @@ PIP = $(BIN)/python -m pip --disable-pip-version-check install --quiet
 
 # Pieces of `make test`, each to be run alone while working.  Tests in real time (e2e) come last, apart from the hard work;
 # as they mostly wait, there are two for each processor.  Those that fail are run once more, alone: see CONTRIBUTING.md.
-.PHONY: run test lint types check bench fuzz hostile witnesses soak deb clean
+.PHONY: run test lint types check long bench fuzz hostile witnesses soak deb clean
 
 run: .venv/installed $(if $(filter webots,$(PLATFORM)),.venv/installed-mujoco)
 	$(BIN)/urbihw serve --platform $(PLATFORM) $(if $(filter webots,$(PLATFORM)),,--fake) $(if $(PANEL),--web) $(ARGS)
@@ -40,10 +41,13 @@ types: .venv/installed-dev
 	$(BIN)/mypy
 
 check: .venv/installed-dev
-	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m 'not e2e' $(ARGS)
-	$(BIN)/python -m pytest --numprocesses $$((2 * $$(nproc))) --dist loadfile -m e2e $(ARGS) || { [ $$? -eq 1 ] \
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m 'not e2e and not long' $(ARGS)
+	$(BIN)/python -m pytest --numprocesses $$((2 * $$(nproc))) --dist loadfile -m 'e2e and not long' $(ARGS) || { [ $$? -eq 1 ] \
 	  && echo '*** Tests in real time failed (above).  They are run once more, alone:' \
-	  && $(BIN)/python -m pytest -m e2e --last-failed --last-failed-no-failures none $(ARGS); }
+	  && $(BIN)/python -m pytest -m 'e2e and not long' --last-failed --last-failed-no-failures none $(ARGS); }
+
+long: .venv/installed-dev
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m long $(ARGS)
 
 bench: .venv/installed-dev .venv/installed-mujoco
 	$(BIN)/python -m bench.kernel_bench

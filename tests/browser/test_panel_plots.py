@@ -100,6 +100,7 @@ def test_a_value_of_the_worker_is_plotted_at_the_time_of_the_slots(panel: Visito
     page.click("button:has-text('Clear')")
 
 
+@pytest.mark.long
 def test_sixty_slots_at_50_hz_arrive_whole_and_the_page_does_not_grow(panel: Visitor) -> None:
     """A short look; ``python -m bench.panel --minutes 5`` takes longer."""
     page = panel.open("plots")

@@ -1,6 +1,6 @@
 """Random programs against a kernel: no failure of ours, no hang, no neighbour without an answer, nothing left behind.
 
-Goes on for 30 seconds; ``URBIHW_FUZZ_SECONDS=3600 URBIHW_SEED=7 make fuzz`` for an hour, from another beginning.  What
+Goes on for 10 seconds; ``URBIHW_FUZZ_SECONDS=3600 URBIHW_SEED=7 make fuzz`` for an hour, from another beginning.  What
 fails is made as small as it can be and shown; the seed that is shown finds it again.
 """
 
@@ -23,7 +23,7 @@ from hypothesis.configuration import set_hypothesis_home_dir
 from urbihw.kernel import Kernel
 from urbihw.kernel.runtime.code import Primitive
 
-SECONDS = float(os.environ.get("URBIHW_FUZZ_SECONDS", "30"))
+SECONDS = float(os.environ.get("URBIHW_FUZZ_SECONDS", "10"))
 SEED = int(os.environ.get("URBIHW_SEED", "1"))
 BATCH = 200
 """Programs from one seed."""

@@ -51,3 +51,11 @@ def test_bytes_may_be_cut_anywhere() -> None:
         kernel.feed(lobby, bytes([byte]))
         kernel.run()
     assert lobby.output.take_bytes() == b'[00000000] "a;b"\n[00000000] 3\n'
+
+
+def test_the_last_objects_of_a_closed_kernel_begin_no_jobs() -> None:
+    kernel = Kernel(fast=True)
+    kernel.run_text(kernel.open_lobby(), "var Global.last = Finalizable.new|;")
+    kernel.close()
+    del kernel.world.global_.slots["last"]
+    assert not kernel.scheduler.jobs

@@ -1,14 +1,18 @@
 """What every platform owes to whoever stops its robot: its body stands, soon, and stays so.
 
 All platforms, all kinds of motion, all events that can be had in simulated time.  A platform takes part by the
-``MOTION`` of its ``<name>_lab.py``; see ``motions``.  The rest, with real processes: ``tests/e2e/test_faults.py``.
+``MOTION`` of its ``<name>_lab.py``; see ``motions``.  `make test` plays each third case, so that each kind meets two or
+three events, and each event meets each third kind; `make long` plays the others.  The rest, with real processes:
+``tests/e2e/test_faults.py``.
 """
 
 from __future__ import annotations
 
 import importlib
 import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import pytest
 from motions import DEAD_MAN, Motion, Scene
@@ -21,6 +25,8 @@ GAP = 0.3
 """Seconds in which a worker is replaced."""
 LOST = 1.0
 """Seconds without a link."""
+FEWER = 3
+"""One case in so many is no long test."""
 FASTER = 1.1
 """How much faster than itself a movement may be that goes on after a lost link."""
 _ENDED = re.compile(r"!!! .* was stopped after this statement had begun: (.*)")
@@ -35,16 +41,28 @@ def motion_of(platform: str) -> Motion:
     return found
 
 
-def _cases() -> list[object]:
-    return [
-        pytest.param((motion, kind), id=f"{platform}-{name.replace(' ', '-')}")
+Test = TypeVar("Test", bound=Callable[..., None])
+
+
+def every_motion(turn: int) -> Callable[[Test], Test]:
+    """Give a test each kind of motion of each platform; ``turn`` is its number, and chooses which are long tests."""
+    kinds = [
+        (platform, name, motion, kind)
         for platform in (folder.name for folder in folders())
         for motion in [motion_of(platform)]
         for name, kind in motion.kinds.items()
     ]
+    cases = [
+        pytest.param(
+            (motion, kind), id=f"{platform}-{name.replace(' ', '-')}",
+            marks=pytest.mark.long if (index + turn) % FEWER else (),
+        )
+        for index, (platform, name, motion, kind) in enumerate(kinds)
+    ]  # fmt: skip
+    return pytest.mark.parametrize("scene", cases, indirect=True)
 
 
-@pytest.fixture(params=_cases())
+@pytest.fixture
 def scene(request: pytest.FixtureRequest, tmp_path: Path) -> Scene:
     """Each kind of motion of each platform, ready to begin."""
     motion, kind = request.param
@@ -86,6 +104,7 @@ def goes_again(scene: Scene) -> None:
     assert moves, f"it does not move again: {scene.heard()}"
 
 
+@every_motion(0)
 def test_a_stop(scene: Scene) -> None:
     scene.begin()
     since = scene.now()
@@ -95,6 +114,7 @@ def test_a_stop(scene: Scene) -> None:
     goes_again(scene)
 
 
+@every_motion(1)
 def test_a_stop_at_once(scene: Scene) -> None:
     scene.go()
     since = scene.now()
@@ -103,6 +123,7 @@ def test_a_stop_at_once(scene: Scene) -> None:
     assert scene.peak(since) <= scene.motion.rest, "it moved after the stop"
 
 
+@every_motion(2)
 def test_an_emergency_stop_holds_until_it_is_released(scene: Scene) -> None:
     scene.begin()
     since = scene.now()
@@ -122,6 +143,7 @@ def test_an_emergency_stop_holds_until_it_is_released(scene: Scene) -> None:
     goes_again(scene)
 
 
+@every_motion(3)
 def test_a_kernel_that_stands_still(scene: Scene) -> None:
     scene.watch_master()
     scene.begin()
@@ -132,6 +154,7 @@ def test_a_kernel_that_stands_still(scene: Scene) -> None:
     goes_again(scene)
 
 
+@every_motion(4)
 def test_a_client_that_is_gone(scene: Scene) -> None:
     scene.begin()
     since = scene.now()
@@ -141,6 +164,7 @@ def test_a_client_that_is_gone(scene: Scene) -> None:
     goes_again(scene)
 
 
+@every_motion(5)
 def test_a_worker_that_was_killed(scene: Scene) -> None:
     scene.begin()
     since = scene.now()
@@ -150,6 +174,7 @@ def test_a_worker_that_was_killed(scene: Scene) -> None:
     goes_again(scene)
 
 
+@every_motion(6)
 def test_a_link_that_was_lost(scene: Scene) -> None:
     scene.begin()
     lost = scene.now()
@@ -166,6 +191,7 @@ def test_a_link_that_was_lost(scene: Scene) -> None:
     goes_again(scene)
 
 
+@every_motion(7)
 def test_a_stop_while_the_link_is_lost(scene: Scene) -> None:
     scene.begin()
     scene.link_lost(LOST, scene.stop)

@@ -15,9 +15,12 @@ from urbihw.kernel.uobject import BadConfig, NotReady
 from urbihw.platforms.webots import port as ports
 
 WORLDS = ports.WORLDS
-MINUTES = 10
+SHORT, LONG = 2, 10
 LINES = 60
 """A behaviour is shorter than this."""
+
+
+minutes_of_a_test = pytest.mark.parametrize("minutes", [SHORT, pytest.param(LONG, marks=pytest.mark.long)])
 
 
 class SlowLab(Lab):
@@ -40,10 +43,10 @@ class Way(NamedTuple):
     rest: float
 
 
-def wander(lab: Lab, body: str, size: float) -> Way:
+def wander(lab: Lab, body: str, size: float, minutes: int) -> Way:
     """Look at the body every second; it rests while it goes less than a tenth of its size."""
     place, length, rest, longest, squares = lab.body(body).xpos.copy(), 0.0, 0.0, 0.0, set()
-    for _ in range(MINUTES * 60):
+    for _ in range(minutes * 60):
         lab.run(1.0)
         here = lab.body(body).xpos.copy()
         way = math.dist(place, here)
@@ -54,17 +57,19 @@ def wander(lab: Lab, body: str, size: float) -> Way:
     return Way(length, len(squares), longest)
 
 
+@minutes_of_a_test
 @pytest.mark.parametrize(
     ("world", "body", "size", "least"),
-    [("pioneer-wander", "pioneer", 0.45, Way(150.0, 60, 6.0)), ("e-puck-wander", "e-puck", 0.07, Way(35.0, 60, 6.0))],
+    [("pioneer-wander", "pioneer", 0.45, Way(15.0, 6, 6.0)), ("e-puck-wander", "e-puck", 0.07, Way(3.5, 6, 6.0))],
 )
-def test_ten_minutes_without_getting_stuck(world: str, body: str, size: float, least: Way) -> None:
+def test_minutes_without_getting_stuck(world: str, body: str, size: float, least: Way, minutes: int) -> None:
+    """``least`` is of one minute."""
     lab = SlowLab.ready(WORLDS / f"{world}.xml", step=40)
     lab.say("camera.load = 0|; wander.start;", 0.1)
-    way = wander(lab, body, size)
+    way = wander(lab, body, size, minutes)
     assert lab.heard() == ""
-    assert way.length > least.length, way
-    assert way.places > least.places, way
+    assert way.length > minutes * least.length, way
+    assert way.places > minutes * least.places, way
     assert way.rest <= least.rest, way
     lab.say("wander.stop;", 1.0)
     here = lab.body(body).xpos.copy()
@@ -85,14 +90,15 @@ def test_a_second_window_stops_what_the_first_one_began() -> None:
     assert math.dist(here, lab.body("pioneer").xpos) < 0.01
 
 
-def test_a_head_tracks_a_ball_for_ten_minutes() -> None:
+@minutes_of_a_test
+def test_a_head_tracks_a_ball(minutes: int) -> None:
     lab = SlowLab.ready(WORLDS / "ball-tracking.xml", step=40)
     lab.run(0.5)
     if lab.look("camera.stale") == "true":
         pytest.skip("no OpenGL: no pictures")
     lab.say("tracking.start;", 2.0)
     errors = []
-    for _ in range(MINUTES * 60):
+    for _ in range(minutes * 60):
         lab.run(1.0)
         eye = lab.world._data.camera("camera")
         way = lab.body("ball").xpos - eye.xpos
@@ -103,13 +109,14 @@ def test_a_head_tracks_a_ball_for_ten_minutes() -> None:
     assert max(errors) < 20.0
 
 
-def test_ten_minutes_of_soccer() -> None:
+@minutes_of_a_test
+def test_soccer(minutes: int) -> None:
     lab = SlowLab.ready(WORLDS / "soccer.xml", step=40)
     lab.say("soccer.start;", 0.1)
-    way = wander(lab, "player", 0.2)
+    way = wander(lab, "player", 0.2, minutes)
     assert lab.heard() == ""
     goals = int(lab.number("soccer.goals"))
-    assert goals >= 30
+    assert goals >= 3 * minutes
     assert lab.number("soccer.own") == 0
     assert way.rest <= 6.0, way
     (board,) = lab.world.labels.values()

@@ -66,6 +66,8 @@ class Scheduler:
         self.jobs: dict[Job, None] = {}
         self.tracer: Tracer | None = None
         self.frozen_tags = 0
+        self.abandoned = False
+        """Whether no job will run any more."""
         self.epoch = 0
         """Advanced from outside to tell statements that began before an event, such as an emergency stop, from later
         ones."""
@@ -350,6 +352,7 @@ class Scheduler:
         would never be freed.  ``finally`` clauses run now; their errors are not reported.
         """
         self.hooks = SchedulerHooks()
+        self.abandoned = True
         self._pool.enter_hub()
         for job in list(self.jobs):
             if job.carrier is not None and not job.done:

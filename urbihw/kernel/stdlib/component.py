@@ -1,11 +1,13 @@
 """Component: a node of a robot's structure tree, implemented in urbiscript (manual, chapter 22).
 
-The native half stores the compact names: those of the robot belong to the library, whoever has them made.
+The native half finds the compact names, and stores them: those of the robot belong to the library, whoever has them
+made.
 """
 
 from __future__ import annotations
 
-from typing import Final
+from functools import lru_cache
+from typing import Any, Final
 
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import Dictionary
@@ -17,6 +19,11 @@ PROTOS = {"Component": ("Object",), "Localization": ("Object",)}
 TABLE = Table("Component")
 ROBOT: Final = "robot"
 """The slot of Global with the robot (manual, chapter 22)."""
+DIRECTIONS = frozenset(("yaw", "pitch", "roll", "x", "y", "z"))
+"""Names that are never sufficient alone."""
+
+Names = tuple[str, ...]
+"""The names on the way from the root to a part."""
 
 
 @TABLE.primitive("storeNames")
@@ -41,3 +48,44 @@ def store_names(world: World, this: Value, made: Dictionary) -> None:
         world.record.adopt(store)
     else:
         store()
+
+
+@TABLE.primitive("briefNames")
+def brief_names(world: World, this: Value, paths: list[Any]) -> list[str]:
+    """The shortest name of each of these Lists of names by which no other of them is meant (without places)."""
+    checks = world.checks
+    return [*_brief_names(tuple(tuple(checks.to_str(name, 1) for name in checks.to_list(path, 1)) for path in paths))]
+
+
+@lru_cache(maxsize=16)
+def _brief_names(paths: tuple[Names, ...]) -> tuple[str, ...]:
+    """See ``brief_names``; a robot that arrives again has the same paths."""
+    with_word: dict[str, dict[Names, None]] = {}
+    for path in paths:
+        for word in path:
+            with_word.setdefault(word, {})[path] = None
+    return tuple(_brief_name(path, with_word) for path in paths)
+
+
+def _brief_name(path: Names, with_word: dict[str, dict[Names, None]]) -> str:
+    """Leave out each name that is not needed to identify the path, from the first on."""
+    kept, index = path, 0
+    while index < len(kept) > 1:
+        fewer = kept[:index] + kept[index + 1 :]
+        alone = len(fewer) == 1 and fewer[-1] in DIRECTIONS
+        if alone or any(_is_meant(fewer, other, path) for other in with_word[fewer[-1]]):
+            index += 1
+        else:
+            kept = fewer
+    return kept[0] + "".join(word[:1].upper() + word[1:] for word in kept[1:])
+
+
+def _is_meant(words: Names, other: Names, path: Names) -> bool:
+    """Whether words for a path describe another one, too: they occur there in this order.
+
+    The path itself does not count, nor do those below it.
+    """
+    if other[: len(path)] == path:
+        return False
+    rest = iter(other)
+    return all(word in rest for word in words)

@@ -45,6 +45,8 @@ class FinalizableObject(Obj):
 
     def __del__(self) -> None:
         world = self.world
+        if world.scheduler.abandoned:
+            return  # nothing runs any more, and the job would keep the whole kernel
         world.scheduler.spawn(lambda: world.send(self, "finalize"), "finalize", context=self._context)
 
 
