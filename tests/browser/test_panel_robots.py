@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import time
 from collections.abc import Callable
 
 import pytest
@@ -42,14 +43,56 @@ def pull_the_plug_and_stop(visitor: Visitor) -> None:
     page.click("#fault-unplug")
     page.wait_for_selector("#lamp-link.bad")
     assert "no link" in (page.text_content("#health") or "")
+    page.wait_for_selector("#stale:has-text('nobody knows whether it moves')")
+    page.click("#stop")
+    page.wait_for_selector("#stop-line.bad:has-text('NOT CONFIRMED: there is no link')")
     page.click("#fault-plug")
     page.wait_for_selector("#lamp-link.ok")
+    page.wait_for_selector("#stop-line", state="detached")
     page.click("#stop")
     page.wait_for_selector("#stop-line.ok:has-text('Stopped after')")
     page.click("#estop")
     page.wait_for_selector("#held")
     visitor.ask("release")
     page.wait_for_selector("#stop-line:has-text('Released')")
+
+
+def test_a_spykee_on_its_dock_says_so_goes_nowhere_and_leaves_it(scenes: Callable[..., Scene], visit: Visit) -> None:
+    scene = scenes("spykee", simulated=True)
+    visitor = visit(scene.pair("full", "dora"))
+    page = visitor.page
+    page.wait_for_selector("#on-dock:has-text('no')")
+    page.click("button:has-text('Go to the dock')")
+    page.wait_for_selector("#on-dock:has-text('yes')", timeout=30_000)
+    page.focus("#pad")
+    page.keyboard.down("w")
+    page.wait_for_selector(".toast:has-text('the robot is on its dock')")
+    page.keyboard.up("w")
+    assert page.text_content("#moving") == "no"
+    page.click("button:has-text('Leave the dock')")
+    page.wait_for_selector("#on-dock:has-text('no')")
+
+
+def test_a_nao_wakes_up_by_a_button_and_gets_slack_by_a_second_click_only(
+    scenes: Callable[..., Scene], visit: Visit
+) -> None:
+    scene = scenes("nao", simulated=True)
+    visitor = visit(scene.pair("full", "dora"))
+    page = visitor.page
+    page.click("button:has-text('Wake up')")
+    wait_until(lambda: "standing" in told(scene, "where"))
+    page.fill("#motion-name", "wave")
+    for selector in ("#record", "#all-off"):
+        page.click(selector)
+        page.wait_for_selector(f"{selector}.warning")
+    time.sleep(1.0)
+    assert "standing" in told(scene, "where")
+    page.wait_for_selector("#record:not(.warning)")
+    page.click("#record")
+    page.click("#record")
+    page.wait_for_selector("#end-record")
+    page.click("#end-record")
+    page.wait_for_selector("#end-record", state="detached")
 
 
 @pytest.mark.parametrize("width", [DESK, PHONE])
@@ -62,7 +105,7 @@ def test_a_base_drives_while_a_key_is_held(
     page = visitor.page
 
     def is_still() -> bool:
-        return page.text_content("#card-base dd:last-of-type") == "no"  # moving
+        return page.text_content("#moving") == "no"
 
     wait_until(is_still)
     before = place(scene)

@@ -15,7 +15,7 @@ from spykee_lab import Lab as Spykee
 
 from urbihw.platforms import find, guess_url
 
-SLACK = "warning: the legs are slack: motion.wakeUp lets the robot stand"
+SLACK = "warning: the legs are slack: robot.wakeUp lets the robot stand"
 FALLEN = "robot: ALMotion: the robot cannot walk"
 
 

@@ -105,6 +105,41 @@ def test_a_client_that_drives_a_robot_on_its_dock_is_told_once() -> None:
     assert lab.device.body.speeds[0] > 0.2
 
 
+def test_on_its_dock_it_goes_nowhere_and_says_so() -> None:
+    lab = Lab.ready()
+    lab.device.body.put_on_dock()
+    lab.run(0.5)
+    before = lab.look("robot.position")
+    told = "robot: the robot is on its dock: it does not drive before Spykee.chargeStop"
+    assert lab.say("robot.xSpeed = 0.1;", 1.0).splitlines()[0].endswith(told)
+    assert "on its dock" in lab.say("robot.go(0.1);", 1.0)
+    assert lab.look("[robot.xSpeed, robot.moving]") == "[0, false]"
+    assert lab.look("robot.position") == before
+    assert lab.say("robot.xSpeed = 0;", 0.1) == "0"
+    lab.say("Spykee.chargeStop;", 2.0)
+    assert lab.say("robot.xSpeed = 0.1;", 1.0) == "0.1"
+    assert lab.device.body.speeds[0] > 0.01
+
+
+def test_it_goes_to_its_dock_and_a_stop_ends_the_search() -> None:
+    lab = Lab.ready()
+    lab.say("robot.goToChargingStation,", 1.0)
+    assert lab.device.body.doing == "docking"
+    lab.look("robot.stop")
+    assert "was stopped" in lab.say("", 0.5)
+    assert lab.device.body.doing == ""
+    assert lab.say("robot.goToChargingStation; 1;", 0.5) == ""
+    assert lab.say("", 20.0) == "1"
+    assert lab.look("[Spykee.onDock, robot.moving]") == "[true, false]"
+
+
+def test_a_search_for_the_dock_ends_with_the_link() -> None:
+    lab = Lab.ready()
+    lab.say("robot.goToChargingStation;", 1.0)
+    lab.unplug()
+    assert "the link to the robot is down" in lab.say("", 1.0)
+
+
 def test_configuration_networks_and_log() -> None:
     lab = Lab.ready()
     assert lab.say('Spykee.setConfigValue("loader_host", "here"); Spykee.getConfigValue("loader_host");', 1) == '"here"'

@@ -136,7 +136,7 @@ async def call(session: Session, request: Request) -> dict[str, Any]:
     # A function without a value is no error.
     body = f"var __value = {written_path(slot)}({text}).acceptVoid | if (__value.isVoid) nil else __value"
     line = await _taken(session, session.link.begin(body))
-    return {} if line is None else {"value": plain_value(line)}
+    return {"running": True} if line is None else {"value": plain_value(line)}
 
 
 def _paced(session: Session, slot: str, arguments: list[Any]) -> list[Any]:

@@ -50,7 +50,7 @@ from urbihw.platforms.teach.robot import MotionRobot
 
 LEG_PARTS: Final = ("Hip", "Knee", "Ankle")
 """Parts of the names of the joints that carry the robot."""
-SLACK_LEGS: Final = "the legs are slack: motion.wakeUp lets the robot stand"
+SLACK_LEGS: Final = "the legs are slack: robot.wakeUp lets the robot stand"
 """The warning for a client that lets a robot walk or balance that cannot stand."""
 VARIABLE: Final = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)?", re.ASCII)
 """A slot, or one of an object."""

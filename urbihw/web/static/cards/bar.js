@@ -6,16 +6,33 @@ import { ask, mayDrive, notify, store, useTopics } from "../js/store.js";
 
 const CONFIRM_MS = 500;
 const HOLD_MS = 1000;
+const NO_LINK = "there is no link to the robot";
 const HEALTH = { ok: "healthy", warning: "warning", bad: "faulty" };
+
+const SHOWN_MS = 10000;
 
 /** What came of the last stop: [class, words]. */
 let told = ["", ""];
 let turn = 0;
 let wasHeld = false;
+let wasLinked = true;
+let fading = null;
 
+/** Show what came of a stop; what is well is of interest for some seconds. */
 function tellStop(level, text) {
-  told = [level, text];
+  keepTold(level, text);
   notify("stop");
+}
+
+function keepTold(level, text) {
+  clearTimeout(fading);
+  told = [level, text];
+  if (level === "ok") fadeTold();
+}
+
+function fadeTold() {
+  clearTimeout(fading);
+  fading = setTimeout(() => tellStop("", ""), SHOWN_MS);
 }
 
 /** Stop (or `estop`) by the bus worker, and tell whether it was confirmed. */
@@ -27,9 +44,9 @@ export async function stopRobot(verb) {
   try {
     const answer = await connection.ask(verb, {}, 5000);
     if (mine !== turn) return;
-    const link = answer.link === false ? ", but there is no link to the robot" : "";
     const by = answer.by === "daemon" ? ", by the server" : "";
-    tellStop(link ? "bad" : "ok", `${verb === "estop" ? "Held" : "Stopped"} after ${Math.round(answer.ms)} ms${by}${link}`);
+    if (answer.link === false) tellStop("bad", `${word} NOT CONFIRMED: ${NO_LINK}, which may still be moving. It stops when the link is back`);
+    else tellStop("ok", `${verb === "estop" ? "Held" : "Stopped"} after ${Math.round(answer.ms)} ms${by}`);
   } catch (error) {
     if (mine === turn) tellStop("bad", `${word} NOT CONFIRMED: ${error.message.replace(/^NOT CONFIRMED: /, "")}`);
   } finally {
@@ -91,7 +108,7 @@ function Driver({ state }) {
 
 function Held({ state }) {
   if (!state.estop) return null;
-  return html`<div class="held-line" id="held" role="alert"><span>Held by an emergency stop of ${state.estop}. Nothing moves.</span>
+  return html`<div class="held-line" id="held" role="alert"><span>Held by an emergency stop of ${state.estop}. ${state.link ? "Nothing moves." : "Nothing new moves, but there is no link to the robot: it may not have stopped."}</span>
     ${mayDrive() ? html`<${HoldButton} act=${() => ask("release")}>Hold for 1 s to release<//>` : null}</div>`;
 }
 
@@ -110,8 +127,16 @@ function staleText(state, now) {
   if (!state) return "Waiting for the robot.";
   if (now - connection.lastHeard > 1500) return `Nothing heard for ${((now - connection.lastHeard) / 1000).toFixed(0)} s: what you see is old.`;
   if (!state.daemon) return `The interpreter has not answered for ${state.silent.toFixed(1)} s: its values are old. ${state.remote ? "It cannot stop the robot either." : "Stop and devices go by the bus worker."}`;
+  if (!state.link && state.worker) return "No link to the robot: its values are old, and nobody knows whether it moves.";
   return "";
 }
+
+/** Whether the page hears nothing, so that not even the lamps are of now. */
+const isCut = (now) => !store.isOpen || now - connection.lastHeard > 1500;
+
+// What was told before is of another time.
+connection.on("close", () => tellStop("", ""));
+connection.on("open", fadeTold);
 
 export function Bar() {
   useTopics("state", "stop", "tree");
@@ -122,10 +147,14 @@ export function Bar() {
   }, []);
   const { hello, state } = store;
   // Whoever has released it: "Held" is over.
-  if (state && !state.estop && wasHeld && told[1].startsWith("Held")) told = ["ok", "Released"];
+  if (state && !state.estop && wasHeld) keepTold("ok", "Released");
   wasHeld = Boolean(state && state.estop);
+  // The worker stops the robot as soon as it is back.
+  if (state && state.link && !wasLinked && told[1].includes(NO_LINK)) keepTold("", "");
+  if (state) wasLinked = state.link;
   const stale = staleText(state, Math.max(now, performance.now()));
   document.body.classList.toggle("stale", stale !== "" || Boolean(state && !state.link));
+  document.body.classList.toggle("cut", isCut(Math.max(now, performance.now())));
   const health = state ? state.health : { verdict: "bad", reasons: [] };
   return html`<header class=${`bar ${state && state.estop ? "estopped" : ""}`} id="bar">
     <div class="row">
@@ -135,7 +164,7 @@ export function Bar() {
       ${state && html`<div class="lamps">
         <${Lamp} name="server" level=${store.isOpen && state.daemon ? "ok" : "bad"} />
         ${!state.remote && html`<${Lamp} name="worker" level=${store.isOpen && state.worker ? "ok" : "bad"} />`}
-        <${Lamp} name="link" level=${state.link ? "ok" : "bad"} text=${!state.link ? "down" : state.remote ? "up" : `${Math.round(state.rate)} Hz`} />
+        <${Lamp} name="link" level=${store.isOpen && state.link ? "ok" : "bad"} text=${!store.isOpen ? "unknown" : !state.link ? "down" : state.remote ? "up" : `${Math.round(state.rate)} Hz`} />
         ${state.remote ? html`<span class="lamp" id="remote" title="The bus worker is on another machine: the server stops the robot, unless a program holds it">stop by the server</span>`
           : html`<span class="lamp load"><span class="what">bus</span><b>${Math.round(100 * state.load)} %</b></span>`}
         ${batteryText(state) && html`<span class="lamp battery"><span class="what">battery</span><b>${batteryText(state)}</b></span>`}

@@ -53,6 +53,7 @@ class Driver {
     try {
       const told = await connection.ask("drive", { x: Math.max(-1, Math.min(1, x)) * most.x, yaw: Math.max(-1, Math.min(1, yaw)) * most.yaw, at: performance.now() / 1000 });
       if (told.late) showToast("The order came too late: the connection is too slow to drive.", "bad");
+      else if (told.deferred && store.state && !store.state.link) showToast("There is no link to the robot: the order did not reach it, and it may still be moving.", "bad");
       else if (told.deferred) showToast("The robot stands: it refused, was stopped, or somebody else moved it. Let go, then hold again.", "bad");
     } catch (error) {
       const takeOver = error.code === "lease" ? ["Take over", () => ask("lease", { take: true })] : null;
@@ -138,10 +139,18 @@ export function Base() {
   const { platform } = store.model;
   const switches = (platform && isFull() ? platform.slots : []).filter((slot) => slot.writable && slot.kind === "number" && slot.name.endsWith("Load"));
   const tools = switches.map(({ name }) => html`<${Switch} key=${name} slot=${`${platform.path}.${name}`} title=${name[0].toUpperCase() + name.slice(1, -4)} />`);
-  const motors = platform?.slots.find((slot) => slot.name === "motorsLoad");
+  const ofPlatform = (name) => platform?.slots.find((slot) => slot.name === name);
+  const motors = ofPlatform("motorsLoad");
+  const dock = ofPlatform("onDock");
+  // What a base does as a whole, where it can: get up, and go to its dock.
+  const calls = [robot.slot("wakeUp") && ["Wake up", "robot.wakeUp"], robot.slot("rest") && ["Rest", "robot.rest"],
+    dock && robot.slot("goToChargingStation") && ["Go to the dock", "robot.goToChargingStation"],
+    ofPlatform("chargeStop") && ["Leave the dock", `${platform.path}.chargeStop`]].filter(Boolean);
   return html`<${Card} title="Drive" name="base" tools=${tools}>${motors && html`<${MotorsHint} slot=${`${platform.path}.${motors.name}`} />`}<${Pad} />
     <dl class="values">${rows.map(([name, unit]) => html`<dt>${name}</dt><dd><${Live} slot=${`robot.${name}`} unit=${unit} /></dd>`)}
-    ${robot.slot("moving") && html`<dt>moving</dt><dd><${Live} slot="robot.moving" /></dd>`}</dl><//>`;
+    ${robot.slot("moving") && html`<dt>moving</dt><dd id="moving"><${Live} slot="robot.moving" /></dd>`}
+    ${dock && html`<dt>on its dock</dt><dd id="on-dock"><${Live} slot=${`${platform.path}.${dock.name}`} /></dd>`}</dl>
+    ${isFull() && calls.length > 0 && html`<p class="tools">${calls.map(([title, path]) => html`<button class="small" key=${path} onClick=${() => ask("call", { slot: path, args: [] })}>${title}</button>`)}</p>`}<//>`;
 }
 
 /** Says that nothing can drive, and why. */

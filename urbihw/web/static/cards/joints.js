@@ -4,7 +4,7 @@ import { html, useEffect, useMemo, useRef, useState } from "../vendor/htm-preact
 import { drawSlot } from "../js/samples.js";
 import { ask, isFull, mayDrive, showToast, store, useTopics } from "../js/store.js";
 import { rangeOf } from "../js/tree.js";
-import { Card, Live, SlotName, makeSender, textOfSlot } from "../js/ui.js";
+import { Card, Live, SlotName, SureButton, makeSender, textOfSlot } from "../js/ui.js";
 
 const DETAILS = ["torque", "load", "current", "temperature", "voltage"];
 /** rad in a unit of an angle: a speed in rad/s is sent in the unit of the slot. */
@@ -219,7 +219,7 @@ export function Joints() {
     <label>Speed <input type="range" min="0.1" max=${most} step="0.1" value=${shownSpeed} aria-label="speed to goals in rad/s"
       onInput=${(event) => setShownSpeed((speed.current = Number(event.target.value)))} /> ${shownSpeed.toFixed(1)} rad/s</label>
     ${isFull() && shown.some((part) => part.slot("load")?.writable) && html`<button class="small" onClick=${() => switchAll(1)}>All on</button>
-    <button class="small" onClick=${() => switchAll(0)}>All off</button>`}
+    <${SureButton} id="all-off" act=${() => switchAll(0)} sure="Hold the robot: slack?">All off<//>`}
     <button class="small" onClick=${copy}>Copy pose</button>`;
   return html`<${Card} title=${`Joints (${shown.length})`} name="joints" tools=${tools} wide=${true}>
     <ul class="joints">${shown.map((part) => html`<${JointRow} key=${part.path} part=${part} speed=${speed} />`)}</ul><//>`;

@@ -118,7 +118,7 @@ function SlotRow({ path, slot }) {
   };
   const call = async () => {
     const told = await ask("call", { slot: path, args: [] });
-    if (told) showToast(`${path}: ${told.value === undefined ? "done" : textOf(told.value)}`, "ok");
+    if (told) showToast(`${path}: ${told.running ? "still running" : told.value === null ? "done" : textOf(told.value)}`, "ok");
   };
   const isPlain = ["number", "truth", "text"].includes(slot.kind);
   return html`<li><${SlotName} path=${path}>${slot.name}<//>

@@ -3,7 +3,7 @@
 import { html, useEffect, useState } from "../vendor/htm-preact.js";
 import { ask, isFull, mayDrive, store, useTopics } from "../js/store.js";
 import { connection } from "../js/connection.js";
-import { Card } from "../js/ui.js";
+import { Card, SureButton } from "../js/ui.js";
 
 const quoted = (text) => `"${text.replace(/[\\"]/g, "\\$&")}"`;
 
@@ -42,10 +42,10 @@ export function Motions() {
       onInput=${(event) => setSpeed(Number(event.target.value))} /> ${speed.toFixed(1)}x</label>`}>
     <div class="caller"><label>Name <input id="motion-name" value=${name} onInput=${(event) => setName(event.target.value)} /></label>
       <button class="small" id="save-pose" disabled=${!goodName || !mayDrive()} title=${why} onClick=${() => call("savePose", name)}>Keep pose</button>
-      ${isFull() && html`<button class="small" id="record" disabled=${!goodName || isRecording} onClick=${record} title=${why || (isRecording ? "end the recording first" : "switches the joints off: hold the robot")}>Record by hand</button>`}
+      ${isFull() && html`<${SureButton} id="record" disabled=${!goodName || isRecording} act=${record} sure="Hold the robot: all joints slack?" title=${why || (isRecording ? "end the recording first" : "switches the joints off: hold the robot")}>Record by hand<//>`}
       ${isFull() && isRecording && html`<button class="small warning" id="end-record" onClick=${() => call("endTeaching")}>End recording</button>
       <button class="small" onClick=${() => call("keyPose")}>Take pose</button>`}
       ${lists.playing.length > 0 && html`<button class="small warning" onClick=${() => call("endPlaying")}>End ${lists.playing.join(", ")}</button>`}</div>
     <ul class="list">${lists.poses.map((each) => row(each, "pose"))}${lists.motions.map((each) => row(each, "motion"))}</ul>
-    ${lists.poses.length + lists.motions.length === 0 && html`<p class="hint">None yet. Recording switches all joints off: hold the robot, move it, end the recording.</p>`}<//>`;
+    ${isFull() && html`<p class="hint">Recording switches all joints off: hold the robot, move it, end the recording.</p>`}<//>`;
 }

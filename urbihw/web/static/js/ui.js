@@ -143,3 +143,20 @@ export function useCanvas(draw, period = 60) {
 
 /** A colour of the style sheet. */
 export const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+
+const SURE_MS = 4000;
+
+/** A button of what may make a robot fall: the first click asks by the words of `sure`, a second one soon after acts. */
+export function SureButton({ act, sure, children, ...rest }) {
+  const [isAsking, setAsking] = useState(false);
+  useEffect(() => {
+    if (!isAsking) return undefined;
+    const timer = setTimeout(() => setAsking(false), SURE_MS);
+    return () => clearTimeout(timer);
+  }, [isAsking]);
+  const click = () => {
+    setAsking(!isAsking);
+    if (isAsking) act();
+  };
+  return html`<button ...${rest} class=${`small ${isAsking ? "warning" : ""}`} onClick=${click} onBlur=${() => setAsking(false)}>${isAsking ? sure : children}</button>`;
+}
