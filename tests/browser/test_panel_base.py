@@ -244,10 +244,10 @@ def test_a_spykee_shows_its_picture_lights_its_lamp_and_has_a_page_of_faults(
     ("platform", "cards"),
     [
         ("nxt", ("base", "map", "joints", "distances", "sensors")),
-        ("segway", ("base", "map", "speeds", "sensors")),
+        pytest.param("segway", ("base", "map", "speeds", "sensors"), marks=pytest.mark.long),
         ("nao", ("base", "camera-camera", "joints", "motions", "lights", "sound", "sensors")),
-        ("so101", ("joints", "motions")),
-        ("cia402", ("joints",)),
+        pytest.param("so101", ("joints", "motions"), marks=pytest.mark.long),
+        pytest.param("cia402", ("joints",), marks=pytest.mark.long),
     ],
 )
 def test_each_platform_has_its_cards_and_values_without_a_line_of_its_own(

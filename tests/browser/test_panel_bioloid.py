@@ -226,7 +226,13 @@ def test_a_browser_comes_back_by_itself_and_says_meanwhile_that_nothing_is_confi
     visitor.errors[:] = [error for error in visitor.errors if "WebSocket connection" not in error]
 
 
-@pytest.mark.parametrize(("dark", "width"), [(False, 1280), (True, 1280), (False, 390), (True, 390)])
+@pytest.mark.parametrize(
+    ("dark", "width"),
+    [
+        (False, 1280), (True, 390),
+        pytest.param(True, 1280, marks=pytest.mark.long), pytest.param(False, 390, marks=pytest.mark.long),
+    ],  # fmt: skip
+)
 def test_axe_finds_nothing_serious(scene: Scene, visit: Visit, dark: bool, width: int) -> None:
     visitor = visit(scene.pair("full", "eva"), dark=dark, width=width)
     assert axe_findings(visitor, ("control", "plots", "console", "jobs", "devices", "log")) == []

@@ -57,22 +57,6 @@ def pull_the_plug_and_stop(visitor: Visitor) -> None:
     page.wait_for_selector("#stop-line:has-text('Released')")
 
 
-def test_a_spykee_on_its_dock_says_so_goes_nowhere_and_leaves_it(scenes: Callable[..., Scene], visit: Visit) -> None:
-    scene = scenes("spykee", simulated=True)
-    visitor = visit(scene.pair("full", "dora"))
-    page = visitor.page
-    page.wait_for_selector("#on-dock:has-text('no')")
-    page.click("button:has-text('Go to the dock')")
-    page.wait_for_selector("#on-dock:has-text('yes')", timeout=30_000)
-    page.focus("#pad")
-    page.keyboard.down("w")
-    page.wait_for_selector(".toast:has-text('the robot is on its dock')")
-    page.keyboard.up("w")
-    assert page.text_content("#moving") == "no"
-    page.click("button:has-text('Leave the dock')")
-    page.wait_for_selector("#on-dock:has-text('no')")
-
-
 def test_a_nao_wakes_up_by_a_button_and_gets_slack_by_a_second_click_only(
     scenes: Callable[..., Scene], visit: Visit
 ) -> None:
@@ -95,7 +79,7 @@ def test_a_nao_wakes_up_by_a_button_and_gets_slack_by_a_second_click_only(
     page.wait_for_selector("#end-record", state="detached")
 
 
-@pytest.mark.parametrize("width", [DESK, PHONE])
+@pytest.mark.parametrize("width", [DESK, pytest.param(PHONE, marks=pytest.mark.long)])
 @pytest.mark.parametrize("platform", ["segway", "spykee", "nxt"])
 def test_a_base_drives_while_a_key_is_held(
     scenes: Callable[..., Scene], visit: Visit, platform: str, width: int
@@ -227,7 +211,7 @@ def test_a_finger_that_scrolls_over_a_slider_moves_nothing(scenes: Callable[...,
     wait_until(lambda: told(scene, "state") != before)
 
 
-@pytest.mark.parametrize(("width", "goal"), [(DESK, 0.5), (PHONE, 0.2)])
+@pytest.mark.parametrize(("width", "goal"), [pytest.param(DESK, 0.5, marks=pytest.mark.long), (PHONE, 0.2)])
 @pytest.mark.parametrize(
     ("platform", "joint", "word"), [("nao", "HeadYaw", "joints"), ("so101", "wrist_roll", "state")]
 )
@@ -249,3 +233,19 @@ def test_a_slider_moves_a_joint(
     wait_until(lambda: abs(float((row.locator(".live").first.text_content() or "x")[:-1]) - math.degrees(goal)) < 3)
     pull_the_plug_and_stop(visitor)
     assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def test_a_spykee_on_its_dock_says_so_goes_nowhere_and_leaves_it(scenes: Callable[..., Scene], visit: Visit) -> None:
+    scene = scenes("spykee", simulated=True)
+    visitor = visit(scene.pair("full", "dora"))
+    page = visitor.page
+    page.wait_for_selector("#on-dock:has-text('no')")
+    page.click("button:has-text('Go to the dock')")
+    page.wait_for_selector("#on-dock:has-text('yes')", timeout=30_000)
+    page.focus("#pad")
+    page.keyboard.down("w")
+    page.wait_for_selector(".toast:has-text('the robot is on its dock')")
+    page.keyboard.up("w")
+    assert page.text_content("#moving") == "no"
+    page.click("button:has-text('Leave the dock')")
+    page.wait_for_selector("#on-dock:has-text('no')")

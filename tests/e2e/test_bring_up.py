@@ -171,6 +171,7 @@ def spoken(text: str) -> list[str]:
     return [" ".join(line.split()) for line in text.splitlines() if line.strip()]
 
 
+@pytest.mark.long
 def test_the_page_is_played(robot: Robot, tmp_path: Path) -> None:
     user = User(robot, tmp_path)
     robot.say("connect 1")

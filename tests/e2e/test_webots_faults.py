@@ -126,6 +126,7 @@ def test_a_mistake_in_a_binding_file_is_one_line(tmp_path: Path, program: str, w
     assert done.stderr == f"urbihw: the objects of the world cannot be made: {words}\n"
 
 
+@pytest.mark.long
 @needs_mujoco
 def test_a_binding_file_that_does_not_end_is_named_and_the_port_opens(
     serve: Callable[..., Daemon], tmp_path: Path

@@ -133,6 +133,15 @@ def test_without_motors_it_falls_and_says_so() -> None:
     assert base.status_words() == (0x0180, 0)
 
 
+def test_it_falls_as_soon_after_minutes_upright() -> None:
+    base = SegwayRmp()
+    drive(base, 0.0, 2.0, velocity=300)
+    drive(base, 2.0, 120.0)
+    base.estop = True
+    drive(base, 122.0, 3.0)
+    assert base.body.fallen
+
+
 def test_on_casters_it_does_not_fall() -> None:
     base = SegwayRmp(mode=f.TRACTOR)
     base.tick(0.0)

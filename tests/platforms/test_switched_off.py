@@ -100,8 +100,26 @@ def test_a_segway_that_is_disabled() -> None:
     segway = Segway.ready()
     segway.say('rmp.mode = "disabled"|;', 1.0)
     heard = segway.say("rmp.forwardSpeed = 1|;", 0.2)
-    assert 'warning: the base does not drive (mode disabled): switch it on with mode = "tractor"' in heard
+    assert 'warning: the base does not drive (mode disabled): switch it on with rmp.mode = "tractor"' in heard
     assert_off(segway, "rmp", "mode disabled")
+
+
+def test_a_base_that_does_not_drive_refuses_speeds_and_does_not_count_them_as_movement() -> None:
+    segway = Segway.ready()
+    segway.say('rmp.mode = "disabled"|;', 1.0)
+    for order in ("robot.xSpeed = 0.2;", "robot.go(1);", "robot.turn(1);"):
+        assert "robot: the base does not drive (mode disabled): switch it on" in segway.say(order, 1.0)
+        assert segway.look("[robot.xSpeed, robot.yawSpeed, robot.moving]") == "[0, 0, false]"
+    assert segway.say("robot.xSpeed = 0;", 0.1) == "0"
+
+
+def test_a_base_that_was_switched_on_drives() -> None:
+    segway = Segway.ready()
+    segway.say('rmp.mode = "disabled"|;', 0.1)
+    assert segway.say("robot.switchOn;", 0.5) == ""
+    before = segway.number('robot.position["x"]')
+    assert segway.say("robot.xSpeed = 0.2;", 1.0) == "0.2"
+    assert segway.number('robot.position["x"]') > before + 0.05
 
 
 def test_a_stop_does_not_stiffen_a_joint_that_was_switched_off() -> None:

@@ -22,16 +22,16 @@ WeakDictionary WeakPointer XServo abs acceleration acceptVoid acos addComponent 
 alarmLed aliveJobs allProtos allSlotNames angle answeredRegister applied apply arguments arity as asBool asIdentity
 asMotor asNetwork asObject asPrintable asRegisterAccess asRotationalMotor asServoTree asString asTaughtRobot
 asToplevelPrintable asin askRegister assert assert_ assert_op atan atan2 attach back backtrace baudRate
-beginMovement beginRecording bioloid blendSpeed body bounce branches busLoad buzzerIndex buzzerTime callMessage
-ccwComplianceMargin ccwComplianceSlope ccwLimit cerr chain checkMotion checkRecording clapCount clearStats clog
-clone cloneSlot controlTag copySlot cos cout createSlot current cwComplianceMargin cwComplianceSlope cwLimit cycle
-dGain destroy detach deviceTable devices disown documentation dropMotion dump dumpPart echo enableStats endMovement
-endPlaying endRecording endTeaching entries epoch estop eval evaluate exactNumbers exp external false feedForward1
-feedForward2 fill firmware flatDump found fullName funCall gather getLocalSlot getPeriod getProperty getSlot
-getStats getenv goalCurrent goalPwm grow growGroups growJoints guarded hasLocalSlot hasProperty hasSlot homingOffset
-iGain id identify inf infrared infraredC infraredL infraredR init inspect interfaceNames interfaces isA isNil
-isProto isVoid isdef jobs jobsText joinPart joint jointGroups jointName keyPose leaveMotion led light lightC
-lightCenter lightDetectedCenter lightDetectedLeft lightDetectedRight lightL lightLeft lightR lightRight
+beginMovement beginRecording bioloid blendSpeed body bounce branches briefNames busLoad buzzerIndex buzzerTime
+callMessage ccwComplianceMargin ccwComplianceSlope ccwLimit cerr chain checkMotion checkRecording clapCount
+clearStats clog clone cloneSlot controlTag copySlot cos cout createSlot current cwComplianceMargin cwComplianceSlope
+cwLimit cycle dGain destroy detach deviceTable devices disown documentation dropMotion dump dumpPart echo
+enableStats endMovement endPlaying endRecording endTeaching entries epoch estop eval evaluate exactNumbers exp
+external false feedForward1 feedForward2 fill firmware flatDump found fullName funCall gather getLocalSlot getPeriod
+getProperty getSlot getStats getenv goalCurrent goalPwm grow growGroups growJoints guarded hasLocalSlot hasProperty
+hasSlot homingOffset iGain id identify inf infrared infraredC infraredL infraredR init inspect interfaceNames
+interfaces isA isNil isProto isVoid isdef jobs jobsText joinPart joint jointGroups jointName keyPose leaveMotion led
+light lightC lightCenter lightDetectedCenter lightDetectedLeft lightDetectedRight lightL lightLeft lightR lightRight
 lightThreshold lightThresholdDefault limited limitedBy link linkBack linkLost load loadFile loadLibrary loadModule
 lobbies lobby localSlotNames locateSlot lock log logText logged lost makeCompactNames max maxTorque maxVoltage
 maybeLoad methodToFunction min minVoltage missing mode model modelName modules motionBegun motionEnded motionNames

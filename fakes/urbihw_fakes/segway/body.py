@@ -90,7 +90,8 @@ class Body:
         self.turn = towards(self.turn, 0.0, _COASTING * STEP)
         self.left_torque = self.right_torque = 0.0
         if not stands and not self.fallen:
-            tip = self.pitch or 1e-3
+            # A controller that has settled leaves a lean too small to fall from.
+            tip = math.copysign(max(abs(self.pitch), 1e-3), self.pitch)
             self.pitch_rate = _TIP_RATE * tip
             self.pitch = math.copysign(min(abs(tip + self.pitch_rate * STEP), FALLEN), tip)
             self.fallen = abs(self.pitch) >= FALLEN

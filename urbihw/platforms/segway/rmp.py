@@ -233,7 +233,8 @@ class RMP(EffectorDevice):
     def explain_off(self) -> str:
         """Return why the base does not drive in its present mode or with its present fault, "" if it does."""
         if self.mode.sensed in _OFF:
-            return f'the base does not drive (mode {self.mode.sensed}): switch it on with mode = "tractor" or "balance"'
+            mode = f"the base does not drive (mode {self.mode.sensed})"
+            return f'{mode}: switch it on with rmp.mode = "tractor" or "balance"'
         fault = self.fault.sensed
         if fault and fault != _UNKNOWN_FAULT and not self.motors.sensed:
             return f"the base does not drive, its motors are off: {fault}"

@@ -135,6 +135,11 @@ class Segway(WiredRobot):
             raise ValueError("there is no planner yet: segway.steer(rmp) makes one")
         self._pilot.planner.move_to(goal)
 
+    @function("explainOff")
+    def explain_off(self) -> str:
+        """Return why the base does not drive in its present mode or with its present fault, "" if it does."""
+        return "" if self._wheels is None else self._wheels.rmp.explain_off()
+
     @function
     def shutdown(self) -> None:
         """Switch the base off; a balancing base falls."""

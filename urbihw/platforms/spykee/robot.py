@@ -131,7 +131,7 @@ class Spykee(WiredRobot):
         self._built = True
         create, channel = self.host.create, self.channel
         self.tracks = [
-            create(SpykeeTrack, name, channel, self.motion, name, self.explain_standing) for name in TRACKS
+            create(SpykeeTrack, name, channel, self.motion, name, self.explain_off) for name in TRACKS
         ]
         for name in p.LEDS:
             create(SpykeeLed, name, channel, name)
@@ -212,8 +212,8 @@ class Spykee(WiredRobot):
         if self._built:
             self._halt_tracks(devices)
 
-    @function("explainStanding")
-    def explain_standing(self) -> str:
+    @function("explainOff")
+    def explain_off(self) -> str:
         """Return the reason why the tracks do not run, in words; "" if they do."""
         if not self.link.sensed:
             return LINK_DOWN

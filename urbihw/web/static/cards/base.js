@@ -142,8 +142,8 @@ export function Base() {
   const ofPlatform = (name) => platform?.slots.find((slot) => slot.name === name);
   const motors = ofPlatform("motorsLoad");
   const dock = ofPlatform("onDock");
-  // What a base does as a whole, where it can: get up, and go to its dock.
-  const calls = [robot.slot("wakeUp") && ["Wake up", "robot.wakeUp"], robot.slot("rest") && ["Rest", "robot.rest"],
+  // What a base does as a whole, where it can: switch on, get up, and go to its dock.
+  const calls = [robot.slot("switchOn") && ["Switch on", "robot.switchOn"], robot.slot("wakeUp") && ["Wake up", "robot.wakeUp"], robot.slot("rest") && ["Rest", "robot.rest"],
     dock && robot.slot("goToChargingStation") && ["Go to the dock", "robot.goToChargingStation"],
     ofPlatform("chargeStop") && ["Leave the dock", `${platform.path}.chargeStop`]].filter(Boolean);
   return html`<${Card} title="Drive" name="base" tools=${tools}>${motors && html`<${MotorsHint} slot=${`${platform.path}.${motors.name}`} />`}<${Pad} />
