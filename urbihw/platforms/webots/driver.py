@@ -47,6 +47,8 @@ HELD_UP: Final = "held up"
 PROBLEM: Final = "problem"
 PATIENCE_S: Final = 1.0
 """Seconds of real time for the kernel's answer, after which the simulation goes on without it."""
+FIRST_PATIENCE_S: Final = 5.0
+"""The same before the first step, when the kernel makes the objects of the devices."""
 RENDERER_S: Final = 3.0
 """Seconds that a simulator may need until the first picture of a camera."""
 RELOAD_S: Final = TIMEOUT_S + 1.0
@@ -106,7 +108,8 @@ class SimulationDriver(Driver):
         self._cameras = frozenset(each.name for each in port.simulation.world.devices if each.kind == CAMERA)
         self._port = port
         self._motors, self._last, self._moved = {}, {}, {}
-        self._steps = self._granted = 0
+        # The first step waits, too: it shall find the same orders each time, however fast the kernel is.
+        self._steps, self._granted = 0, -1
         self._stepping = self._held_up = False
         self._stepped_at = self._told_at = port.clock.now()
         self._time = 0.0
@@ -167,7 +170,8 @@ class SimulationDriver(Driver):
         if self._granted >= self._steps:
             self._held_up = False
             return True
-        if now - self._stepped_at <= PATIENCE_S and not self._held_up:
+        patience = PATIENCE_S if self._steps else FIRST_PATIENCE_S
+        if now - self._stepped_at <= patience and not self._held_up:
             return False
         if not self._held_up:
             self._held_up = True
@@ -241,8 +245,9 @@ class SimulationDriver(Driver):
         if self._simulation is None:
             return [Reply(message.reply_id, False, error="there is no simulation")]
         if message.verb == "mode":
-            self._paused = message.value == "pause"
-            self._granted = max(self._granted, self._steps)
+            was_paused, self._paused = self._paused, message.value == "pause"
+            if was_paused != self._paused:
+                self._granted = max(self._granted, self._steps)
         elif message.verb == "write" and message.device.startswith(NODES):
             self._orders.append(Order("move", message.device.removeprefix(NODES), message.item, message.value))
         elif message.verb == "write":

@@ -122,8 +122,10 @@ class Webots(WiredRobot):
 
     def begin_programs(self) -> None:
         """See ``Robot``."""
-        self._waits = False
-        self._grant()
+        self._waits, self._rounds = False, 0
+        # A program that has still something to do at this time is waited for, as at each other time.
+        if self.host.is_idle():
+            self._grant()
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
         """Start the worker."""
@@ -284,6 +286,7 @@ class Webots(WiredRobot):
         self._world = world
         self._base = self.host.now()
         self.host.lead_time(self._base)
+        self._owed, self._rounds = 0, 0
         basic = world.step_ms
         self.step.sense(max(1, round(self.options.step / basic)) * basic / 1000)
         self.simulator.sense(world.simulator)

@@ -1,0 +1,96 @@
+"""When the worker makes a step of a simulation: after the kernel, so that a program is the same each time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from urbihw.buses import messages as m
+from urbihw.buses.clock import SimClock
+from urbihw.platforms.webots.driver import GRANTED, SIMULATOR, SimulationDriver
+from urbihw.platforms.webots.port import SimulationPort
+from urbihw.platforms.webots.simulator import Order, Outcome, World
+
+
+class Counting:
+    """A simulation that notes its steps, with their orders."""
+
+    world = World("one", "none", 20, (), (), False, "", "", "")
+
+    def __init__(self) -> None:
+        self.steps: list[list[str]] = []
+
+    def begin(self, ms: int, orders: list[Order]) -> None:
+        """A step."""
+        self.steps.append([order.verb for order in orders])
+
+    def poll(self) -> Outcome:
+        """It is over at once."""
+        return Outcome(0.02 * len(self.steps), {})
+
+    def close(self) -> None:
+        """There is nothing to leave."""
+
+
+class OpenPort(SimulationPort):
+    """A port that is open already."""
+
+    def _open(self) -> None:
+        """Nothing is left to do."""
+
+
+class Rig:
+    """The driver with a simulated clock."""
+
+    def __init__(self) -> None:
+        self.simulation, self.clock, self.driver = Counting(), SimClock(0.0), SimulationDriver()
+        port: Any = OpenPort.__new__(OpenPort)
+        port.simulation, port.clock = self.simulation, self.clock
+        self.driver.attach(port)
+
+    def tick(self, seconds: float = 0.0) -> list[m.FromWorker]:
+        """Let time pass, then one tick."""
+        self.clock.sleep_until(self.clock.now() + seconds)
+        return self.driver.tick(self.clock.now(), lambda: None)
+
+    def grant(self, step: int) -> None:
+        """The kernel has handled a step."""
+        self.driver.targets(m.Targets({(SIMULATOR, GRANTED): (step,)}, 0, 0.0))
+
+    def ask_mode(self, mode: str) -> None:
+        """A program changes the mode."""
+        self.driver.request(m.Request(1, "mode", SIMULATOR, value=mode))
+
+
+def test_the_first_step_waits_for_the_kernel_and_finds_its_orders() -> None:
+    rig = Rig()
+    rig.tick(0.5)
+    assert rig.simulation.steps == []
+    rig.driver.watch(m.Watch("camera", ("value",), 0.1), rig.clock.now())
+    rig.grant(0)
+    rig.tick()
+    rig.tick()
+    assert rig.simulation.steps == [["enable"]]
+
+
+def test_each_step_waits_for_the_kernel_but_not_for_ever() -> None:
+    rig = Rig()
+    assert [each for each in rig.tick(4.9) if isinstance(each, m.Happened)] == []
+    assert [each.what for each in rig.tick(0.2) if isinstance(each, m.Happened)] == ["held up"]
+    assert len(rig.simulation.steps) == 1
+    rig.grant(1)
+    rig.tick()
+    rig.tick(0.9)
+    assert len(rig.simulation.steps) == 2
+    rig.tick(0.2)
+    assert len(rig.simulation.steps) == 3
+
+
+def test_another_speed_is_no_permission_to_go_on() -> None:
+    rig = Rig()
+    rig.ask_mode("fast")
+    rig.tick()
+    assert rig.simulation.steps == []
+    rig.ask_mode("pause")
+    rig.ask_mode("real")
+    rig.tick()
+    assert len(rig.simulation.steps) == 1
