@@ -6,8 +6,6 @@ import gc
 import tracemalloc
 from collections import Counter
 
-import pytest
-
 from urbihw.kernel import Kernel
 
 PROGRAM = """
@@ -68,7 +66,6 @@ work: every (11s) { var o = Object.clone; var o.x = 1; at (o.x == 2) 1; o.x = 2;
 """
 
 
-@pytest.mark.long
 def test_an_hour_takes_no_memory() -> None:
     """Simulated: some 300 000 turns of jobs.  Memory is looked at when the bounded stores are full."""
     kernel = Kernel(fast=True)
