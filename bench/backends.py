@@ -17,18 +17,14 @@ from __future__ import annotations
 
 import argparse
 import statistics
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import dynamixel_sdk  # type: ignore[import-untyped]
 
-sys.path.append(str(Path(__file__).parent))
-
-from dynamixel_cycle import BAUD, FLAT_OUT, IDS, ITEMS, READ, WINDOW, Fake, aim, fake, goal
-
+from bench.dynamixel_cycle import BAUD, FLAT_OUT, IDS, ITEMS, READ, WINDOW, Fake, aim, fake, goal
+from bench.quick import add_quick
 from urbihw import buses
 from urbihw.buses.servos.backend_sdk import SdkBus
 from urbihw.buses.servos.bus import ServoBus
@@ -146,9 +142,9 @@ def run(cycle: CountingCycle, seconds: float, result: Result) -> None:
     result.cycles += cycles
 
 
-def compare(protocol: int, turns: int) -> None:
+def compare(protocol: int, turns: int, paced: bool) -> None:
     """Print the rows of one protocol."""
-    with fake(protocol) as kit:
+    with fake(protocol, paced) as kit:
         for silent in (False, True):
             results = {name: Result() for name in BACK_ENDS}
             for _ in range(turns):
@@ -169,10 +165,11 @@ def main() -> None:
     """Run it."""
     options = argparse.ArgumentParser(prog="python -m bench.backends", description="The back ends of the servo bus.")
     options.add_argument("--turns", type=int, default=10, help="turns of half a second for each")
-    turns = options.parse_args().turns
+    add_quick(options, turns=1)
+    wanted = options.parse_args()
     print(f"{'protocol':13} {'by':4} {'cycles/s':>8} {'ms/cycle':>9} {'data':>9} {'stop 99%':>8} {'longest':>8}")
     for protocol in (1, 2):
-        compare(protocol, turns)
+        compare(protocol, wanted.turns, not wanted.quick)
 
 
 if __name__ == "__main__":

@@ -22,11 +22,13 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import dynamixel_sdk  # type: ignore[import-untyped]
 import rustypot
 
+from bench.quick import add_quick
 from urbihw import buses
 from urbihw.buses import messages as m
 from urbihw.buses.link import Link
@@ -37,6 +39,8 @@ from urbihw.buses.servos.scan import scan
 from urbihw.buses.worker import Worker
 
 BAUD = 1_000_000
+WINDOW = 0.5
+"""Seconds of a turn."""
 IDS = list(range(1, 19))
 BYTE = 10 / BAUD
 READ = {1: (36, 8), 2: (126, 10)}
@@ -46,19 +50,34 @@ ITEMS = {
 }
 # As often as it goes: the next tick is always due.
 FLAT_OUT = 100_000.0
-WINDOW = 0.5
-TURNS = 10
 # A cycle: takes a running number, tells whether all data came.
 Loop = Callable[[int], bool]
 Contender = Callable[[], contextlib.AbstractContextManager[Loop]]
 ROOT = Path(__file__).resolve().parents[1]
 
 
+@dataclass(frozen=True)
+class Amounts:
+    """How much is measured.
+
+    Attributes:
+        seconds: of each measurement without turns.
+        turns: of each contender.
+        window: seconds of a turn.
+        paced: whether the fake answers at the speed of the wire, and spins meanwhile.
+    """
+
+    seconds: float
+    turns: int = 10
+    window: float = WINDOW
+    paced: bool = True
+
+
 class Fake:
     """The fake kit in its own process: AX-12 in protocol 1.0, XL430 in 2.0."""
 
-    def __init__(self, protocol: int) -> None:
-        options = ["--pty", "--pace", "--spin", "--until-eof", "--baud", str(BAUD)]
+    def __init__(self, protocol: int, paced: bool) -> None:
+        options = ["--pty", "--until-eof", "--baud", str(BAUD), *(["--pace", "--spin"] if paced else [])]
         options += ["--x-series", "18"] if protocol == 2 else []
         self._process = subprocess.Popen(
             [sys.executable, "-m", "urbihw_fakes", "bioloid", *options],
@@ -93,9 +112,9 @@ class Fake:
 
 
 @contextlib.contextmanager
-def fake(protocol: int) -> Iterator[Fake]:
-    """A fake for the time of a `with`."""
-    made = Fake(protocol)
+def fake(protocol: int, paced: bool = True) -> Iterator[Fake]:
+    """A fake for the time of a `with`; without a pace it answers as soon as it can."""
+    made = Fake(protocol, paced)
     try:
         yield made
     finally:
@@ -105,12 +124,13 @@ def fake(protocol: int) -> Iterator[Fake]:
 class Rounds:
     """Rates of several contenders, measured in turns, so that a busy moment of the machine strikes all of them.
 
-    Each turn is `WINDOW` seconds long; a contender's result is the turn with the best median cycle, and the median
+    Each turn is `window` seconds long; a contender's result is the turn with the best median cycle, and the median
     over all its turns. A cycle counts only if it brought the data of all servos; the share of those is kept too.
     """
 
-    def __init__(self, contenders: dict[str, Contender]) -> None:
+    def __init__(self, contenders: dict[str, Contender], window: float) -> None:
         self._contenders = contenders
+        self._window = window
         self._rates: dict[str, list[float]] = {name: [] for name in contenders}
         self._full: dict[str, list[bool]] = {name: [] for name in contenders}
 
@@ -126,7 +146,7 @@ class Rounds:
             loop(count)
         times = []
         count = 0
-        end = time.perf_counter() + WINDOW
+        end = time.perf_counter() + self._window
         while (start := time.perf_counter()) < end:
             full = loop(count)
             if full:
@@ -340,14 +360,14 @@ def child_seconds() -> float:
     return total
 
 
-def throughput(protocol: int, seconds: float) -> None:
+def throughput(protocol: int, amounts: Amounts) -> None:
     """Print the table of rates of one protocol."""
     limit = wire_limit(protocol)
     size = READ[protocol][1]
     print(f"\nprotocol {protocol}.0: sync write of 4 bytes, {size} bytes read, of each of 18 servos, 1 Mbps")
     print(f"  {'cycles a second':26}{'best':>8} {'of wire':>9} {'usual':>9} {'of wire':>9} {'all data':>10}")
     print(f"  {'wire limit':26}{limit:8.1f}   100.0 %")
-    with fake(protocol) as kit:
+    with fake(protocol, amounts.paced) as kit:
         contenders: dict[str, Contender] = {
             "bare loop, no decoding": lambda: bare(kit, protocol),
             "urbihw cycle": lambda: ours(kit, protocol),
@@ -358,21 +378,21 @@ def throughput(protocol: int, seconds: float) -> None:
         if protocol == 2:
             contenders["urbihw, fast sync read"] = lambda: ours(kit, 2, True)
             limits["urbihw, fast sync read"] = wire_limit(2, True)
-        rounds = Rounds(contenders)
-        rounds.run(TURNS)
+        rounds = Rounds(contenders, amounts.window)
+        rounds.run(amounts.turns)
         for name, of in limits.items():
             best, usual = rounds.best(name), rounds.usual(name)
             shares = f"{100 * best / of:7.1f} % {usual:9.1f} {100 * usual / of:7.1f} % {rounds.full(name):8.1f} %"
             print(f"  {name:26}{best:8.1f} {shares}", flush=True)
-        rate = worker_numbers(kit, protocol, FLAT_OUT, seconds)[0]
+        rate = worker_numbers(kit, protocol, FLAT_OUT, amounts.seconds)[0]
         print(f"  {'worker process, mean':26}{rate:8.1f} {100 * rate / limit:7.1f} %", flush=True)
-        rate, share = worker_numbers(kit, protocol, 100.0, seconds)
+        rate, share = worker_numbers(kit, protocol, 100.0, amounts.seconds)
         print(f"  worker at 100 Hz: {rate:.1f} Hz, {100 * share:.1f} % of a core", flush=True)
 
 
-def scans(protocol: int) -> None:
+def scans(protocol: int, amounts: Amounts) -> None:
     """Print how long looking for all ids takes."""
-    with fake(protocol) as kit, buses.open_link(kit.url) as link:
+    with fake(protocol, amounts.paced) as kit, buses.open_link(kit.url) as link:
         times = []
         for _ in range(3):
             start = time.perf_counter()
@@ -381,15 +401,15 @@ def scans(protocol: int) -> None:
         print(f"scan of all ids, protocol {protocol}.0: {min(times):.3f} s, {len(found.devices)} devices")
 
 
-def silent(protocol: int, seconds: float) -> None:
+def silent(protocol: int, amounts: Amounts) -> None:
     """Print what silent servos cost the others, at full speed, each beside a healthy run right before it."""
-    with fake(protocol) as kit, buses.open_link(kit.url) as link:
+    with fake(protocol, amounts.paced) as kit, buses.open_link(kit.url) as link:
         for dead in ((6,), (6, 13), (1, 6, 7, 13, 18)):
             cycle = cycle_of(link, protocol, False, 1 / FLAT_OUT)
-            healthy, _ = living_rate(link, cycle, protocol, 18, seconds)
+            healthy, _ = living_rate(link, cycle, protocol, 18, amounts.seconds)
             for device in dead:
                 kit.say(f"silence {device}")
-            rate, complete = living_rate(link, cycle, protocol, 18 - len(dead), seconds)
+            rate, complete = living_rate(link, cycle, protocol, 18 - len(dead), amounts.seconds)
             for device in dead:
                 kit.say(f"heal {device}")
             share = 100 * rate / healthy
@@ -415,15 +435,17 @@ def main() -> None:
     """Run everything and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=3.0, help="of each measurement (%(default)s)")
-    seconds = parser.parse_args().seconds
+    add_quick(parser, seconds=0.1)
+    wanted = parser.parse_args()
+    amounts = Amounts(wanted.seconds, 1, 0.05, False) if wanted.quick else Amounts(wanted.seconds)
     for protocol in (1, 2):
-        throughput(protocol, seconds)
+        throughput(protocol, amounts)
     print()
     for protocol in (1, 2):
-        scans(protocol)
+        scans(protocol, amounts)
     for protocol in (1, 2):
         print(f"\nsilent servos, protocol {protocol}.0")
-        silent(protocol, seconds)
+        silent(protocol, amounts)
 
 
 if __name__ == "__main__":

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from hall import BOX, START, Hall
-
+from bench.hall import BOX, START, Hall
 from urbihw_fakes.bodies.pioneer import SimulatedBody
 from urbihw_fakes.bodies.simulation import ROBOT_GROUP
 from urbihw_fakes.p3dx.world import Wall

@@ -24,6 +24,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from bench.quick import add_quick
 from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby
 
@@ -351,7 +352,7 @@ def resident(pid: int) -> float:
     return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-def server(turns: int) -> None:
+def server(turns: int, clients: int) -> None:
     """The rows over loopback."""
     print()
     print(COLUMNS.format("what", "urbihw", "bare echo", "measured", "budget", ""))
@@ -381,8 +382,8 @@ def server(turns: int) -> None:
         news = [ask(ours, b"%d;\n" % next(number), 1, 1) for _ in range(2000)]
         row("new text to a one-line answer, median", "", "", statistics.median(news) * 1e3, 0.1, " ms")
     with served("-c", ROOMY) as (_, connection, _):
-        took = crowd(connection.getpeername()[1], 1000)
-        row("1000 clients connect and are answered", "", "", took, 1.5, " s")
+        took = crowd(connection.getpeername()[1], clients)
+        row(f"{clients} clients connect and are answered", "", "", took, 1.5, " s")
     for name, rate, least in (("the same text", same, 15_000), ("all different", fresh, 5_000)):
         verdict = "" if rate >= least else "UNDER"
         print(COLUMNS.format(f"pipelined 1; a second, {name}", "", "", f"{rate:.0f}", f"{least}", verdict))
@@ -392,11 +393,14 @@ def main() -> None:
     """Measure and print everything."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition(":")[0])
     parser.add_argument("--turns", type=int, default=TURNS, help="repetitions of each row (%(default)s); medians count")
-    turns = parser.parse_args().turns
+    parser.add_argument("--clients", type=int, default=1000, help="of the crowd that connects at once (%(default)s)")
+    add_quick(parser, turns=1, clients=50)
+    options = parser.parse_args()
+    turns = options.turns
     print(f"Python {platform.python_version()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.2f} before\n")
     language(turns)
     concurrency(turns)
-    server(turns)
+    server(turns, options.clients)
     print(f"\nload {os.getloadavg()[0]:.2f} after; figures taken beside other work are upper bounds")
 
 

@@ -1,5 +1,7 @@
-"""Joints of a Nao: cycles a second that all joints get a goal in and are measured, and what the worker's half costs.
-And its camera: how many pictures come of those that were asked for, as JPEG of 320 x 240.
+"""Joints and camera of a Nao: `python -m bench.nao [--seconds 5]`.
+
+Measured are, of the joints, the cycles a second in which all get a goal and are read, and what the worker's half
+costs; of the camera: how many pictures come of those that were asked for, as JPEG of 320 x 240.
 
 Each back end (ours, and libqi's where its package is) at each rate.  The simulated Nao is a process of its own, so the
 share of the processor, by `time.process_time`, is that of the driver with the threads of libqi; a cycle is one
@@ -8,6 +10,7 @@ share of the processor, by `time.process_time`, is that of the driver with the t
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import importlib.util
 import math
@@ -16,13 +19,13 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 
+from bench.quick import add_quick
 from urbihw import buses
 from urbihw.buses.messages import Configure, Found, Request, Samples, Targets
 from urbihw.platforms.nao.camera_part import CAMERA, FILM
 from urbihw.platforms.nao.driver import NaoDriver
 from urbihw.platforms.nao.pictures import JPEG, CameraMode
 
-SECONDS = 5.0
 RATES = (50.0, 100.0)
 PICTURE_RATES = (10.0, 30.0)
 TICKS = 50.0
@@ -49,7 +52,7 @@ def simulated_robot() -> Iterator[tuple[str, Callable[[str], int]]]:
         sink.close()
 
 
-def measure(scheme: str, rate: float) -> tuple[float, float, float]:
+def measure(scheme: str, rate: float, seconds: float) -> tuple[float, float, float]:
     """Cycles a second, joint goals a second, share of a processor."""
     with simulated_robot() as (address, count_calls), buses.open(f"{scheme}://{address}") as port:
         driver = NaoDriver()
@@ -60,18 +63,18 @@ def measure(scheme: str, rate: float) -> tuple[float, float, float]:
         driver.targets(Targets({(name, "stiffness"): 1.0 for name in names}))
         before, cycles = count_calls("setAngles"), 0
         begun, worked = time.monotonic(), time.process_time()
-        while (now := time.monotonic()) < begun + SECONDS:
+        while (now := time.monotonic()) < begun + seconds:
             driver.targets(Targets({(name, "angle"): 0.01 * math.sin(now) for name in names}))
             driver.tick(now, lambda: None)
             cycles += 1
             time.sleep(max(0.0, begun + cycles / rate - time.monotonic()))
-        share = (time.process_time() - worked) / SECONDS
+        share = (time.process_time() - worked) / seconds
         calls = count_calls("setAngles") - before
         driver.detach()
-    return cycles / SECONDS, calls * len(names) / SECONDS, share
+    return cycles / seconds, calls * len(names) / seconds, share
 
 
-def measure_camera(scheme: str, rate: float) -> tuple[float, float, float]:
+def measure_camera(scheme: str, rate: float, seconds: float) -> tuple[float, float, float]:
     """Pictures a second that were sent and that came, share of a processor."""
     with simulated_robot() as (address, count_calls), buses.open(f"{scheme}://{address}") as port:
         driver = NaoDriver()
@@ -80,33 +83,37 @@ def measure_camera(scheme: str, rate: float) -> tuple[float, float, float]:
         driver.request(Request(1, FILM, CAMERA, value=CameraMode(0, 1, JPEG, 75, rate)))
         before, cycles, shown = count_calls("getImageRemote"), 0, 0
         begun, worked = time.monotonic(), time.process_time()
-        while (now := time.monotonic()) < begun + SECONDS:
+        while (now := time.monotonic()) < begun + seconds:
             news = driver.tick(now, lambda: None)
             shown += sum(isinstance(each, Samples) and CAMERA in each.values for each in news)
             cycles += 1
             time.sleep(max(0.0, begun + cycles / TICKS - time.monotonic()))
-        share = (time.process_time() - worked) / SECONDS
+        share = (time.process_time() - worked) / seconds
         sent = count_calls("getImageRemote") - before
         driver.request(Request(2, FILM, CAMERA, value=None))
         driver.detach()
-    return sent / SECONDS, shown / SECONDS, share
+    return sent / seconds, shown / seconds, share
 
 
 def main() -> None:
     """Print the figures of all back ends beside the budget of ours."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=5.0, help="of each measurement (%(default)s)")
+    add_quick(parser, seconds=0.2)
+    seconds = parser.parse_args().seconds
     for scheme in SCHEMES:
         if scheme == "libqi" and importlib.util.find_spec("qi") is None:
             print("nao, libqi: its package is not there")
             continue
         for rate in RATES:
-            cycles, goals, share = measure(scheme, rate)
+            cycles, goals, share = measure(scheme, rate, seconds)
             budget = f" (budget {BUDGET * rate / 100:.0%})" if scheme == "qi" else ""
             print(
                 f"nao, {scheme}: {cycles:.0f} cycles/s (asked {rate:.0f}), {goals:.0f} joint goals/s, "
                 f"{share:.0%} of a processor{budget}"
             )
         for rate in PICTURE_RATES:
-            sent, shown, share = measure_camera(scheme, rate)
+            sent, shown, share = measure_camera(scheme, rate, seconds)
             print(
                 f"nao, {scheme}: {shown:.1f} pictures/s of {sent:.1f} sent (asked {rate:.0f}), "
                 f"{share:.0%} of a processor, joints measured {TICKS:.0f} times a second beside it"

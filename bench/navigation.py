@@ -26,12 +26,12 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path += [str(ROOT / "tests" / "platforms"), str(ROOT / "bench")]
+sys.path.append(str(ROOT / "tests" / "platforms"))
 
-from hall import BOX, BOX_STEP_S, SIZE, START, Hall  # noqa: E402
-from hall_body import HallBody  # noqa: E402
 from p3dx_lab import Lab  # noqa: E402
 
+from bench.hall import BOX, BOX_STEP_S, SIZE, START, Hall  # noqa: E402
+from bench.hall_body import HallBody  # noqa: E402
 from urbihw.navigation import extra, maps, navigator  # noqa: E402
 from urbihw.navigation.drawing import Drawing  # noqa: E402
 from urbihw.navigation.frames import Point, Pose, path_length, wrapped  # noqa: E402

@@ -26,6 +26,7 @@ from typing import Any
 import usb.backend.libusb1  # type: ignore[import-untyped]
 import usb.util  # type: ignore[import-untyped]
 
+from bench.quick import add_quick
 from urbihw import buses
 from urbihw.buses import messages as m
 from urbihw.buses.link import Url
@@ -192,6 +193,7 @@ def main() -> None:
     """Run everything and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=2.0, help="of each measurement (%(default)s)")
+    add_quick(parser, seconds=0.1)
     seconds = parser.parse_args().seconds
     for label, options in PASSES.items():
         throughput(label, options, seconds)

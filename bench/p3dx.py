@@ -21,6 +21,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from bench.quick import add_quick
 from urbihw.buses import messages as m
 from urbihw.buses.link import Context, Link, Url
 from urbihw.kernel import Kernel
@@ -39,7 +40,6 @@ from urbihw_fakes.p3dx.codec import arcos_packet
 from urbihw_fakes.p3dx.sips import SipFields
 
 ROOT = Path(__file__).resolve().parents[1]
-ROUNDS = 5000
 TICK_PER_SECOND = os.sysconf("SC_CLK_TCK")
 
 
@@ -57,15 +57,15 @@ def sips(count: int) -> list[bytes]:
     ]  # fmt: skip
 
 
-def cost(work: Callable[[int], object]) -> float:
+def cost(work: Callable[[int], object], rounds: int) -> float:
     """Microseconds of processor of one call, the best of five runs."""
     best = float("inf")
     for _ in range(5):
         start = time.process_time()
-        for number in range(ROUNDS):
+        for number in range(rounds):
             work(number)
         best = min(best, time.process_time() - start)
-    return best / ROUNDS * 1e6
+    return best / rounds * 1e6
 
 
 class Canned(Link):
@@ -111,10 +111,18 @@ def served(packets: list[bytes], script: str) -> Callable[[int], object]:
         kernel.host.run((manifest.folder / name).read_text("latin-1"), name)
         kernel.scheduler.run_simulated(clock.now())
     robot = kernel.host.create(P3dx, "P3dx")
-    robot.start_worker = lambda url, **rest: Deaf()
+    posts: list[Callable[[m.FromWorker], None]] = []
+
+    def start_worker(url: str, *, post: Callable[[m.FromWorker], None], **rest: object) -> Deaf:
+        posts.append(post)
+        return Deaf()
+
+    robot.start_worker = start_worker
     answers: list[DeviceError | None] = []
     robot.open(RobotSettings("pipe://canned"), answers.append)
-    robot.on_found(m.Found((RobotInfo("canned", "Pioneer", "p3dx-sh", parse_config(b"")),)))
+    (post,) = posts
+    post(m.LinkState(True))
+    post(m.Found((RobotInfo("canned", "Pioneer", "p3dx-sh", parse_config(b"")),)))
     kernel.scheduler.run_simulated(clock.now() + 0.1)
     driver = ArcosDriver()
     link = Canned(packets)
@@ -128,15 +136,15 @@ def served(packets: list[bytes], script: str) -> Callable[[int], object]:
     assert b"!!!" not in said, said
 
     def serve(number: int) -> None:
-        robot.on_samples(samples[number % len(samples)])
+        post(samples[number % len(samples)])
         kernel.scheduler.run_simulated(clock.now() + 0.0001)
 
     serve(0)
-    assert not any(answers), answers
+    assert answers == [None], answers
     return serve
 
 
-def small_costs() -> None:
+def small_costs(rounds: int) -> None:
     """The first part: see the head of this file."""
     packets = sips(500)
     framer = Framer()
@@ -151,10 +159,10 @@ def small_costs() -> None:
     driver._link = link
     every = "for (var e : robot.named) if (e.names.back == \"sonar\") { var s = e.part; at (s.val < 0.01) nil };"
     rows = [
-        ("SIP decoded", cost(decode)),
-        ("tick of the driver with a SIP", cost(lambda number: driver.tick(0.0, lambda: None))),
-        ("SIP served, nobody listens", cost(served(packets, ""))),
-        ("SIP served, an `at` on each of 16 sonars", cost(served(packets, every))),
+        ("SIP decoded", cost(decode, rounds)),
+        ("tick of the driver with a SIP", cost(lambda number: driver.tick(0.0, lambda: None), rounds)),
+        ("SIP served, nobody listens", cost(served(packets, ""), rounds)),
+        ("SIP served, an `at` on each of 16 sonars", cost(served(packets, every), rounds)),
     ]
     for name, microseconds in rows:
         print(f"  {name:42} {microseconds:7.0f} us")
@@ -240,9 +248,11 @@ def main() -> int:
     """Run all three parts."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=10.0, help="of each measurement of the daemon (%(default)s)")
+    parser.add_argument("--rounds", type=int, default=5000, help="of each measurement in this process (%(default)s)")
+    add_quick(parser, seconds=0.1, rounds=2)
     options = parser.parse_args()
     print("processor for one SIP of 16 sonars")
-    small_costs()
+    small_costs(options.rounds)
     print("share of a core, robot standing, nobody connected")
     for cycle in (100, 20):
         daemon, worker = daemon_share(cycle, options.seconds)

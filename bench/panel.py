@@ -159,8 +159,7 @@ def row(browsers: list[Browser], took: float) -> str:
 
 def measure_stop(clicks: int) -> None:
     """Print how long a click on E-STOP takes to the body."""
-    sys.path.append(str(Path(__file__).parent))
-    from panel_browser import a_body, measure_clicks
+    from bench.panel_browser import a_body, measure_clicks
 
     with contextlib.ExitStack() as stack:
         name, body = stack.enter_context(tempfile.TemporaryDirectory()), stack.enter_context(a_body())
@@ -185,8 +184,7 @@ def main() -> None:
         return
     with tempfile.TemporaryDirectory() as name, served(Path(name)) as (daemon, panel, _, url):
         if options.minutes:
-            sys.path.append(str(Path(__file__).parent))
-            from panel_browser import measure_growth
+            from bench.panel_browser import measure_growth
 
             measure_growth(url, SLOTS, options.minutes)
             return

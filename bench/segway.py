@@ -25,6 +25,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from bench.quick import add_quick
 from urbihw.buses import messages as m
 from urbihw.buses.worker import Worker
 from urbihw.platforms.segway.driver import BASE
@@ -39,7 +40,6 @@ from urbihw_fakes.segway.usb import UsbLink
 FAMILY = "urbihw.platforms.segway.driver:RmpDriver"
 GOAL = 0.005
 SHORTEST = 0.010
-WARM_UP = 1.0
 
 
 class Stamped(CanDevice):
@@ -79,7 +79,7 @@ def load(processes: int) -> Iterator[None]:
             process.wait()
 
 
-def measure(link: str, rate: float, seconds: float) -> tuple[list[float], float]:
+def measure(link: str, rate: float, seconds: float, warm_up: float) -> tuple[list[float], float]:
     """When the commands came, and the worker's share of a core."""
     device = Stamped(UsbLink() if link == "usb" else Slcan())
     found = threading.Event()
@@ -95,7 +95,7 @@ def measure(link: str, rate: float, seconds: float) -> tuple[list[float], float]
             if not found.wait(5):
                 raise SystemExit("the worker does not hear the base")
             worker.send(m.Watch(BASE, (), 0.0))
-            time.sleep(WARM_UP)
+            time.sleep(warm_up)
             begin, used = time.monotonic(), child_seconds()
             time.sleep(seconds)
             elapsed, used = time.monotonic() - begin, child_seconds() - used
@@ -122,10 +122,10 @@ def child_seconds() -> float:
     return total
 
 
-def report(title: str, link: str, rate: float, seconds: float) -> None:
+def report(title: str, link: str, rate: float, seconds: float, warm_up: float) -> None:
     """Print a line."""
     period = 1 / rate
-    stamps, share = measure(link, rate, seconds)
+    stamps, share = measure(link, rate, seconds, warm_up)
     late = sorted(lateness(stamps, period))
     gaps = [after - before for before, after in zip(stamps, stamps[1:], strict=False)]
     within = 100 * sum(value <= GOAL for value in late) / len(late)
@@ -142,7 +142,10 @@ def main() -> None:
     """Run everything and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=20.0, help="of each measurement (%(default)s)")
-    seconds = parser.parse_args().seconds
+    parser.add_argument("--warm-up", type=float, default=1.0, help="seconds before each (%(default)s)")
+    add_quick(parser, seconds=0.3, warm_up=0.1)
+    wanted = parser.parse_args()
+    seconds, warm_up = wanted.seconds, wanted.warm_up
     print(f"commands to an RMP: ms after their deadline; goal: 99 % within {1e3 * GOAL:g} ms on an idle machine,")
     print(f"no two closer than {1e3 * SHORTEST:g} ms; load of this machine before: {os.getloadavg()[0]:.1f}")
     print(
@@ -150,9 +153,9 @@ def main() -> None:
         f"{'least gap':>9} {'most':>7} {'missing':>8} {'core':>9}"
     )
     for link, rate in (("usb", 50.0), ("slcan", 50.0), ("usb", 20.0)):
-        report("no load of ours", link, rate, seconds)
+        report("no load of ours", link, rate, seconds, warm_up)
     with load(os.cpu_count() or 1):
-        report("every core busy", "usb", 50.0, seconds)
+        report("every core busy", "usb", 50.0, seconds, warm_up)
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from bench.quick import add_quick
 from urbihw_fakes.spykee.device import Spykee
 from urbihw_fakes.spykee.endpoint import SpykeeEndpoint
 
@@ -70,11 +71,12 @@ def daemon(url: str, folder: Path) -> Iterator[tuple[int, socket.socket]]:
         process.wait()
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main() -> None:
     """The command."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=10.0)
-    seconds = parser.parse_args(arguments).seconds
+    add_quick(parser, seconds=0.2)
+    seconds = parser.parse_args().seconds
     robot = Spykee()
     with tempfile.TemporaryDirectory(prefix="urbihw-") as name, SpykeeEndpoint(robot) as end:
         end.start()

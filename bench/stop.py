@@ -26,6 +26,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from bench.quick import add_quick
 from urbihw_fakes.bioloid import Bioloid
 from urbihw_fakes.device import Answer
 from urbihw_fakes.endpoint import PtyEndpoint
@@ -161,14 +162,17 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trials", type=int, default=100)
-    trials = parser.parse_args().trials
+    parser.add_argument("--held", type=int, help="trials beside a loop, each with a daemon of its own (a tenth)")
+    add_quick(parser, trials=1, held=1)
+    wanted = parser.parse_args()
+    trials, held = wanted.trials, wanted.held or max(5, wanted.trials // 10)
     print(f"{'ms from request to last stop byte':34} {'p50':>8} {'p99':>8} {'worst':>8}   {trials} trials each")
     for stop in ("estop", "typed"):
         for name, motion in (("idle", WHEEL), ("full load", SWING)):
             with session() as made:
                 print(row(f"{stop}, {name}", [made.measured(motion, stop) for _ in range(trials)]), flush=True)
     times = []
-    for _ in range(max(5, trials // 10)):
+    for _ in range(held):
         # A program that never gives way cannot be ended but with its daemon.
         with session() as made:
             made.client().sendall(b"sleep(0.4s); loop|{};\n")

@@ -1,6 +1,6 @@
 """What UObjects cost: an owned variable plugged in, a round trip to another process, a film from another process.
 
-    .venv/bin/python bench/uobject.py [--film SECONDS]
+    .venv/bin/python -m bench.uobject [--film SECONDS]
 
 Server and remote run as processes of their own on this machine; their processor time is that of the operating system.
 """
@@ -18,12 +18,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from bench.quick import add_quick
 from urbihw.kernel import Kernel
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.uobject import UImage, UObject, function, owned, reading, variable
 
-WRITES = 100_000
-TRIPS = 2000
 WIDTH, HEIGHT, RATE = 640, 480, 60
 
 
@@ -93,7 +92,7 @@ class Film(UObject):
         self.val.sense(UImage.of(self.pictures[self.shown % 2], WIDTH, HEIGHT))
 
 
-def plugged() -> float:
+def plugged(writes: int) -> float:
     """Seconds of one write of an owned variable, its callback included."""
     kernel = Kernel(SimClock())
     lobby = kernel.open_lobby()
@@ -101,9 +100,9 @@ def plugged() -> float:
     best = float("inf")
     for _ in range(5):
         began = time.perf_counter()
-        kernel.run_text(lobby, f"for| (var i: {WRITES}) lamp.val = i;")
-        best = min(best, (time.perf_counter() - began) / WRITES)
-    assert lamp.count == 5 * WRITES
+        kernel.run_text(lobby, f"for| (var i: {writes}) lamp.val = i;")
+        best = min(best, (time.perf_counter() - began) / writes)
+    assert lamp.count == 5 * writes
     return best
 
 
@@ -154,7 +153,7 @@ def _joined(port: int) -> Client:
     return client
 
 
-def round_trip(client: Client) -> float:
+def round_trip(client: Client, trips: int) -> float:
     """Seconds from a write in the remote to the callback for the server's answer, at the median."""
     client.ask(
         'var Global.mirror = Echo.new|; mirror.getSlot("ping").notifyChange(uobjects_handle, closure() '
@@ -162,7 +161,7 @@ def round_trip(client: Client) -> float:
     )
     medians = []
     for _ in range(3):
-        client.ask(f"mirror.go({TRIPS})|; waituntil(mirror.median->changed?)|; 1;")
+        client.ask(f"mirror.go({trips})|; waituntil(mirror.median->changed?)|; 1;")
         medians.append(float(client.ask("mirror.median * 1000000;")))
     return min(medians) / 1e6
 
@@ -191,10 +190,14 @@ def main() -> None:
     """Measure, and print one line each."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--film", type=float, default=10.0, help="seconds of film (default: %(default)s)")
-    seconds = options.parse_args().film
-    print(f"owned variable, write to callback: {plugged() * 1e6:.2f} us (aim: below 3)")
+    options.add_argument("--trips", type=int, default=2000, help="round trips (default: %(default)s)")
+    add_quick(options, film=0.2, trips=20)
+    wanted = options.parse_args()
+    seconds, trips = wanted.film, wanted.trips
+    print(f"owned variable, write to callback: {plugged(50 * trips) * 1e6:.2f} us (aim: below 3)")
     with processes() as (client, server, remote):
-        print(f"remote write to callback and back: {round_trip(client) * 1e3:.3f} ms at the median (aim: below 0.5)")
+        there_and_back = round_trip(client, trips) * 1e3
+        print(f"remote write to callback and back: {there_and_back:.3f} ms at the median (aim: below 0.5)")
         print_film("film", film(client, (server, remote), seconds))
     with processes("urbi/rtp") as (client, server, remote):
         print_film("film by RTP", film(client, (server, remote), seconds))

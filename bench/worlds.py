@@ -22,11 +22,10 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).parent))
-
 import mujoco
-from p3dx import children, used
 
+from bench.p3dx import children, used
+from bench.quick import add_quick
 from urbihw.platforms.webots.mujoco_world import MujocoWorld
 from urbihw.platforms.webots.port import WORLDS, bundled_worlds
 from urbihw_fakes.bodies.simulation import Simulation
@@ -153,6 +152,7 @@ def main() -> int:
     """Run both parts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=10.0, help="of each daemon; models take a tenth (%(default)s)")
+    add_quick(parser, seconds=0.1)
     seconds = parser.parse_args().seconds
     print(f"load of this machine before: {os.getloadavg()[0]:.1f}")
     print("physics alone, one core")

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-sys.path.append(str(Path(__file__).parents[2] / "bench"))
+sys.path.append(str(Path(__file__).parents[2]))
 
 pytest.importorskip("mujoco", reason="simulated worlds need the extra mujoco")
 
-import navigation
-from hall import START, Hall
-from hall_body import HallBody
+from bench import navigation
+from bench.hall import START, Hall
+from bench.hall_body import HallBody
 
 
 def test_a_robot_with_a_body_reaches_its_goals_in_the_hall_and_touches_nothing(tmp_path: Path) -> None:
