@@ -14,10 +14,7 @@ from urbihw.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
 PARTS = ("urbihw/platforms", "fakes/urbihw_fakes", "tests/platforms")
-CONTRACTS = (
-    "absent_at_start", "contract", "declared_settings", "manifest", "motion_contract", "owed", "pages", "random_faults",
-    "toy",
-)  # fmt: skip
+RECIPE = "### A platform (a robot)"
 NAMES = ("toy", "ab", "zyxwvutsrqponmlk")
 
 Capture = pytest.CaptureFixture[str]
@@ -79,7 +76,7 @@ def test_a_tree_that_cannot_be_written(tree: Path, capsys: Capture, monkeypatch:
 def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The sources, with platforms whose names are sorted and broken differently among the imports."""
     folder = tmp_path_factory.mktemp("clone")
-    for part in ("urbihw", "fakes", "tests", "docs"):
+    for part in ("urbihw", "fakes", "tests", "docs", "bench"):
         shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
     for file in ("pyproject.toml", "README.md"):
         shutil.copy(ROOT / file, folder)
@@ -95,12 +92,47 @@ def test_what_is_written_is_linted(clone: Path) -> None:
     assert done.returncode == 0, done.stdout
 
 
+def recipe() -> list[list[str]]:
+    """The commands of CONTRIBUTING.md, with this Python, and without the comments."""
+    _, _, chapter = (ROOT / "CONTRIBUTING.md").read_text("utf-8").partition(RECIPE)
+    block = chapter.split("\n\n")[1]
+    python = {".venv/bin/python": (sys.executable,), ".venv/bin/urbihw": (sys.executable, "-m", "urbihw.cli.main")}
+    commands = [line.split() for line in block.splitlines()]
+    return [[*python[command[0]], *command[1:]] for command in commands]
+
+
+def test_the_recipe_is_what_is_tested_here() -> None:
+    new, serve, test = recipe()
+    assert new[-2:] == ["new-platform", NAMES[0]]
+    assert serve[-4:] == ["serve", "--platform", NAMES[0], "--fake"]
+    assert test[-5:] == ["-m", "pytest", "tests/platforms", "-k", NAMES[0]]
+
+
+def in_clone(clone: Path) -> dict[str, str]:
+    """The environment in which commands use the clone."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join((str(clone), str(clone / "fakes"))), "URBIHW_SECONDS": "30"}
+
+
 def test_the_skeleton_holds_every_contract_as_it_is(clone: Path) -> None:
-    paths = os.pathsep.join((str(clone), str(clone / "fakes")))
-    tests = [f"tests/platforms/test_{contract}.py" for contract in CONTRACTS]
     done = subprocess.run(
-        (sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-k", "toy", "-m", "not long", *tests),
-        cwd=clone, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": paths, "URBIHW_SECONDS": "30"},
+        (*recipe()[2], "-q", "-x", "-p", "no:cacheprovider"), cwd=clone, capture_output=True, text=True,
+        env=in_clone(clone),
     )  # fmt: skip
     assert done.returncode == 0, done.stdout[-4000:]
     assert " passed" in done.stdout
+
+
+@pytest.mark.e2e
+def test_the_skeleton_is_served(clone: Path, tmp_path: Path) -> None:
+    settings = tmp_path / "urbihw.toml"
+    settings.write_text(f'port = 0\nsocket = "{tmp_path}/client.sock"\ncontrol = "{tmp_path}/control.sock"\n')
+    here = ("--config", str(settings))
+    with subprocess.Popen((*recipe()[1], *here), cwd=clone, env=in_clone(clone), stderr=subprocess.PIPE) as daemon:
+        try:
+            assert daemon.stderr is not None
+            line = next((line for line in daemon.stderr if b"1 wheel" in line), b"")
+            assert line.startswith(b"urbihw: port ")
+        finally:
+            daemon.terminate()
+            daemon.communicate(timeout=60)
+    assert daemon.returncode == 0

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Final
 
 from lab import RobotLab
 from motions import Kind, Motion, Numbers
+from slot_units import AX, BUS, ON_BUS, TAUGHT, UnitTable
 
 from urbihw.buses.link import Context
 from urbihw.buses.pipe import PipeEnd
@@ -116,3 +117,17 @@ MOTION = Motion(
         "remote": Kind("motor6.val = 1.7", 0.3, prepare="motor6.speed = 0.5;", remote=True),
     },
 )  # fmt: skip
+
+
+UNITS: Final[UnitTable] = {
+    "Bioloid": BUS,
+    "robot": TAUGHT,
+    "AX12": AX,
+    "AXS1": ON_BUS | {
+        "1": "IRLeft IRCenter IRRight lightLeft lightCenter lightRight lightThreshold lightThresholdDefault"
+        " obstacleThreshold obstacleThresholdDefault buzzerIndex clapCount remocon"
+        " id model firmware lock statusReturnLevel",
+        "ratio": "soundVolume soundVolumeMax",
+        "s": "age returnDelay buzzerTime soundTime",
+    },
+}  # fmt: skip

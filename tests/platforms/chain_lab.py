@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Final
 
 from lab import RobotLab
 from motions import Kind, Motion, Numbers
+from slot_units import ANGLES, AX, BUS, NUMBERS, SERVO, TAUGHT, UnitTable
 
 from urbihw.buses.link import Context
 from urbihw.buses.pipe import PipeEnd
@@ -133,3 +134,24 @@ MOTION = Motion(
         "switch to current just done": Kind(f"{_CURRENT} motor3.goalCurrent = 0.3;", 0.5, lead=0.04),
     },
 )  # fmt: skip
+
+
+UNITS: Final[UnitTable] = {
+    "Chain": BUS,
+    "robot": TAUGHT,
+    "AX-12A": AX,
+    "MX-28": SERVO | {
+        "rad": ANGLES,
+        "rad/s^2": "acceleration",
+        "N m": "torque torqueLimit maxTorque punch",
+        "1": NUMBERS + "led lock alarmLed statusReturnLevel pGain iGain dGain",
+    },
+    "XL330-M288": SERVO | {
+        "rad": ANGLES + "homingOffset",
+        "rad/s^2": "acceleration",
+        "A": "current goalCurrent",
+        "N m": "torque torqueLimit maxTorque",
+        "1": NUMBERS + "led statusReturnLevel goalPwm pGain iGain dGain velocityPGain velocityIGain"
+        " feedForward1 feedForward2",
+    },
+}  # fmt: skip

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Final
 
 from lab import SpeakingLab
 from motions import Kind, Motion, Numbers
+from slot_units import BUS, GAINS, TAUGHT, UnitTable
 
 from urbihw.buses.clock import SimClock
 from urbihw.buses.link import Context
@@ -94,3 +95,13 @@ MOTION = Motion(
         "remote goal": Kind("drive5.val = 60", 5.0, remote=True),
     },
 )  # fmt: skip
+
+
+UNITS: Final[UnitTable] = {
+    "Cia402": BUS,
+    "robot": TAUGHT,
+    "ServoDrive": {
+        "rad": "val angle requested applied positionCoeff", "rad/s": "speed velocityCoeff", "turn": "turn",
+        "N m": "torque", "1": GAINS + "node increments load",
+    },
+}  # fmt: skip

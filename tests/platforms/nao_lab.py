@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from lab import SpeakingLab
 from motions import Kind, Motion, Numbers
+from slot_units import BATTERY, BUS, BUTTON, GAINS, MOBILE, PICTURE, Units, UnitTable
 
 from urbihw.buses.link import Context
 from urbihw.buses.pipe import PipeEnd
@@ -161,3 +162,28 @@ MOTION = Motion(
         "remote": Kind("HeadYaw.val = 2", 3.0, lead=0.1, again="HeadYaw.val = -2", remote=True),
     },
 )  # fmt: skip
+
+
+_NAO_MOTOR: Final[Units] = {"N m": "torque", "degC": "temperature", "1": GAINS}
+UNITS: Final[UnitTable] = {
+    "Nao": BUS | {"%": "volume"},
+    "NaoJoint": _NAO_MOTOR | {"rad": "val angle requested applied", "turn": "turn", "ratio": "load"},
+    "NaoHand": _NAO_MOTOR | {"ratio": "val requested applied load"},
+    "NaoLed": {"ratio": "val r g b", "1": "rgb"},
+    "NaoCamera": PICTURE | {"Hz": "rate",
+                             "1": "load index format formatDetail threaded frames gain wb quality resolution"},
+    "NaoMicro": {"ms": "duration", "ratio": "gain"},
+    "NaoSpeaker": {"ms": "remain", "dB": "volume"},
+    "NaoVoice": {"ratio": "volume", "1": "speed pitch"},
+    "NaoSpeech": {"ratio": "confidence"},
+    "NaoWalk": {"m/s": "xSpeed ySpeed requested applied", "rad/s": "yawSpeed", "m": "x y", "rad": "theta"},
+    "NaoMotorControl": {"s": "dcmShift"},
+    **{f"sonar{side}": {"m": "val distance"} for side in "LR"},
+    **{f"accel{axis}": {"m/s^2": "val acceleration"} for axis in "XYZ"},
+    **{f"gyro{axis}": {"rad/s": "val speed"} for axis in "XY"},
+    **{f"headSensor{place}": BUTTON for place in "FMR"},
+    "NaoBumper": BUTTON,
+    "NaoBattery": BATTERY,
+    "NaoFsr": {"1": "val left right", "kg": "leftFootTotalWeight rightFootTotalWeight"},
+    "robot": MOBILE | {"rad/s": MOBILE["rad/s"] + " blendSpeed"},
+}  # fmt: skip

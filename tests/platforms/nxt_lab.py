@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Final
 
 from lab import RobotLab
 from motions import Kind, Motion, Numbers
 from paths import on_map
+from slot_units import BATTERY, BUS, GAINS, MOBILE, ODOMETRY, PLANNER, Units, UnitTable
 
 from urbihw.buses.link import Context
 from urbihw.buses.pipe import PipeEnd
@@ -93,3 +94,21 @@ MOTION = Motion(
         "remote goal": Kind("claw.val = 100000", 5.0, remote=True),
     },
 )  # fmt: skip
+
+
+_NXT_SENSOR: Final[Units] = {"1": "port raw", "s": "age"}
+UNITS: Final[UnitTable] = {
+    "Nxt": BUS | {"m": "wheelRadius track", "rad/s": "fullSpeed"},
+    "Servo": {  # val in degrees: chapter 24, "Servo"
+        "deg": "val", "rad": "angle", "turn": "turn", "%": "speed requested applied", "N m": "torque",
+        "s": "age", "1": GAINS,
+    },
+    "SoundSensor": _NXT_SENSOR | {"ratio": "val"},
+    "LightSensor": _NXT_SENSOR | {"ratio": "val"},
+    "UltraSonicSensor": {"cm": "val", "m": "distance", "s": "age", "1": "port"},
+    "Switch": {"1": "port raw val pressure", "s": "age"},
+    "Battery": BATTERY | {"ratio": "val remain"},
+    "NxtOdometry": ODOMETRY,
+    "NxtPlanner": PLANNER,
+    "robot": MOBILE,
+}  # fmt: skip

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Final
 
 from lab import HandWorker, RobotLab
 from motions import Kind, Motion, Numbers
+from slot_units import BATTERY, BUS, GAINS, MOBILE, ODOMETRY, PICTURE, PLANNER, UnitTable
 
 from urbihw.buses import messages as m
 from urbihw.buses.driver import driver_of
@@ -168,3 +169,26 @@ MOTION = Motion(
         "remote": Kind("P3dx.body.yaw.speed = 0.5", 0.4, remote=True),
     },
 )  # fmt: skip
+
+
+UNITS: Final[UnitTable] = {
+    "P3dx": BUS | {"m/s": "speedDelta", "rad/s": "speedAlpha", "m": "distMin distMax",
+                    "1": "epoch stops motorsLoad laserLoad"},
+    "Body": {"m": "safetyDistanceMin safetyDistanceMax", "1": "load digitalIn digitalOut"},
+    "Wheel": {"m/s": "speed val", "1": GAINS},
+    "Sonars": {"1": "load"},
+    "Sonar": {"m": "val distance"},
+    "P3dxLaser": {
+        "m": "val distanceMin distanceMax laserDistanceMin laserDistanceMax",
+        "rad": "angleMin angleMax resolution",
+        "Hz": "rate", "s": "lastCaptureTimestamp", "1": "load",
+    },
+    "Camera": PICTURE | {"rad": "yaw pitch xfov yfov", "ratio": "zoom",
+                          "1": "load frames gain wb quality resolution"},
+    "XSpeed": {"m/s": "speed val requested applied", "m/s^2": "acceleration deceleration", "1": GAINS},
+    "YawSpeed": {"rad/s": "speed val requested applied", "rad/s^2": "acceleration deceleration", "1": GAINS},
+    "Battery": BATTERY,
+    "P3dxOdometry": ODOMETRY,
+    "P3dxPlanner": PLANNER,
+    "robot": MOBILE,
+}  # fmt: skip

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 from lab import SpeakingLab
 from motions import Kind, Motion, Numbers
 from paths import on_map
+from slot_units import BUS, MOBILE, ODOMETRY, PLANNER, UnitTable
 
 from urbihw_fakes.can.device import CanDevice, Codec
 from urbihw_fakes.can.records import Records
@@ -87,3 +88,22 @@ MOTION = Motion(
         "remote": Kind("rmp.forwardSpeed = 0.5", 0.4, remote=True),
     },
 )  # fmt: skip
+
+
+UNITS: Final[UnitTable] = {
+    "Segway": BUS | {"1": "epoch stops build"},
+    "RMP": {  # chapter "Segway RMP": a coefficient is the unit of its slot for one count
+        "m/s": "forwardSpeed leftSpeed rightSpeed forwardSpeedCoeff leftSpeedCoeff rightSpeedCoeff velocityCoeff"
+        " requested applied",
+        "rad/s": "yawSpeed yawSpeedCoeff turnCoeff pitchRate rollRate",
+        "m": "forward left right forwardCoeff leftCoeff rightCoeff",
+        "rad": "yaw yawCoeff pitch roll",
+        "N m": "leftTorque rightTorque torqueCoeff",
+        "V": "voltage boxVoltage lowVoltage",
+        "ratio": "remain speedScale accelerationScale turnScale currentLimit",
+        "s": "period",
+    },
+    "SegwayOdometry": ODOMETRY,
+    "SegwayPlanner": PLANNER,
+    "robot": MOBILE,
+}  # fmt: skip

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Final
 
 from lab import START, HandWorker, RobotLab
 from motions import Kind, Motion, Numbers
+from slot_units import ANGLES, BUS, NUMBERS, SERVO, TAUGHT, Units, UnitTable
 
 from urbihw.buses.link import Context
 from urbihw.buses.pipe import PipeEnd
@@ -125,3 +126,14 @@ MOTION = Motion(
         "remote": Kind("motor1.val = 1.85", 0.3, prepare="motor1.speed = 0.4;", remote=True),
     },
 )
+
+
+# Feetech tells torques as a share of the stall torque.
+_STS: Final[Units] = SERVO | {
+    "rad": ANGLES + "homingOffset",
+    "rad/s^2": "acceleration",
+    "A": "current",
+    "1": NUMBERS + "alarmLed lock pGain iGain dGain velocityPGain velocityIGain goalPwm"
+    " torque torqueLimit maxTorque punch",
+}
+UNITS: Final[UnitTable] = {"robot": TAUGHT, "SO101": BUS, "ArmServo": _STS, "GripperServo": _STS}

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 from lab import SpeakingLab
 from motions import Kind, Motion, Numbers
+from slot_units import BATTERY, BUS, GAINS, MOBILE, PICTURE, UnitTable
 
 from urbihw.platforms.spykee.robot import Spykee as SpykeeRobot
 from urbihw_fakes.console import Console
@@ -71,3 +72,16 @@ MOTION = Motion(
         "remote": Kind("trackL.val = 60", 0.2, remote=True),
     },
 )  # fmt: skip
+
+
+UNITS: Final[UnitTable] = {
+    "Spykee": BUS | {"%": "power volume", "m/s": "fullSpeed", "rad/s": "fullTurn"},
+    "SpykeeTrack": {"%": "val requested applied", "1": GAINS},  # -100 to 100: chapter "Spykee"
+    "SpykeeLed": {"ratio": "val"},
+    "SpykeeCamera": PICTURE | {"1": "frames gain wb quality resolution"},
+    "SpykeeMicro": {"ms": "duration", "ratio": "gain"},
+    "SpykeeSpeaker": {"ms": "remain", "dB": "volume"},
+    "SpykeeMp3": {"ratio": "sent"},
+    "SpykeeBattery": BATTERY,
+    "robot": MOBILE,
+}  # fmt: skip

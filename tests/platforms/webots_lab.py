@@ -7,11 +7,12 @@ import importlib.util
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Final
 
 import pytest
 from lab import RobotLab
 from motions import Kind, Motion, Numbers
+from slot_units import BUS, GAINS, MOBILE, PICTURE, UnitTable
 
 from urbihw.buses.errors import LinkGone, Unavailable
 from urbihw.buses.link import Context
@@ -180,3 +181,24 @@ MOTION = Motion(
         "remote": Kind("wheelL.speed = 3", 2.5, remote=True),
     },
 )  # fmt: skip
+
+
+UNITS: Final[UnitTable] = {  # chapter "Webots": the devices of pioneer-wander
+    "Webots": BUS | {"s": "time step", "1": "epoch stops factor"},
+    "DifferentialWheels": {
+        "rad": "angle val requested applied", "rad/s": "speed maxSpeed", "turn": "turn", "N m": "torque",
+        "1": f"load encoder encoderResolution {GAINS}",
+    },
+    "DistanceSensor": {"m": "distance val", "1": "load factor"},
+    "TouchSensor": {"1": "pressure val load"},
+    "Gyro": {"rad/s": "speed val", "1": "load"},
+    "GPS": {"m": "x y z val", "1": "load"},
+    "InertialUnit": {"rad": "roll pitch yaw val", "1": "load"},
+    "Lidar": {
+        "m": "val distanceMin distanceMax", "rad": "angleMin angleMax resolution", "Hz": "rate", "1": "load",
+    },
+    "Camera": PICTURE | {"rad": "xfov yfov", "m": "near far", "1": "load gain wb quality resolution"},
+    "WorldView": PICTURE | {"rad": "azimuth elevation xfov yfov", "m": "distance",
+                             "1": "frames gain wb quality resolution"},
+    "robot": MOBILE,
+}  # fmt: skip
