@@ -131,12 +131,9 @@ def test_show_says_that_a_held_daemon_stops_the_robot(capsys: Capture, file: Pat
         assert main(("config", "show", "--config", "robot.toml")) == 0
         return next(row for row in capsys.readouterr().out.splitlines() if row.startswith("hold_limit"))
 
-    file.write_text("")
-    assert line().endswith("# default; a job that holds for longer than dead_man (1.5 s) stops the robot before")
     file.write_text("hold_limit = 0\ndead_man = 3")
-    assert line().endswith("# robot.toml: hold_limit; a job that holds for longer than dead_man (3 s) stops the robot "
-                           "before")
-    for text in ("hold_limit = 1", "dead_man = 0", "hold_limit = 2\ndead_man = 2"):
+    assert line().endswith("# robot.toml: hold_limit; a job that holds for longer than dead_man (3 s) stops the robot")
+    for text in ("", "hold_limit = 0.75", "dead_man = 0", "hold_limit = 1\ndead_man = 2"):
         file.write_text(text)
         assert "stops the robot" not in line()
 

@@ -25,6 +25,22 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return Path("robot.toml")
 
 
+HOLDS = (
+    "hold_limit: {} s is too long: the robot is stopped after {} s without a sign of life of the daemon (dead_man), so "
+    "one program could stop it; give at most {} s"
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [("", 0.5), ("dead_man = 0.9", 0.3), ("dead_man = 60", 0.5), ("dead_man = 0", 0.5), ("hold_limit = 0", 0.0),
+     ("platform = 'segway'\ndead_man = 0", 0.4 / 3), ("platform = 'segway'\ndead_man = 0.3", 0.1)],
+)  # fmt: skip
+def test_a_held_interpreter_is_free_before_the_dead_man_stops_the_robot(file: Path, text: str, seconds: float) -> None:
+    file.write_text(text)
+    assert configure(file).hold_limit == pytest.approx(seconds)
+
+
 def test_the_defaults() -> None:
     made = configure()
     assert (made.platform, made.url, made.fake) == ("", "", False)
@@ -102,6 +118,9 @@ def test_a_robot_named_by_a_flag_replaces_that_of_the_file(
         ("port = -1", "robot.toml: port: wants a whole number from 0 to 65535, not -1"),
         ("dead_man = -0.1", "robot.toml: dead_man: wants a number from 0 to 60 s, not -0.1"),
         ("dead_man = nan", "robot.toml: dead_man: wants a number from 0 to 60 s, not nan"),
+        ("hold_limit = 2", f"robot.toml: {HOLDS.format('2', '1.5', '0.75')}"),
+        ("hold_limit = 0.2\ndead_man = 0.3", f"robot.toml: {HOLDS.format('0.2', '0.3', '0.15')}"),
+        ("platform = 'segway'\nhold_limit = 0.3", f"robot.toml: {HOLDS.format('0.3', '0.4', '0.2')}"),
         ("rate = 0", "robot.toml: rate: wants a number from 1 to 1000 Hz, not 0"),
         ("quiet = 1", "robot.toml: quiet: wants true or false, not 1"),
         ("host = 1", "robot.toml: host: wants a text, not 1"),

@@ -112,10 +112,11 @@ _ROUGH += "s.sendall(sys.argv[2].encode()+b'\\n');time.sleep(600)"
 class Daemon:
     """``urbihw serve`` in a process of its own."""
 
-    def __init__(self, folder: Path, platform: str, url: str) -> None:
+    def __init__(self, folder: Path, platform: str, url: str, settings: str = "") -> None:
+        """``settings`` are further lines of the settings file."""
         self.control = folder / "control"
         config, port_file = folder / "config.toml", folder / "port"
-        config.write_text(f'control = "{self.control}"\n')
+        config.write_text(f'control = "{self.control}"\n{settings}')
         self._log = (folder / "log").open("w+")
         command = (sys.executable, "-m", "urbihw.cli.main", "serve", "--platform", platform, "--url", url, "--quiet")
         self.process = subprocess.Popen(

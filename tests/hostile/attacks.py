@@ -41,10 +41,12 @@ class Attack:
         name: says what is done.
         says: what each connection sends, or what the attacker does.
         connections: how many, for bytes.
+        holds: it holds the interpreter on purpose: until the limit of the server ends it, its neighbours wait.
         reads: whether the attacker reads what it is told, for bytes.
         seconds: for which the neighbour is looked at.
         spoils: errors count as answers to the neighbour: what is attacked is shared by all, and an error tells so.
         leaves: the attacker is gone before a new connection is tried; it has taken all there are.
+        ends: it ends the server, which any client may do; the robot stands then.
         descriptors: how many the server may have open; 0: as many as usual.
         memory: how many MB the server may grow by.
         ci: one of those that run with the tests.
@@ -57,6 +59,8 @@ class Attack:
     seconds: float = 3.0
     spoils: bool = False
     leaves: bool = False
+    holds: bool = False
+    ends: bool = False
     descriptors: int = 0
     memory: float = 300.0
     ci: bool = False
@@ -539,7 +543,6 @@ _OTHERS = {
     "printing that fails": 'Object.asToplevelPrintable = function () { throw "no" }; Object.asString = function () '
     '{ throw "no" }; Float.asString = function () { throw "no" }; Exception.asString = function () { throw "no" };',
     "a lobby whose slots hang": "Lobby.topLevel = Object.new|; Lobby.echo = function (x) { loop {} }; Lobby.send = 3;",
-    "_exit": "System._exit(1); _exit(1);",
 }
 _OUTSIDE = {
     "a program that writes without end": 'var p = Process.new("yes", [])|; p.run; p.stdout.asList.size;',
@@ -602,6 +605,7 @@ ATTACKS: tuple[Attack, ...] = (
     *_programs(_HELD),
     *_programs(_BUILT_IN, memory=800.0),
     *_programs(_OTHERS, spoils=True),
+    Attack("_exit", b"System._exit(1); _exit(1);\n", ends=True),
     Attack("output without end that nobody reads", b'for| (200000) { echo("x" * 1000) };\n', reads=False, ci=True),
     Attack("output without end, to all", b'for| (20000) { wall("x" * 1000) };\n', reads=False),
     *_programs(_MEMORY),

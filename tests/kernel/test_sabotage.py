@@ -453,7 +453,7 @@ def test_a_changed_printing_that_works_is_left_alone(fresh: Stage) -> None:
 
 def test_a_function_that_held_everybody_up_while_printing_is_put_back(fresh: Stage) -> None:
     def hold(this: Any) -> Any:
-        raise HeldTooLong("held the interpreter for more than 2 s: give way with ';' or sleep")
+        raise HeldTooLong("held the interpreter for more than 0.5 s: give way with ';' or sleep")
 
     fresh.world.ops.put_slot(fresh.world.object, "hold", make_primitive(fresh.world, "hold", hold, 0, 0))
     fresh.say(fresh.saboteur, "Float.asString = function () { hold }|; String.asString = function () { size.hold }|;")

@@ -11,6 +11,7 @@ import pytest
 from urbihw import platforms
 from urbihw.kernel.uobject import BadConfig
 from urbihw.platforms import DeviceLimits
+from urbihw.platforms.segway.robot import DEAD_MAN
 
 NAMES = [folder.name for folder in platforms.folders()]
 VALUES: dict[str, Any] = {"position": (-0.5, 0.5), "temperature": (40.0, 50.0, 60.0), "voltage": (10.0, 11.0)}
@@ -40,6 +41,11 @@ def limited(lab: Any) -> dict[str, set[str]]:
             kind for kind in DeviceLimits.rules() if counts(DeviceLimits(**{kind: VALUES.get(kind, 0.1)})) != free
         }
     return found
+
+
+def test_the_longest_silence_of_the_manifest_is_that_of_the_robot() -> None:
+    declared = {name: platforms.find(name).dead_man for name in NAMES}
+    assert {name: longest for name, longest in declared.items() if longest} == {"segway": DEAD_MAN}
 
 
 @pytest.mark.parametrize("name", NAMES)

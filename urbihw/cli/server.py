@@ -49,8 +49,8 @@ class Settings:
         port_file: file for the port, written when clients can connect.
         quiet: no banner.
         fast: simulated time.
-        hold_limit: seconds for which a job may block all others; 0: no limit.  This and the other limits apply only to
-            a server with a port: without one there are no other clients.
+        hold_limit: seconds of processor time for which a job may block all others; 0: no limit.  This and the other
+            limits apply only to a server with a port: without one there are no other clients.
         modules: modules of UObjects to load first.
         arguments: ``System.arguments``.
     """

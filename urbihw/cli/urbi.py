@@ -48,7 +48,7 @@ def parser() -> Parser:
                          help="listen on PORT (0: any free one; -1: none)")
     network.add_argument("--hold-limit", type=number(0, DAY_S, "number of seconds"), default=HOLD_LIMIT,
                          metavar="SECONDS",
-                         help="maximum time for a job to block all others, with a port (%(default)g; 0: no limit)")
+                         help="processor time for a job to block all others, with a port (%(default)g; 0: no limit)")
     network.add_argument("-w", "--port-file", type=Path, metavar="FILE", help="write the port to FILE when ready")
     add_sources(made)
     made.add_argument("-i", "--interactive", action="store_true", help="read and run standard input")

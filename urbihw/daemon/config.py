@@ -28,6 +28,7 @@ from urbihw import buses, platforms
 from urbihw.buses.errors import BadUrl, Unavailable
 from urbihw.buses.link import Context, split_parameters
 from urbihw.client.where import is_loopback
+from urbihw.daemon import timeouts
 from urbihw.daemon.files import read_regular, unreadable
 from urbihw.daemon.metrics import parse_address
 from urbihw.kernel.server.bounds import HOLD_LIMIT, MAX_JOBS, MAX_TOTAL_JOBS, MEMORY_LIMIT
@@ -82,8 +83,9 @@ class Config(Table):
         load: urbiscript files to run before clients can connect.
         socket: path of the UNIX socket for clients; empty for ``client_path()``, "off" for none.
         max_clients: maximum number of clients; further ones get a line that says so and are disconnected.
-        hold_limit: seconds for which a job may block all others; then it gets an error, and is ended if it goes on; 0:
-            no limit.  When a job blocks for ``dead_man`` seconds, the bus worker stops the robot.
+        hold_limit: seconds of processor time for which a job may block all others; then it gets an error, and is ended
+            if it goes on; 0: no limit, and a job that blocks for ``dead_man`` seconds stops the robot.  At most half of
+            ``dead_man``; by default a third of it, 0.5 s at most (``urbihw.daemon.timeouts``).
         max_jobs: maximum number of simultaneous jobs of one connection; further ones are refused.
         memory_limit: maximum memory of the daemon in MiB, at most half of the machine's memory; beyond it, jobs that
             allocate more get an error; 0: no limit.
@@ -245,6 +247,8 @@ def load(file: Path | None = None, flags: Mapping[str, Any] | None = None) -> Lo
         values.pop("fake", None)
         values.pop("world", None)
     config = Config(**{**values, **typed})
+    if "hold_limit" not in {*values, *typed}:
+        config = replace(config, hold_limit=timeouts.default_hold_limit(_dead_man(config)))
     if file is not None and "options" in values:
         config = replace(config, options=_files_beside(file, config))
     of_robot = [
@@ -264,6 +268,17 @@ def unusable_files(loaded: Loaded) -> Iterator[Complaint]:
     for each in table.of(config.options).unusable_files():
         key = f"options.{each.key}"
         yield Complaint("options", one_line(f"{_place(key, loaded.file)}: {each.text}"))
+
+
+def _dead_man(config: Config) -> float:
+    """The dead man's time of the robot in s; that of the settings if the platform is unknown, which is told
+    elsewhere.
+    """
+    try:
+        manifest = platforms.find(config.platform) if config.platform else None
+    except BadConfig:
+        manifest = None
+    return timeouts.dead_man_in_force(config.dead_man, manifest)
 
 
 def _files_beside(settings: Path, config: Config) -> dict[str, Any]:
@@ -300,11 +315,11 @@ def entries(loaded: Loaded) -> Iterator[Entry]:
 
 
 def _note_of_hold(config: Config) -> str:
-    """The note on ``hold_limit``: a job that blocks the interpreter silences the daemon, and the bus worker stops the
-    robot after ``dead_man``."""
-    if not config.dead_man or 0 < config.hold_limit <= config.dead_man:
+    """The note on ``hold_limit``: without a limit a job silences the daemon, and the bus worker stops the robot."""
+    dead_man = _dead_man(config)
+    if not dead_man or config.hold_limit:
         return ""
-    return f"a job that holds for longer than dead_man ({config.dead_man:g} s) stops the robot before"
+    return f"a job that holds for longer than dead_man ({dead_man:g} s) stops the robot"
 
 
 def _options_in_force(loaded: Loaded, table: type[Table]) -> Iterator[Entry]:
@@ -363,6 +378,9 @@ def _mistakes_about_robot(config: Config) -> Iterator[Mistake]:
     except BadConfig as error:
         yield Mistake("platform", str(error))
         return
+    order = timeouts.mistake_in_order(config.hold_limit, _dead_man(config))
+    if order is not None:
+        yield order
     yield from platforms.mistakes(manifest, config.options, config.limits, config.devices)
     if manifest is None:
         for top in _TABLES:

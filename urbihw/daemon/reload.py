@@ -18,7 +18,7 @@ log = logging.getLogger("urbihw.daemon")
 RELOAD_INTERVAL_S: Final = 1.0
 """Minimum seconds between two reloads: each blocks all clients for some milliseconds, and writes lines to the log."""
 LIVE_SETTINGS: Final = frozenset(
-    ("rate", "dead_man", "torque_off_on_stop", "on_disconnect", "on_lost", "limits", "options")
+    ("rate", "hold_limit", "dead_man", "torque_off_on_stop", "on_disconnect", "on_lost", "limits", "options")
 )
 """The settings that change at once.  Those ``options`` that matter for finding the robot take effect when it is found
 again."""

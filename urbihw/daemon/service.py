@@ -121,6 +121,7 @@ class Service:
             if config.platform != self._config.platform:
                 raise BadConfig(f"platform: {self._config.platform} is served; for another one start urbihw anew")
             self._robot.configure(_robot_settings(config, self._robot_url))
+            self._process.set_hold_limit(config.hold_limit)
         except BadConfig as error:
             log.error("settings stay as they were: %s", error)
         else:

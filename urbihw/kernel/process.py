@@ -189,6 +189,11 @@ class KernelProcess:
         assert self.driver is not None
         self.driver.drive()
 
+    def set_hold_limit(self, seconds: float) -> None:
+        """Bound the processor time for which a job may hold the interpreter from now on; 0: no limit."""
+        assert self.driver is not None
+        self.driver.set_hold_limit(seconds)
+
     def load_modules(self, names: Iterable[str]) -> None:
         """Load modules of UObjects.  Raises BadConfig."""
         for name in names:

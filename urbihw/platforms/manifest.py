@@ -76,6 +76,8 @@ class Manifest:
         devices: whether the settings may name the expected devices (``[devices]``): a chain of servos.
         system: what it needs of the operating system.
         leads_time: whether the robot is a simulation whose time is that of the programs.
+        dead_man: the longest time in s for which the robot may be without a sign of life of the daemon, whatever the
+            settings say; 0 leaves it to them.
         limits: the devices that can have ``[limits]`` -> their kinds of limits; ``#`` in a name stands for a number,
             and the name ``*`` for any.
         joints: names of joints -> the ids of their devices, where the platform names them.
@@ -98,6 +100,7 @@ class Manifest:
     on_robot: str = ""
     devices: bool = False
     leads_time: bool = False
+    dead_man: float = 0.0
     system: SystemNeeds = SystemNeeds()
     limits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     joints: Mapping[str, int] = field(default_factory=dict)
@@ -167,6 +170,10 @@ def _value(key: str, value: Any) -> Any:
         if not isinstance(value, bool):
             raise BadManifest(f"{key} must be true or false, not {value!r}")
         return value
+    if key == "dead_man":
+        if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
+            raise BadManifest(f"dead_man must be a number of seconds above 0, not {value!r}")
+        return float(value)
     if key == "system":
         return _system(value)
     if key == "limits":

@@ -24,6 +24,7 @@ from urbihw.kernel.server import watchdog
 from urbihw.kernel.server.bounds import MIB, NONE, Bounds, bounds, machine_memory
 from urbihw.kernel.server.loop import Driver
 from urbihw.kernel.server.memory import GROWTH_MARGIN, MemoryAccount, ResidentMemory
+from urbihw.kernel.uobject import UObject, function
 
 pytestmark = pytest.mark.e2e
 
@@ -88,7 +89,7 @@ def played(scene: Callable[[Talk], object], limits: Bounds) -> None:
 
 @pytest.fixture(autouse=True)
 def hurry(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
-    monkeypatch.setattr(watchdog, "GRACE_S", 0.2)
+    monkeypatch.setattr(watchdog, "GRACE_SHARE", 1.0)
     caplog.set_level(logging.WARNING)
 
 
@@ -192,6 +193,23 @@ def test_signals_that_come_faster_than_they_are_handled_do_not_pile_up(monkeypat
 
     played(scene, Bounds(hold_limit=HOLD))
     assert hooks.most == 1
+
+
+class Idler(UObject):
+    """Something that takes time without using the processor, as any program does on a machine with much to do."""
+
+    @function
+    def idle(self) -> None:
+        """Wait."""
+        time.sleep(HOLD / 10)
+
+
+def test_a_job_that_waits_for_the_processor_is_not_blamed() -> None:
+    async def scene(talk: Talk) -> None:
+        talk.kernel.host.register(Idler)
+        assert await talk.ask("{ var i = Idler.new | for| (20) i.idle } | 7;") == "7"
+
+    played(scene, Bounds(hold_limit=HOLD))
 
 
 def test_who_gives_way_now_and_then_is_left_alone(caplog: pytest.LogCaptureFixture) -> None:

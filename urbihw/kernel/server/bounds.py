@@ -9,7 +9,7 @@ from typing import Final
 from urbihw.kernel.sched.scheduler import MAX_TOTAL_JOBS as MAX_TOTAL_JOBS  # for those who may not see the scheduler
 
 MIB: Final = 1024 * 1024
-HOLD_LIMIT: Final = 2.0
+HOLD_LIMIT: Final = 0.5
 MEMORY_LIMIT: Final = 1024
 MAX_JOBS: Final = 20_000
 
@@ -19,7 +19,7 @@ class Bounds:
     """The limits.  The defaults set none: they are for a program that serves no other connection.
 
     Attributes:
-        hold_limit: seconds that a job may hold the interpreter without yielding; 0: no limit.
+        hold_limit: seconds of processor time that a job may hold the interpreter without yielding; 0: no limit.
         memory_limit: bytes of memory that the process may have while programs run; 0: no limit.
         max_jobs: maximum number of jobs of one connection.
     """

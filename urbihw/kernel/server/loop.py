@@ -37,6 +37,10 @@ class Driver:
         scheduler.set_wake_host(self._wake)
         COLLECTOR.guard()
 
+    def set_hold_limit(self, seconds: float) -> None:
+        """Bound the processor time for which a job may hold the interpreter from now on; 0: no limit."""
+        self._watchdog.hold_limit = seconds
+
     def _wake(self) -> None:
         if not self._closed and not self._called:
             self._called = True

@@ -2,7 +2,8 @@
 
 It makes ``run`` return from time to time, so that an endless loop of ``;`` does not starve the sockets.  With bounds,
 
-- a job that holds the interpreter gets an error, which it can catch; if it goes on, it is ended;
+- a job that holds the interpreter gets an error, which it can catch; if it goes on, it is ended.  What counts is the
+  processor time of the scheduler's thread: on a loaded machine a short job takes long, and harms nobody;
 - so does a job that exhausts the memory (``memory``).
 
 The thread cannot raise an error in another thread.  It sends the scheduler's thread a signal, whose handler arms the
@@ -44,9 +45,9 @@ POLL_PERIOD_S: Final = 0.02
 IDLE_TIMEOUT_S: Final = 1.0
 """Seconds without a run after which the thread stops polling."""
 LOG_HOLD_S: Final = 1.0
-"""Seconds after which the log names a job that does not yield."""
-GRACE_S: Final = 1.0
-"""Seconds for which a job may go on holding the interpreter after it got the error."""
+"""Seconds, by the clock, after which the log names a job that does not yield."""
+GRACE_SHARE: Final = 0.5
+"""The time for which a job may go on holding the interpreter after it got the error, as a share of the limit."""
 MAX_HOLDS: Final = 3
 HOLD_WINDOW_S: Final = 30.0
 """A connection whose jobs get the error ``MAX_HOLDS`` times in so many seconds has all its jobs ended."""
@@ -70,11 +71,13 @@ class Watchdog:
 
     def __init__(self, scheduler: Scheduler, bounds: Bounds) -> None:
         self._scheduler = scheduler
-        self._hold_limit = bounds.hold_limit
+        self.hold_limit = bounds.hold_limit
+        """Seconds of processor time that a job may hold the interpreter; 0: no limit."""
         self._resident = ResidentMemory()
         self.memory = MemoryAccount(scheduler, bounds.memory_limit, self._resident, time.monotonic) \
             if bounds.memory_limit else None
         self._main = threading.get_ident()
+        self._processor_clock = time.pthread_getcpuclockid(self._main)
         self._count = 0
         """Number of beginnings and ends of runs so far: odd during a run."""
         self._wanted: tuple[int, _Harm] | None = None
@@ -141,32 +144,43 @@ class Watchdog:
             last = look
             time.sleep(MAX_RUN_S if busy else POLL_PERIOD_S)
 
+    def _processor_time(self) -> float:
+        """That of the scheduler's thread, in seconds."""
+        return time.clock_gettime(self._processor_clock)
+
     def _interrupt(self, look: _Observation) -> None:
         """Interrupt a run.  The run ends after the turn of the current job, so the time from now on is that of this
         turn."""
-        now = time.monotonic()
+        now, busy = time.monotonic(), self._processor_time()
         if not look.interrupted:
-            look.interrupted = now
+            look.interrupted, look.began_busy = now, busy
             self._scheduler.interrupt()
             return
-        held = now - look.interrupted
-        limit = self._hold_limit
-        if not look.named and held > (min(LOG_HOLD_S, limit) or LOG_HOLD_S):
+        limit = self.hold_limit
+        exceeds = limit > 0 and busy - look.began_busy > limit
+        if not look.named and (exceeds or now - look.interrupted > LOG_HOLD_S):
             look.named = True
-            self._log_holder(min(LOG_HOLD_S, limit) or LOG_HOLD_S)
-        if limit and held > limit:
-            if not look.broken:
-                self._request_break(look, _Harm.HOLDS)
-                look.broken = now
-            elif self._handling:
-                look.broken = now
-            elif self._wanted is not None or self._scheduler.breaker.armed():
-                if now - look.broken > SIGNAL_RETRY_S:
-                    self._request_break(look, _Harm.AGAIN if self._wanted is None else self._wanted[1])
-                    look.broken = now
-            elif now - look.broken > GRACE_S:
-                self._request_break(look, _Harm.HOLDS_ON)
-                look.broken = now
+            self._log_holder(limit if exceeds else LOG_HOLD_S)
+        if exceeds:
+            self._break_holder(look, now, busy)
+
+    def _break_holder(self, look: _Observation, now: float, busy: float) -> None:
+        """Interrupt the job that holds the interpreter, or see to it that this takes effect."""
+        if not look.broken:
+            harm = _Harm.HOLDS
+        elif self._handling:
+            look.broken, look.broken_busy = now, busy
+            return
+        elif self._wanted is not None or self._scheduler.breaker.armed():
+            if now - look.broken <= SIGNAL_RETRY_S:
+                return
+            harm = _Harm.AGAIN if self._wanted is None else self._wanted[1]
+        elif busy - look.broken_busy > GRACE_SHARE * self.hold_limit:
+            harm = _Harm.HOLDS_ON
+        else:
+            return
+        self._request_break(look, harm)
+        look.broken, look.broken_busy = now, busy
 
     def _log_holder(self, seconds: float) -> None:
         """Write the name of the running job to the log, once."""
@@ -235,7 +249,7 @@ class Watchdog:
         """The exception to raise in the job; None for none."""
         if harm is _Harm.HOLDS:
             self._count_hold(job)
-            return HeldTooLong(f"held the interpreter for more than {self._hold_limit:g} s: give way with ';' or sleep")
+            return HeldTooLong(f"held the interpreter for more than {self.hold_limit:g} s: give way with ';' or sleep")
         if harm is _Harm.HOLDS_ON:
             log.warning("job %s is ended: it held the interpreter on", job.name)
             self._write_error(job, f"!!! job {job.name} is ended: it held the interpreter on")
@@ -274,14 +288,16 @@ def end_signal(job: Job) -> Signal:
 
 
 class _Observation:
-    """The state of one run: its count, the time of the first poll that saw it, and the interruptions requested
-    since."""
+    """The state of one run: its count, the time of the first poll that saw it, and the interruptions requested since;
+    those ``busy`` are processor times."""
 
-    __slots__ = ("began", "broken", "count", "interrupted", "named")
+    __slots__ = ("began", "began_busy", "broken", "broken_busy", "count", "interrupted", "named")
 
     def __init__(self, count: int, began: float) -> None:
         self.count = count
         self.began = began
         self.interrupted = 0.0
+        self.began_busy = 0.0
         self.broken = 0.0
+        self.broken_busy = 0.0
         self.named = False
