@@ -215,6 +215,51 @@ def test_no_answer_in_time_leaves_the_connection_usable(robot: Robot) -> None:
     assert [robot.run("2"), robot.run("sleep(0.3); 3")] == [2, 3]
 
 
+@pytest.mark.parametrize("text", [
+    "loop { motor6.val++; sleep(1ms) }", "{ loop { motor6.val++; sleep(1ms) } , sleep(1h) }",
+])  # fmt: skip
+def test_a_call_that_is_given_up_ends_on_the_server_unless_it_is_kept(lan: Lan, robot: Robot, text: str) -> None:
+    async def cancelled() -> None:
+        async with await aio.connect("127.0.0.1", lan.plain_port) as other:
+            task = asyncio.create_task(other.run(text))
+            while not robot.motor6.val:
+                await asyncio.sleep(0.001)
+            task.cancel()
+            await asyncio.wait([task])
+            assert await other.run("1") == 1
+            assert_stands(robot, stands=True)
+
+    asyncio.run(cancelled())
+    with pytest.raises(TimedOut):
+        robot.run(text, timeout=0.05)
+    assert_stands(robot, stands=True)
+    with pytest.raises(TimedOut):
+        robot.run(text, tag="kept", timeout=0.05, keep=True)
+    assert_stands(robot, stands=False)
+
+
+def assert_stands(robot: Robot, stands: bool) -> None:
+    """Whether motor6 is changed no more."""
+    seen = robot.motor6.val
+    robot.run("sleep(20ms)")
+    assert (robot.motor6.val == seen) is stands
+
+
+def test_stop_and_estop_without_a_tag_are_those_of_the_robot(lan: Lan, robot: Robot) -> None:
+    robot.run("class Global.Base { var stops = 0; var estop = false; function stop() { stops++ } };"
+              "var Global.robot = Base.new|;")  # fmt: skip
+    robot.stop()
+    robot.estop()
+
+    async def asked() -> None:
+        async with await aio.connect("127.0.0.1", lan.plain_port) as other:
+            await other.stop()
+            await other.estop()
+
+    asyncio.run(asked())
+    assert robot.run("[robot.stops, robot.estop]") == [2, True]
+
+
 def test_samples_come_with_local_time_units_and_errors(robot: Robot) -> None:
     with robot.watch("motor6.val", "motor6.nothing", hz=100) as samples:
         robot.motor6.val = 7

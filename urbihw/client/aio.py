@@ -74,20 +74,21 @@ class AsyncSlot:
         path, limit = self._path, self._connection.timeout
         return self._wrapped(await self._connection.ask(lambda dialect, channel: dialect.read(channel, path), limit))
 
-    async def set(self, value: Any, timeout: float | None = None, **modifiers: Any) -> None:
+    async def set(self, value: Any, timeout: float | None = None, keep: bool = False, **modifiers: Any) -> None:
         """Write it, as ``Slot.set``."""
         path, text = checked_slot(self._path), literal(value)
         if not modifiers:
             limit = self._connection.timeout if timeout is None else timeout
-            await self._connection.ask(lambda dialect, channel: dialect.write(channel, path, text), limit)
+            await self._connection.ask(lambda dialect, channel: dialect.write(channel, path, text), limit, keep=keep)
             return
         body = assignment_text(path, text, modifiers)
-        await self._connection.ask(lambda dialect, channel: dialect.evaluate(channel, body), timeout)
+        await self._connection.ask(lambda dialect, channel: dialect.evaluate(channel, body), timeout, keep=keep)
 
-    async def __call__(self, *args: Any, timeout: float | None = None) -> Any:
+    async def __call__(self, *args: Any, timeout: float | None = None, keep: bool = False) -> Any:
         """Call the function in it, as ``Slot``."""
         body = call_text(self._path, args)
-        answer = await self._connection.ask(lambda dialect, channel: dialect.evaluate(channel, body), timeout)
+        ask = self._connection.ask
+        answer = await ask(lambda dialect, channel: dialect.evaluate(channel, body), timeout, keep=keep)
         return self._wrapped(answer)
 
     def urbiscript_path(self) -> str:
@@ -187,18 +188,28 @@ class AsyncRobot(AsyncSlot):
         super().__init__(connection, "")
         object.__setattr__(self, "messages", messages)
 
-    async def run(self, text: str, tag: str = "", timeout: float | None = None) -> Any:
+    async def run(self, text: str, tag: str = "", timeout: float | None = None, keep: bool = False) -> Any:
         """As ``Robot.run``."""
         if tag:
             checked_name(tag)
         checked_text(text)
-        answer = await self._connection.ask(lambda dialect, channel: dialect.run(channel, text, tag), timeout, True)
+        answer = await self._connection.ask(
+            lambda dialect, channel: dialect.run(channel, text, tag), timeout, located=True, keep=keep
+        )
         return self._wrapped(answer)
 
-    async def stop(self, tag: str) -> None:
+    async def stop(self, tag: str | None = None) -> None:
         """As ``Robot.stop``."""
-        checked_name(tag)
-        await self._connection.ask(lambda dialect, channel: dialect.stop(channel, tag), self._connection.timeout)
+        if tag is not None:
+            checked_name(tag)
+        stopped = tag or "robot"
+        limit = self._connection.timeout
+        await self._connection.ask(lambda dialect, channel: dialect.stop(channel, stopped), limit, keep=True)
+
+    async def estop(self) -> None:
+        """As ``Robot.estop``."""
+        limit = self._connection.timeout
+        await self._connection.ask(lambda dialect, channel: dialect.estop(channel), limit, keep=True)
 
     def watch(self, *slots: str, hz: float = 10.0, timeout: float | None = None) -> AsyncWatch:
         """As ``Robot.watch``."""

@@ -72,12 +72,19 @@ class AsyncConnection:
         """Whether there is a connection."""
         return self._transport is not None
 
-    async def ask(self, statement: Statement, timeout: float | None, located: bool = False) -> Any:
+    async def ask(
+        self, statement: Statement, timeout: float | None, located: bool = False, keep: bool = False
+    ) -> Any:
         """As ``Connection.ask``."""
         await self._need_connection(self.timeout)
         session = self._session
         question = session.open_question(located)
-        return await self._answer(session, question, statement(session.dialect, question.channel), timeout)
+        text = statement(session.dialect, question.channel)
+        try:
+            return await self._answer(session, question, text, timeout)
+        finally:
+            if not question.done and not keep and session is self._session:
+                self.tell(session.dialect.end(question.channel))
 
     async def _answer(self, session: Session, question: Question, text: str, timeout: float | None) -> Any:
         answered = asyncio.Event()

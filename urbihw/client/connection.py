@@ -114,11 +114,14 @@ class Connection:
         self._wait(ready, None if timeout is None else monotonic() + timeout)
 
     @uninterrupted
-    def ask(self, statement: Statement, timeout: float | None, located: bool = False, raw: bool = False) -> Any:
+    def ask(
+        self, statement: Statement, timeout: float | None, located: bool = False, raw: bool = False, keep: bool = False
+    ) -> Any:
         """The answer to a statement.  Raises UrbiError, TimedOut, ConnectionLost, or why there is no connection.
 
         ``timeout`` in seconds, None without a limit; ``located``: locations in errors are those of the user's text;
-        ``raw``: the answer is the Line.
+        ``raw``: the answer is the Line; ``keep``: the server goes on with the statement when the waiting ends before
+        the answer.
         """
         limit = None if timeout is None else monotonic() + timeout
         self._need_connection(monotonic() + self.timeout)
@@ -134,6 +137,9 @@ class Connection:
         finally:
             with self._turn:
                 session.close_question(question)
+            if not question.done and not keep and session is self._session:
+                with suppress(ClientError):
+                    self._send(session.dialect.end(question.channel))
         if not question.done and session is not self._session or self._socket is None and not question.done:
             raise ConnectionLost(f"{self.where}: the connection ended before the answer")
         if not question.done:

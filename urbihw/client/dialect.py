@@ -55,9 +55,17 @@ class Native:
         """Run an expression in the background; the answer comes when it has begun."""
         return f'lobby.answerBegun("{channel}", closure () {{ {body} }}),\n'
 
+    def end(self, channel: str) -> str:
+        """End the statement that answers on a channel; no answer to this one is wanted."""
+        return f'lobby.endStatement("{channel}"),\n'
+
     def stop(self, channel: str, tag: str) -> str:
-        """Stop a tag of this connection; an unknown one is an error."""
+        """Stop a tag of this connection, or the robot; an unknown one is an error."""
         return self.evaluate(channel, f"{tag}.stop")
+
+    def estop(self, channel: str) -> str:
+        """Begin an emergency stop."""
+        return self.evaluate(channel, "robot.estop = true")
 
     def follow(self, channel: str, stream: str, event: str) -> str:
         """Send an event on the channel ``stream`` from now on."""
@@ -117,6 +125,10 @@ class Plain(Native):
     def begin(self, channel: str, body: str) -> str:
         """Run an expression in the background."""
         return self.evaluate(channel, f"detach({{ {body} }}) | nil")
+
+    def end(self, channel: str) -> str:
+        """Nothing: this server runs its statements to their end."""
+        return ""
 
     def follow(self, channel: str, stream: str, event: str) -> str:
         """Send an event on the channel ``stream`` from now on, without what it carries."""

@@ -53,27 +53,27 @@ class Slot:
         answer = self._connection.ask(lambda dialect, channel: dialect.read(channel, path), self._connection.timeout)
         return wrapped(self._connection, answer, path)
 
-    def set(self, value: Any, timeout: float | None = None, **modifiers: Any) -> None:
+    def set(self, value: Any, timeout: float | None = None, keep: bool = False, **modifiers: Any) -> None:
         """Write a value; ``set(0, sin=1, ampli=0.3)`` writes a trajectory, and returns at its end, if it has one.
 
         Raises UrbiError, TypeError for a value that urbiscript has not, or why there is no answer.  ``timeout`` in
-        seconds, by default that of the connection, without modifiers; None: no limit.
+        seconds, by default that of the connection, without modifiers; None: no limit.  ``keep`` as for ``Robot.run``.
         """
         path, text = checked_slot(self.path), literal(value)
         if not modifiers:
             limit = self._connection.timeout if timeout is None else timeout
-            self._connection.ask(lambda dialect, channel: dialect.write(channel, path, text), limit)
+            self._connection.ask(lambda dialect, channel: dialect.write(channel, path, text), limit, keep=keep)
             return
         body = assignment_text(path, text, modifiers)
-        self._connection.ask(lambda dialect, channel: dialect.evaluate(channel, body), timeout)
+        self._connection.ask(lambda dialect, channel: dialect.evaluate(channel, body), timeout, keep=keep)
 
-    def __call__(self, *args: Any, timeout: float | None = None) -> Any:
+    def __call__(self, *args: Any, timeout: float | None = None, keep: bool = False) -> Any:
         """Call the function in the slot, and return its result.  Raises what ``get`` raises.
 
-        ``timeout`` in seconds; None waits for the end.
+        ``timeout`` in seconds; None waits for the end.  ``keep`` as for ``Robot.run``.
         """
         body = call_text(self.path, args)
-        answer = self._connection.ask(lambda dialect, channel: dialect.evaluate(channel, body), timeout)
+        answer = self._connection.ask(lambda dialect, channel: dialect.evaluate(channel, body), timeout, keep=keep)
         return wrapped(self._connection, answer, "")
 
     def __repr__(self) -> str:
@@ -193,23 +193,37 @@ class Robot(UrbiObject):
 
     # ---------------------------------------------------------------- programs
 
-    def run(self, text: str, tag: str = "", timeout: float | None = None) -> Any:
+    def run(self, text: str, tag: str = "", timeout: float | None = None, keep: bool = False) -> Any:
         """Run urbiscript, and return the value of its last statement.
 
         A statement that ends with ``,`` runs on in the background.  ``tag``: its name for ``stop``; variables live as
         long as the connection.  Returns None when it is stopped.  Raises UrbiError, whose location is one in ``text``;
-        TimedOut after ``timeout`` seconds (the program goes on), and why there is no answer.
+        TimedOut after ``timeout`` seconds, and why there is no answer.  What runs on the server ends when the waiting
+        ends before the answer, by a timeout or an interrupt, unless ``keep``.
         """
         if tag:
             checked_name(tag)
         checked_text(text)
-        answer = self._connection.ask(lambda dialect, channel: dialect.run(channel, text, tag), timeout, located=True)
+        answer = self._connection.ask(
+            lambda dialect, channel: dialect.run(channel, text, tag), timeout, located=True, keep=keep
+        )
         return wrapped(self._connection, answer, "")
 
-    def stop(self, tag: str) -> None:
-        """Stop what runs under a tag.  Raises SlotMissing if this connection has no such tag."""
-        checked_name(tag)
-        self._connection.ask(lambda dialect, channel: dialect.stop(channel, tag), self._connection.timeout)
+    def stop(self, tag: str | None = None) -> None:
+        """Stop the robot, whoever moves it; with ``tag``, only what runs under this tag.
+
+        Raises SlotMissing if this connection has no such tag, or the server no robot.
+        """
+        if tag is not None:
+            checked_name(tag)
+        stopped = tag or "robot"
+        limit = self._connection.timeout
+        self._connection.ask(lambda dialect, channel: dialect.stop(channel, stopped), limit, keep=True)
+
+    def estop(self) -> None:
+        """Stop the robot and hold it until the release: ``urbihw release``, or ``robot.robot.estop = False``."""
+        limit = self._connection.timeout
+        self._connection.ask(lambda dialect, channel: dialect.estop(channel), limit, keep=True)
 
     # ---------------------------------------------------------------- what the server sends
 

@@ -22,6 +22,7 @@ from urbihw.kernel.sched.signals import JobAborted
 if TYPE_CHECKING:
     from urbihw.kernel.lobby.shell import Programs
     from urbihw.kernel.runtime.world import World
+    from urbihw.kernel.sched.tag import Tag
 
 
 FINALLY_TIMEOUT_S: Final = 1.0
@@ -33,8 +34,8 @@ class Lobby(Obj):
 
     is_per_connection = True
     __slots__ = (
-        "connected", "holdings", "in_command", "input_handler", "label", "maker", "on_quit", "output", "peer",
-        "programs", "received", "released_at", "shell", "tag", "user",
+        "answering", "connected", "holdings", "in_command", "input_handler", "label", "maker", "on_quit", "output",
+        "peer", "programs", "received", "released_at", "shell", "tag", "user",
     )  # fmt: skip
 
     def __init__(
@@ -49,6 +50,8 @@ class Lobby(Obj):
         scheduler = world.scheduler
         self.programs = programs
         self.output = Output(scheduler, lambda: wanted(self), limit)
+        self.answering: dict[str, Tag] = {}
+        """The tags of statements that run and answer on a channel that the client chose, by the channels."""
         self.connected = True
         self.in_command = True
         """Whether the client can still send statements, such as a stop.  Without command, its programs may not move

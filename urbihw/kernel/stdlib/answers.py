@@ -14,6 +14,7 @@ Objects inside of lists are printed by their names.
 from __future__ import annotations
 
 import re
+from types import TracebackType
 from typing import Any, Final
 
 from urbihw.kernel import errors
@@ -24,6 +25,8 @@ from urbihw.kernel.runtime.plain import escaped
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import Dictionary, FloatObject, List, String, Tuple
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.sched.signals import StopTag
+from urbihw.kernel.sched.tag import Tag, TagEntry
 from urbihw.kernel.stdlib import prototype
 from urbihw.kernel.stdlib.lobby import own_lobby
 from urbihw.kernel.stdlib.nested_text import NestedText
@@ -50,7 +53,8 @@ def answer_value(world: World, this: Value, channel: str, statement: Value) -> N
     """Call a closure, and send its result or its error as one line on a channel."""
     text = '["stopped"]'
     try:
-        text = _kind_text(world, world.invoke(statement, this))
+        with _Answering(world, this, channel):
+            text = _kind_text(world, world.invoke(statement, this))
     except Exception as error:
         text = _error_text(world, error)
     finally:
@@ -68,7 +72,8 @@ def answer_begun(world: World, this: Value, channel: str, statement: Value) -> N
 
     def run() -> None:
         try:
-            world.invoke(statement, this)
+            with _Answering(world, this, channel):
+                world.invoke(statement, this)
         except Exception as error:
             if answered:
                 raise
@@ -80,6 +85,41 @@ def answer_begun(world: World, this: Value, channel: str, statement: Value) -> N
     world.scheduler.run_first(job)
     answered = True
     _send(world, this, channel, errors_before[0] if errors_before else '["", nil]')
+
+
+@TABLE.primitive("endStatement")
+def end_statement(world: World, this: Value, channel: str) -> None:
+    """End the statement whose answer goes to a channel of this connection, as a tag would: its client does not wait any
+    more.  Does nothing when it has ended.
+    """
+    tag = own_lobby(world, this).answering.get(channel)
+    if tag is not None:
+        tag.stop(None)
+
+
+class _Answering:
+    """The statement that runs inside is ended by ``endStatement`` with its channel; a block ``with``."""
+
+    __slots__ = ("_channel", "_entry", "_running", "_tag")
+
+    def __init__(self, world: World, this: Value, channel: str) -> None:
+        self._running: dict[str, Tag] = own_lobby(world, this).answering
+        self._channel = channel
+        self._tag = Tag(world.scheduler, channel)
+        self._entry: TagEntry | None = None
+
+    def __enter__(self) -> None:
+        self._running[self._channel] = self._tag
+        self._entry = self._tag.enter()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> bool:
+        if self._running.get(self._channel) is self._tag:
+            del self._running[self._channel]
+        assert self._entry is not None
+        self._tag.leave(self._entry)
+        return isinstance(error, StopTag) and error.entry is self._entry
 
 
 @TABLE.primitive("answerSlot")
@@ -236,8 +276,9 @@ def install(world: World, programs: Any) -> None:
                 if len(assignments) >= MAX_ASSIGNMENTS:
                     assignments.clear()
                 assignments[path] = assign
-            world.invoke(assign, this, (value,))
-            text = '["", nil]'
+            with _Answering(world, this, channel):
+                world.invoke(assign, this, (value,))
+                text = '["", nil]'
         except Exception as error:
             text = _error_text(world, error)
         finally:

@@ -14,6 +14,7 @@ from urbihw.kernel.runtime.holdings import Holdings
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import List
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.sched.tag import Tag
 from urbihw.kernel.stdlib.channel import starred
 from urbihw.kernel.stdlib.members import members_of
 from urbihw.kernel.value import Value
@@ -66,6 +67,7 @@ class Lobby(Protocol):
     """The members of a connection's lobby that are used here."""
 
     output: Output
+    answering: dict[str, Tag]
     connected: bool
     received: int
     programs: Any
