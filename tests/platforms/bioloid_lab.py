@@ -6,7 +6,7 @@ import math
 from typing import Any, Final
 
 from lab import RobotLab
-from motions import Kind, Motion, Numbers
+from motions import Kind, Motion, Numbers, OtherMaster
 from slot_units import AX, BUS, ON_BUS, TAUGHT, UnitTable
 
 from urbihw.buses.link import Context
@@ -84,6 +84,21 @@ _AX_STEP, _X_STEP = math.radians(DEGREES), math.tau / STEPS
 _X_WHEEL = "motor2.cwLimit = motor2.ccwLimit = 0;"
 _WHEEL = "motor7.cwLimit = motor7.ccwLimit = 0;"
 
+
+
+def _push_joint(lab: Lab) -> None:
+    """Another master sends a joint to the other end of its range."""
+    registers = lab.kit[6].registers
+    goal = 800 if registers.get("goal_position") < 512 else 200
+    for name, value in (("moving_speed", 100), ("torque_enable", 1), ("goal_position", goal)):
+        registers.put(name, value)
+
+
+def _turn_wheel(lab: Lab) -> None:
+    lab.kit[7].registers.put("torque_enable", 1)
+    lab.kit[7].registers.put("moving_speed", 200)
+
+
 MOTION = Motion(
     make=lambda: Lab.ready(Kit(servos=(6, 7), sensors=(), baud=BAUD)),
     look=_body,
@@ -115,6 +130,10 @@ MOTION = Motion(
         "X switch of mode": Kind(f"{_X_WHEEL} motor2.speed = 1;", 0.5, lead=0.01, make=_x_lab),
         "X switch of mode just done": Kind(f"{_X_WHEEL} motor2.speed = 1;", 0.5, lead=0.03, make=_x_lab),
         "remote": Kind("motor6.val = 1.7", 0.3, prepare="motor6.speed = 0.5;", remote=True),
+    },
+    others={
+        "wheel": OtherMaster(_turn_wheel, 0.5, prepare=_WHEEL),
+        "joint": OtherMaster(_push_joint, 0.3),
     },
 )  # fmt: skip
 

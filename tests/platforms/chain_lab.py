@@ -6,7 +6,7 @@ import math
 from typing import Any, Final
 
 from lab import RobotLab
-from motions import Kind, Motion, Numbers
+from motions import Kind, Motion, Numbers, OtherMaster
 from slot_units import ANGLES, AX, BUS, NUMBERS, SERVO, TAUGHT, UnitTable
 
 from urbihw.buses.link import Context
@@ -112,6 +112,14 @@ _CURRENT = 'motor3.mode = "current";'
 _PWM = 'motor3.mode = "pwm";'
 _EXTENDED = 'motor3.mode = "extended"; motor3.speed = 0.5;'
 
+
+
+def _turn_wheel(lab: Lab) -> None:
+    """Another master turns a wheel of the X series."""
+    lab.kit[3].registers.put("torque_enable", 1)
+    lab.kit[3].registers.put("goal_velocity", 100)
+
+
 MOTION = Motion(
     make=lambda: Lab.ready(_MOTIONS),
     look=_body,
@@ -133,6 +141,7 @@ MOTION = Motion(
         "switch to current": Kind(f"{_CURRENT} motor3.goalCurrent = 0.3;", 0.5, lead=0.01),
         "switch to current just done": Kind(f"{_CURRENT} motor3.goalCurrent = 0.3;", 0.5, lead=0.04),
     },
+    others={"X wheel": OtherMaster(_turn_wheel, 0.5, prepare='motor3.mode = "velocity";')},
 )  # fmt: skip
 
 

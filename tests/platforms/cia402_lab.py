@@ -6,7 +6,7 @@ import math
 from typing import Any, Final
 
 from lab import SpeakingLab
-from motions import Kind, Motion, Numbers
+from motions import Kind, Motion, Numbers, OtherMaster
 from slot_units import BUS, GAINS, TAUGHT, UnitTable
 
 from urbihw.buses.clock import SimClock
@@ -71,6 +71,15 @@ def _body(lab: Lab) -> tuple[Numbers, Numbers]:
     return (machine.speed * turn,), (machine.position * turn,)
 
 
+
+def _drive_from_elsewhere(lab: Lab) -> None:
+    """Another master of the bus switches the drive on and turns it."""
+    machine = lab.drive.machine
+    machine.mode, machine.target_speed = 3, machine.increments
+    for word in (6, 7, 15):
+        machine.control(word)
+
+
 MOTION = Motion(
     make=LivingLab.ready,
     look=_body,
@@ -93,6 +102,10 @@ MOTION = Motion(
         ),
         "remote": Kind("drive5.speed = 6", 5.0, remote=True),
         "remote goal": Kind("drive5.val = 60", 5.0, remote=True),
+    },
+    others={
+        "drive that is off": OtherMaster(_drive_from_elsewhere, 1.0, prepare="drive5.load = 0;"),
+        "drive that is on": OtherMaster(_drive_from_elsewhere, 5.0),
     },
 )  # fmt: skip
 

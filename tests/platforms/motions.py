@@ -66,12 +66,34 @@ class Kind:
 
 
 @dataclass(frozen=True)
+class OtherMaster:
+    """One way in which another master than this daemon sets the robot going.
+
+    Attributes:
+        go: what it does to the simulated robot.
+        goes: what the greatest speed of the body then exceeds; in rad/s or m/s.
+        prepare: what a client of ours says before; it moves nothing.
+        make: a lab of its own, with another model of the robot.
+        ready: does with a lab what no client can say.
+        lead: seconds in which it gets so fast.
+    """
+
+    go: Callable[[Any], None]
+    goes: float
+    prepare: str = ""
+    make: Callable[[], Any] | None = None
+    ready: Callable[[Any, Path], None] = lambda lab, folder: None
+    lead: float = 0.5
+
+
+@dataclass(frozen=True)
 class Motion:
     """What a platform says of its motion.
 
     Attributes:
         make: a lab whose robot is open.
         kinds: by name.
+        others: other masters, by name; without them, how it is known that there can be none (`alone`).
         look: speeds of all parts of the body (rad/s, m/s), and where they are (rad, m).
         slot: the object with ``estop`` and ``link``.
         unplug, plug: the adapter.
@@ -94,6 +116,8 @@ class Motion:
     drift: float = 0.01
     grain: float = 0.0
     found: Callable[[Any], tuple[Any, ...]] = lambda lab: ()
+    others: dict[str, OtherMaster] = field(default_factory=dict)
+    alone: str = ""
 
 
 class Sample(NamedTuple):

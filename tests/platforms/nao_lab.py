@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from lab import SpeakingLab
-from motions import Kind, Motion, Numbers
+from motions import Kind, Motion, Numbers, OtherMaster
 from slot_units import BATTERY, BUS, BUTTON, GAINS, MOBILE, PICTURE, Units, UnitTable
 
 from urbihw.buses.link import Context
@@ -16,6 +16,7 @@ from urbihw.buses.pipe import PipeEnd
 from urbihw.platforms.nao.robot import Nao as NaoRobot
 from urbihw_fakes.console import Console
 from urbihw_fakes.device import Answer
+from urbihw_fakes.nao.behaviours import Behaviours
 from urbihw_fakes.nao.body import Body
 from urbihw_fakes.nao.connection import Connection
 from urbihw_fakes.nao.console import commands
@@ -138,6 +139,20 @@ def _stand(lab: Lab, folder: Path) -> None:
     lab.seen.clear()  # it was put there, it did not move
 
 
+def _swing_joint(lab: Lab) -> None:
+    """Another client of ALMotion turns the head, by a call that lasts long."""
+    joint = lab.device.body.joints["HeadYaw"]
+    joint.stiffness = 1.0
+    joint.order(-1.5 if joint.angle > 0 else 1.5, 0.1)
+
+
+def _behave(lab: Lab) -> None:
+    """Somebody starts a behaviour that moves an arm."""
+    (manager,) = [each for each in lab.device.services.values() if isinstance(each, Behaviours)]
+    lab.device.body.joints["RShoulderPitch"].stiffness = 1.0
+    manager.start("animations/wave")
+
+
 MOTION = Motion(
     make=Lab.ready,
     look=_body,
@@ -160,6 +175,11 @@ MOTION = Motion(
         "speeds": Kind("robot.xSpeed = 0.1;", 0.05, ready=_stand),
         "service": Kind("motion.moveTo(1.0, 0.0, 0.0);", 0.05, error=True, ready=_stand),
         "remote": Kind("HeadYaw.val = 2", 3.0, lead=0.1, again="HeadYaw.val = -2", remote=True),
+    },
+    others={
+        "walk": OtherMaster(lambda lab: lab.device.body.drive((0.1, 0.0, 0.0)), 0.05, ready=_stand),
+        "joint": OtherMaster(_swing_joint, 0.5),
+        "behaviour": OtherMaster(_behave, 0.5),
     },
 )  # fmt: skip
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from typing import Any, Final
 
 from lab import RobotLab
-from motions import Kind, Motion, Numbers
+from motions import Kind, Motion, Numbers, OtherMaster
 from paths import on_map
 from slot_units import BATTERY, BUS, GAINS, MOBILE, ODOMETRY, PLANNER, Units, UnitTable
 
@@ -66,6 +66,18 @@ def _body(lab: Lab) -> tuple[Numbers, Numbers]:
     return tuple(math.radians(one.speed) for one in motors), tuple(math.radians(one.position) for one in motors)
 
 
+def _run_motors(lab: Lab) -> None:
+    """Another computer at the brick."""
+    for motor in lab.brick.motors:
+        motor.set_output(50, 1, 0, 0, 0x20, 0)
+
+
+def _start_program(lab: Lab) -> None:
+    """Somebody starts a program by the buttons of the brick."""
+    lab.brick.program_power = 50
+    lab.brick.start_program("drive.rxe")
+
+
 _PATH = "nxt.moveTo([5, 1, 90deg]);"
 
 MOTION = Motion(
@@ -93,6 +105,7 @@ MOTION = Motion(
         "remote": Kind("wheelL.speed = 50", 5.0, remote=True),
         "remote goal": Kind("claw.val = 100000", 5.0, remote=True),
     },
+    others={"motors": OtherMaster(_run_motors, 3.0), "program on the brick": OtherMaster(_start_program, 3.0)},
 )  # fmt: skip
 
 

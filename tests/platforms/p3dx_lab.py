@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from typing import Any, Final
 
 from lab import HandWorker, RobotLab
-from motions import Kind, Motion, Numbers
+from motions import Kind, Motion, Numbers, OtherMaster
 from slot_units import BATTERY, BUS, GAINS, MOBILE, ODOMETRY, PICTURE, PLANNER, UnitTable
 
 from urbihw.buses import messages as m
@@ -168,6 +168,7 @@ MOTION = Motion(
         "planner that plans": Kind(_PATH, 0.1, lead=0.0, ready=_on_map),
         "remote": Kind("P3dx.body.yaw.speed = 0.5", 0.4, remote=True),
     },
+    others={"joystick at the robot": OtherMaster(lambda lab: lab.kit.body.forward.set_speed(0.3), 0.2, lead=1.5)},
 )  # fmt: skip
 
 

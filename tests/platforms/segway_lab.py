@@ -5,13 +5,15 @@ from __future__ import annotations
 from typing import Any, Final
 
 from lab import SpeakingLab
-from motions import Kind, Motion, Numbers
+from motions import Kind, Motion, Numbers, OtherMaster
 from paths import on_map
 from slot_units import BUS, MOBILE, ODOMETRY, PLANNER, UnitTable
 
 from urbihw_fakes.can.device import CanDevice, Codec
+from urbihw_fakes.can.node import CanFrame
 from urbihw_fakes.can.records import Records
 from urbihw_fakes.console import Console
+from urbihw_fakes.segway import frames as f
 from urbihw_fakes.segway.console import commands
 from urbihw_fakes.segway.rmp import SegwayRmp
 from urbihw_fakes.segway.usb import UsbLink
@@ -62,6 +64,13 @@ def _body(lab: Lab) -> tuple[Numbers, Numbers]:
 
 _PATH = "segway.moveTo([5, 1, 90deg]);"
 
+
+def _drive_from_elsewhere(lab: Lab) -> None:
+    """Another program on the bus sends one command; ours, with zeros, follow in the next ticks."""
+    half = round(f.FULL_VELOCITY / 2)
+    lab.base.receive_frame(CanFrame(f.COMMAND, half.to_bytes(2, "big") + bytes(6)), lab.bus_clock.now())
+
+
 MOTION = Motion(
     make=lab,
     look=_body,
@@ -87,6 +96,7 @@ MOTION = Motion(
         "planner that plans": Kind(_PATH, 0.2, lead=0.0, ready=on_map("segway")),
         "remote": Kind("rmp.forwardSpeed = 0.5", 0.4, remote=True),
     },
+    others={"second program on the bus": OtherMaster(_drive_from_elsewhere, 0.02)},
 )  # fmt: skip
 
 

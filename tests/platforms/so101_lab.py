@@ -6,7 +6,7 @@ import math
 from typing import Any, Final
 
 from lab import START, HandWorker, RobotLab
-from motions import Kind, Motion, Numbers
+from motions import Kind, Motion, Numbers, OtherMaster
 from slot_units import ANGLES, BUS, NUMBERS, SERVO, TAUGHT, Units, UnitTable
 
 from urbihw.buses.link import Context
@@ -108,6 +108,17 @@ def _found(lab: Lab) -> tuple[DeviceInfo, ...]:
 _WHEEL = 'wrist_roll.mode = "wheel";'
 _PWM = 'wrist_roll.mode = "pwm";'
 
+
+
+def _push_joint(lab: Lab) -> None:
+    """Another master sends a joint to the other end of its range."""
+    number = JOINTS["shoulder_pan"].id
+    goal = 2600 if lab.register(number, "goal_position") < 2048 else 1500
+    for address, data in ((40, b"\1"), (46, (300).to_bytes(2, "little")), (42, goal.to_bytes(2, "little"))):
+        body = bytes((number, len(data) + 3, 3, address)) + data
+        lab.kit.feed(b"\xff\xff" + body + bytes((~sum(body) & 0xFF,)), lab.bus_clock.now())
+
+
 MOTION = Motion(
     make=Lab.ready,
     look=_body,
@@ -125,6 +136,7 @@ MOTION = Motion(
         "switch of mode": Kind(f"{_WHEEL} wrist_roll.speed = 1;", 0.5, lead=0.01),
         "remote": Kind("motor1.val = 1.85", 0.3, prepare="motor1.speed = 0.4;", remote=True),
     },
+    others={"joint": OtherMaster(_push_joint, 0.3)},
 )
 
 

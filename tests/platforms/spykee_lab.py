@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from lab import SpeakingLab
-from motions import Kind, Motion, Numbers
+from motions import Kind, Motion, Numbers, OtherMaster
 from slot_units import BATTERY, BUS, GAINS, MOBILE, PICTURE, UnitTable
 
 from urbihw.platforms.spykee.robot import Spykee as SpykeeRobot
@@ -70,6 +70,10 @@ MOTION = Motion(
         "turn": Kind("robot.turn(20);", 0.07, error=True),
         "dock": Kind("Spykee.findBase;", 0.1, again="trackL.val = 60;"),
         "remote": Kind("trackL.val = 60", 0.2, remote=True),
+    },
+    others={
+        "search for its dock": OtherMaster(lambda lab: lab.device.body.find_dock(), 0.1),
+        "tracks": OtherMaster(lambda lab: lab.device.body.drive(60, 60), 0.2),
     },
 )  # fmt: skip
 

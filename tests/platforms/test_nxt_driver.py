@@ -272,7 +272,7 @@ def test_the_safe_stop_is_confirmed(let_go: bool, telegram: str) -> None:
     rig.run_ticks(5)
     rig.take_sent()
     rig.driver.safe_stop()
-    assert rig.take_sent() == [telegram, "80 0c"]
+    assert rig.take_sent() == [telegram, "80 0c", "80 01", f"8{telegram[1:]}"]
     rig.run_ticks(20)
     assert [motor.power for motor in rig.brick.motors] == [0, 0, 0]
 
@@ -291,7 +291,7 @@ def test_what_we_had_moved_is_stopped_when_the_link_is_back(rig: Rig) -> None:
     rig.take_sent()
     rig.attach()
     rig.driver.stop_on_reconnect()
-    assert rig.take_sent()[-2:] == [STOPS[0][1], "80 0c"]
+    assert rig.take_sent()[-4:-2] == [STOPS[0][1], "80 0c"]
     rig.run_ticks(3)
     assert [motor.power for motor in rig.brick.motors] == [0, 0, 0]
 

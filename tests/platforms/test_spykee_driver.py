@@ -326,7 +326,7 @@ def test_bulk_data_waits_while_the_link_takes_nothing_and_a_stop_does_not() -> N
     rig.written.clear()
     rig.driver.safe_stop()
     rig.run(1.0)
-    assert {data for _, data in rig.written} == {p.move(0, 0)}
+    assert {data for _, data in rig.written} == {p.packet(p.ENGINE, bytes([p.CANCEL])), p.move(0, 0)}
     rig.link.free = True
     rig.run(1.0)
     assert len([data for _, data in rig.written if data[2] == p.FILE]) == 20 - d.PACKETS_PER_TICK * 5

@@ -167,6 +167,7 @@ MOTION = Motion(
     unplug=lambda lab: _plug(lab, False),
     plug=lambda lab: _plug(lab, True),
     standstill=0.4,
+    alone="a simulator lets one controller move the motors of a robot",
     kinds={
         "speed": Kind("wheelL.speed = 3;", 2.5),
         "angle": Kind("wheelL.angle = 30;", 2.0),

@@ -98,8 +98,19 @@ class Driver:
         raise NotImplementedError
 
     def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
-        """Stop the robot, or these devices, and drop their targets.  Raises LinkGone."""
+        """Stop the robot, or these devices, and drop their targets.  Raises LinkGone.
+
+        With None the stop goes to everything that is present, whether or not this driver has moved it: another master
+        may have set it moving.
+        """
         raise NotImplementedError
+
+    def stop_again(self) -> None:
+        """Called several times a second while an emergency stop holds: stop what another master sets moving meanwhile.
+
+        It must not block for longer than a tick; override it where the full stop takes longer.  Raises LinkGone.
+        """
+        self.safe_stop()
 
     def stop_on_reconnect(self) -> tuple[Any, ...]:
         """Called after each `attach` but the first: stop the devices that this driver has moved, and others that move.

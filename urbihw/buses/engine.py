@@ -59,6 +59,8 @@ from urbihw.buses.robot_link import RobotLink
 from urbihw.buses.ticker import Ticker
 from urbihw.buses.traffic import TrafficLog
 
+_STOP_AGAIN_PERIOD_S: Final = 0.2
+"""Seconds between two stops of the whole robot while an emergency stop holds: another master may move it."""
 # With less than this left until the next tick, messages are posted during that tick, while the wire is busy.
 _TIME_TO_POST_S: Final = 0.0005
 
@@ -83,6 +85,7 @@ class Engine:
         now = self._clock.now()
         self._stopped_for_silence_since: float | None = None
         self._pending_stop_reason = ""
+        self._stop_again_at = now
         self._first_link = True
         self._identity = ""
         self._requests: list[Request] = []
@@ -149,6 +152,9 @@ class Engine:
             self._try_open_link()
             self._end_slow_work()
         self._link.guard(self._tick)
+        if self._authority.latched and now >= self._stop_again_at:
+            self._stop_again_at = now + _STOP_AGAIN_PERIOD_S
+            self._link.guard(self._driver.stop_again)
         self._execute_urgent()
         self._execute_requests()
         self._execute_commands()

@@ -68,6 +68,7 @@ class Brick:
         sleep_limit: ms without KEEPALIVE or STARTPROGRAM after which it switches itself off; 0: never.
         awake: it is switched on and answers.
         program: the running program file; "" for none.
+        program_power: what the program sets all motors to, percent; None for one that leaves them alone.
         now: time of the present telegram.
         around: called with the elapsed seconds and the time; simulates the surroundings of the brick.
     """
@@ -84,6 +85,7 @@ class Brick:
         self.sound = Sound()
         self.mailboxes: dict[int, list[bytes]] = {}
         self.program = ""
+        self.program_power: int | None = None
         self.awake = True
         self.now = 0.0
         self.around: Callable[[float], None] = lambda seconds: None
@@ -111,6 +113,8 @@ class Brick:
             seconds = min(STEP, now - self.now)
             self.now = now if now - self.now <= STEP else self.now + seconds
             for motor in self.motors:
+                if self.program and self.program_power is not None:
+                    motor.set_output(self.program_power, codes.MOTOR_ON, 0, 0, codes.RUNNING, 0)
                 motor.advance(seconds, self.millivolts / 1000)
             self.around(seconds)
             for inlet in self.inputs:

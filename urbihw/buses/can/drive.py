@@ -294,8 +294,11 @@ class Drive:
         return True
 
     def halt(self) -> None:
-        """Brake and hold; in torque mode by the speed 0, because a torque of 0 lets it run out."""
-        self._halted, self._point, self._homing = True, None, False
+        """Brake and hold; in torque mode by the speed 0, because a torque of 0 lets it run out.
+
+        The control word is sent even if it was the last one: another master may have sent one since.
+        """
+        self._halted, self._point, self._homing, self._sent = True, None, False, None
         self._send_object(2, c.TARGET_SPEED, 0)
         if self._mode == c.TORQUE:
             self._mode = c.VELOCITY
@@ -303,7 +306,7 @@ class Drive:
 
     def quick_stop(self) -> None:
         """Brake as hard as the drive can, then power off."""
-        self._quick, self.wanted, self._point, self._homing = True, None, None, False
+        self._quick, self.wanted, self._point, self._homing, self._sent = True, None, None, False, None
 
     def send_control_word(self, now: float) -> None:
         """Send the next control word, if it differs from the last one or that one had no effect."""

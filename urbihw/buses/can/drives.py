@@ -187,10 +187,11 @@ class DrivesDriver(Driver):
         for number, drive in self._drives.items():
             if devices is not None and number not in devices:
                 continue
-            if self._off_on_stop or drive.wanted is None or number in self._lost:
-                # A drive that was set up again may still execute an old command; a lost one may still receive.
+            if self._off_on_stop or not drive.wanted or number in self._lost:
+                # A drive that was set up again may still execute an old command; a lost one may still receive; one
+                # that is off may have been switched on by another master.
                 drive.quick_stop()
-            elif drive.wanted:
+            else:
                 self._try_send(drive.halt)
             self._try_send(lambda drive=drive: drive.send_control_word(self._clock.now()))  # type: ignore[misc]
 

@@ -42,7 +42,9 @@ from urbihw.buses.servos.readings import reading_of
 from urbihw.buses.servos.scan import ScanInterrupted, identify, scan
 from urbihw.buses.servos.stop import (
     PRESENT_POSITION,
+    StopPatrol,
     execute_pending_stops,
+    full_stop,
     read_position_goal,
     safe_stop,
     stop_what_moves,
@@ -75,6 +77,7 @@ class ServoDriver(Driver):
         self._settings = Configure()
         self._options = Options()
         self._cycle: Cycle | None = None
+        self._patrol = StopPatrol()
         self._known: dict[int, Device] = {}
         self._expected: tuple[int, ...] = ()
         self._unread: set[int] = set()
@@ -222,8 +225,17 @@ class ServoDriver(Driver):
 
     def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
         """Stop the robot, or some devices. Raises LinkGone."""
-        if self._cycle is not None:
+        if self._cycle is None:
+            return
+        if devices is None:
+            full_stop(self._cycle, self._settings.torque_off_on_stop)
+        else:
             safe_stop(self._cycle, self._settings.torque_off_on_stop, devices)
+
+    def stop_again(self) -> None:
+        """Stop wheels, and joints that another master moves. Raises LinkGone."""
+        if self._cycle is not None:
+            self._patrol.stop_again(self._cycle)
 
     def stop_what_moves(self) -> tuple[Any, ...]:
         """Stop servos that move after the first `attach`; return their ids. Raises LinkGone."""

@@ -1,9 +1,10 @@
 """The safe stop, executed when the master sends Stop, falls silent, or dies.
 
 Servos that turn (wheel, velocity, current, PWM mode) get 0. Joints that this driver has moved hold their position:
-their goal becomes their present position, within their limits. Joints that were not moved get nothing: limp ones stay
-limp, since on AX servos writing a goal switches the torque on. Torque is unchanged unless `torque_off`. Turning servos
-and joints with a recent position are stopped first, since that needs no reading; the others are read one by one.
+their goal becomes their present position, within their limits. A joint that this driver has not moved is read: it gets
+a goal only if it is on its way, since another master moves it. Limp ones stay limp, since on AX servos writing a goal
+switches the torque on. Torque is unchanged unless `torque_off`. Turning servos and joints with a recent position are
+stopped first, since that needs no reading; the others are read one by one.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ PRESENT_POSITION: Final = "here"
 """A goal value that stands for the position of the servo at the time of the write."""
 ARRIVED_WITHIN_RAD: Final = 0.05
 """Distance to the goal in rad within which a joint has arrived; under load it stops short of its goal."""
+JOINTS_AT_A_TIME: Final = 4
+"""Joints that are looked at in one call while an emergency stop holds: each takes up to four transactions."""
 FRESH_S: Final = 0.05
 """Age in s up to which a position is recent enough to hold at."""
 
@@ -60,6 +63,29 @@ def safe_stop(cycle: Cycle, torque_off: bool = False, devices: Collection[int] |
         member.moved = member.moved and member.stop_pending
 
 
+def full_stop(cycle: Cycle, torque_off: bool = False) -> None:
+    """Stop all servos, also joints that another master has set moving. Raises LinkGone."""
+    others = [] if torque_off else _unmoved_joints(cycle.motors())
+    safe_stop(cycle, torque_off)
+    stop_what_moves(cycle, others)
+
+
+class StopPatrol:
+    """Stops what another master moves while an emergency stop holds: wheels at each call, joints a few at a time."""
+
+    def __init__(self) -> None:
+        self._turn = 0
+
+    def stop_again(self, cycle: Cycle) -> None:
+        """Stop the wheels, and look at the next joints. Raises LinkGone."""
+        motors = list(cycle.motors())
+        safe_stop(cycle, devices=[member.device.id for member in motors if _zero_goal(member)])
+        joints = _unmoved_joints(motors)
+        begin = self._turn = 0 if self._turn >= len(joints) else self._turn
+        self._turn += JOINTS_AT_A_TIME
+        stop_what_moves(cycle, joints[begin : self._turn])
+
+
 def execute_pending_stops(cycle: Cycle) -> None:
     """Execute the pending stops of joints that answer again. Raises LinkGone."""
     pending = [member for member in cycle.motors() if member.stop_pending and member.health.state == "ok"]
@@ -67,15 +93,15 @@ def execute_pending_stops(cycle: Cycle) -> None:
         safe_stop(cycle, devices=[member.device.id for member in pending])
 
 
-def stop_what_moves(cycle: Cycle) -> tuple[int, ...]:
-    """Stop the servos that are moving although this cycle has moved none, and tell which those are.
+def stop_what_moves(cycle: Cycle, members: Iterable[Member] | None = None) -> tuple[int, ...]:
+    """Stop those of the servos (None: of all) that are moving although this cycle has not moved them; tell which.
 
     One that turns and does not answer is told to stand all the same: it may hear. Raises LinkGone.
     """
     bus = cycle.bus
     moving = []
     silent = []
-    for member in cycle.motors():
+    for member in cycle.motors() if members is None else members:
         mode = member.device.mode
         effector = None if mode is None or mode.motion is Motion.POSITION else member.table.item(mode.effector)
         try:
@@ -133,6 +159,12 @@ def _is_moved_joint(member: Member) -> bool:
     """Return whether it is a joint that this cycle has moved."""
     mode = member.device.mode
     return member.moved and (mode is None or mode.motion is Motion.POSITION)
+
+
+def _unmoved_joints(motors: Iterable[Member]) -> list[Member]:
+    """Return the joints that answer and that this cycle has not moved."""
+    joints = [m for m in motors if m.device.mode is None or m.device.mode.motion is Motion.POSITION]
+    return [member for member in joints if not member.moved and member.health.state == "ok"]
 
 
 def _read_position(bus: ServoBus, member: Member) -> bool | None:

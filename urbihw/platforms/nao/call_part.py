@@ -63,6 +63,8 @@ class CallPart(Part):
         self._moved = False
         self._noted: tuple[bool, tuple[str, ...]] = False, ()
         self._ends_at = 0.0
+        self._ends_own = False
+        self._ends_behaviours = False
         self._delayed: list[Request] = []
 
     def begin(self) -> None:
@@ -172,7 +174,7 @@ class CallPart(Part):
         self._events[key] = exchange.session.listen_to_object(subscriber, "signal", heard)
 
     def stop(self, devices: Devices) -> None:
-        """End what services were told to do.
+        """End what services were told to do; a stop of the whole robot ends all motion, also that of other clients.
 
         The walk ends with its next step.  Everything else ends by ``killAll``, which does not care where the feet are:
         while the robot walks, it is sent as soon as the robot stands.
@@ -180,11 +182,11 @@ class CallPart(Part):
         if not (devices is None or SERVICES in devices):
             return
         self._refuse_delayed("stopped")
-        if not self._moved:
+        if devices is not None and not self._moved:
             return
-        self._moved = False
+        self._ends_own, self._moved = self._moved, False
         # Behaviours first: they would begin another motion.
-        self._stop_behaviours()
+        self._stop_behaviours(of_others=devices is None)
         exchange = self.exchange
         exchange.post_motion("stopMove")
         try:
@@ -197,9 +199,26 @@ class CallPart(Part):
             exchange.post_motion("killAll")
         self._note_begun()
 
+    def stop_again(self, joints_move: bool) -> None:
+        """Called while an emergency stop holds: end motions and behaviours that others have begun since the stop."""
+        exchange = self.exchange
+        if self._ends_at or exchange.busy(ENDING):
+            return
+
+        def end_if_moving(answer: Call) -> None:
+            if joints_move or answer.value:
+                self._ends_behaviours = True
+                self._ends_own, self._ends_at = False, exchange.now() + STAND_TIMEOUT_S
+                exchange.post_motion("stopMove")
+
+        exchange.call(ENDING, exchange.motion, "moveIsActive", then=end_if_moving)
+
     def send(self) -> None:
         """See ``Part``: end a stop once the robot stands; motions that were asked for meanwhile follow."""
         exchange = self.exchange
+        if self._ends_behaviours:
+            self._ends_behaviours = False
+            self._stop_behaviours(of_others=True)
         if not self._ends_at or exchange.busy(ENDING):
             return
         if exchange.now() >= self._ends_at:
@@ -228,14 +247,17 @@ class CallPart(Part):
         delayed, self._delayed = self._delayed, []
         self.exchange.news += [Reply(message.reply_id, False, error=reason) for message in delayed]
 
-    def _stop_behaviours(self) -> None:
-        """End the behaviours that were begun here, and leave those that others have begun."""
+    def _stop_behaviours(self, of_others: bool) -> None:
+        """End the behaviours that were begun here, or all: nobody knows which of them moves the robot."""
         behaviours, self._behaviours = self._behaviours, {}
-        service = self.exchange.find_service(BEHAVIOURS) if behaviours else None
-        if service is not None:
-            for name in behaviours:
-                self.exchange.post(service, "stopBehavior", name)
+        service = self.exchange.find_service(BEHAVIOURS) if behaviours or of_others else None
+        if service is None:
+            return
+        if of_others:
+            self.exchange.post(service, "stopAllBehaviors")
+        for name in () if of_others else behaviours:
+            self.exchange.post(service, "stopBehavior", name)
 
     def is_moving(self) -> bool:
         """See ``Part``: nobody knows when it ends, so it counts until a stop is over."""
-        return self._moved or self._ends_at > 0
+        return self._moved or (self._ends_own and self._ends_at > 0)

@@ -88,9 +88,10 @@ class NaoDriver(Driver):
         self._senses = SensePart(exchange, orders)
         self._call_limits = CallLimits(orders)
         self._hosting = Hosting()
+        self._calls, self._joints = CallPart(exchange), JointPart(exchange, orders)
         # In a stop the walk ends first: its legs are no joints under way then.
         parts: tuple[Part, ...] = (
-            WalkPart(exchange), CallPart(exchange), WholeBodyPart(exchange), JointPart(exchange, orders),
+            WalkPart(exchange), self._calls, WholeBodyPart(exchange), self._joints,
             LightPart(exchange), self._senses,
             ModulePart(exchange, self._hosting), SoundPart(exchange),
             CameraPart(exchange),
@@ -222,16 +223,29 @@ class NaoDriver(Driver):
     # ---------------------------------------------------------------- motion
 
     def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
-        """Stop walking, let joints under way hold where they are.  Raises LinkGone."""
+        """Stop walking, let joints under way hold where they are; with None end all behaviours.  Raises LinkGone."""
+        self._stop_parts(devices)
+        if devices is None:
+            self._rest()
+
+    def _stop_parts(self, devices: tuple[Any, ...] | None) -> None:
         for part in self._parts:
             part.drop_targets(devices)
         if not self._exchange.linked:
             return
         for part in self._parts:
             part.stop(devices)
-        if self._rest_on_stop and devices is None:
-            self._exchange.post_motion("rest")
         self._watchdog.release()
+
+    def _rest(self) -> None:
+        if self._rest_on_stop and self._exchange.linked:
+            self._exchange.post_motion("rest")
+
+    def stop_again(self) -> None:
+        """See ``Driver``: Choregraphe, a script on the robot or Autonomous Life may begin another motion."""
+        moved = self._joints.have_moved()
+        if self._exchange.linked:
+            self._calls.stop_again(moved)
 
     def stop_what_moves(self) -> tuple[Any, ...]:
         """See ``Driver``: what another program, or the last worker, has left moving.  Raises LinkGone."""
@@ -240,7 +254,9 @@ class NaoDriver(Driver):
         except (Unavailable, ValueError) as error:
             raise LinkGone(f"NAOqi does not tell whether it moves: {describe_error(error)}") from error
         if moving:
-            self.safe_stop()
+            # Only these: behaviours of others, such as a dialog, may go on.
+            self._stop_parts(tuple(moving))
+            self._rest()
         return tuple(moving)
 
     def moves(self, device: Any, item: str, value: Any) -> bool:

@@ -38,6 +38,7 @@ class JointPart(Part):
         self._dcm = DcmWriter(exchange, orders, self.trace)
         self._writer: JointWriter = self._angles
         self._options: Options | None = None
+        self._looked: dict[str, float] = {}
         self._wants_dcm = False
         self._names: frozenset[str] = frozenset()
 
@@ -173,6 +174,12 @@ class JointPart(Part):
         if hold:
             orders.hold(hold)
             writer.hold(hold)
+
+    def have_moved(self) -> bool:
+        """Whether a stiff joint is elsewhere than at the last call: a slack one may be moved by hand."""
+        before, self._looked = self._looked, dict(self.orders.where)
+        stiff = [name for name, stiffness in self.orders.stiff.items() if stiffness > SLACK]
+        return any(abs(self._looked[name] - before[name]) > REACHED for name in stiff if name in before)
 
     def is_moving(self) -> bool:
         """See ``Part``: a stiff joint is on its way."""

@@ -97,8 +97,8 @@ class WalkPart(Part):
             self._due = False
 
     def stop(self, devices: Devices) -> None:
-        """End a walk with its next step."""
-        if self._walks and (devices is None or WALK in devices):
+        """End a walk with its next step; a stop of the whole robot ends also one that somebody else has begun."""
+        if devices is None or (self._walks and WALK in devices):
             self._walks = False
             self.exchange.post_motion("stopMove")
 

@@ -173,7 +173,10 @@ class NxtDriver(Driver):
             return [Reply(message.reply_id, False, error=str(error))]
 
     def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
-        """Hold all or some motors, or coast with ``torque_off_on_stop``; end the sound.  Raises LinkGone."""
+        """Hold all or some motors, or coast with ``torque_off_on_stop``; end the sound.  Raises LinkGone.
+
+        A full stop also ends the program on the brick, which would move the motors again.
+        """
         self._motion.drop_targets(devices)
         exchange, self._pending = self._exchange, None
         if exchange is None:
@@ -183,7 +186,15 @@ class NxtDriver(Driver):
             self._stop_motors(exchange, ports, silence=devices is None or BRICK in devices)
         except BusError as error:
             raise LinkGone(f"{exchange.link.url.text}: the brick did not confirm that it stopped ({error})") from error
+        if devices is None:
+            self.stop_again()
         self._moved -= {*ports}
+
+    def stop_again(self) -> None:
+        """End a program on the brick, and the motion of the motors, which its end lets coast.  Raises LinkGone."""
+        if self._exchange is not None:
+            for telegram in (p.stop_program(), self._stop_telegram(p.ALL_OUTPUTS)):
+                self._exchange.send(telegram)
 
     def stop_on_reconnect(self) -> tuple[Any, ...]:
         """Stop the motors if one was moved; else those that run: another brick may be at the link.  Raises LinkGone."""
@@ -265,10 +276,12 @@ class NxtDriver(Driver):
         ports = list(ports)
         outputs = [p.ALL_OUTPUTS] if len(ports) == len(p.OUTPUTS) else [p.OUTPUTS.index(port) for port in ports]
         for output in outputs:
-            stop = p.coast(output) if self._settings.torque_off_on_stop else p.run(output, 0)
-            p.body(_request_with_retries(exchange, p.replied(stop)), 0)
+            p.body(_request_with_retries(exchange, p.replied(self._stop_telegram(output))), 0)
         if silence:
             exchange.send(p.stop_sound())
+
+    def _stop_telegram(self, output: int) -> bytes:
+        return p.coast(output) if self._settings.torque_off_on_stop else p.run(output, 0)
 
     # ---------------------------------------------------------------- a tick
 

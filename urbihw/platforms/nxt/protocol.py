@@ -198,6 +198,11 @@ def tone(frequency: int, milliseconds: int) -> bytes:
     return struct.pack("<BBHH", 0x80, 0x03, frequency, milliseconds)
 
 
+def stop_program() -> bytes:
+    """STOPPROGRAM: end the program that runs on the brick, if one does.  No reply."""
+    return b"\x80\x01"
+
+
 def stop_sound() -> bytes:
     """STOPSOUNDPLAYBACK.  No reply."""
     return b"\x80\x0c"

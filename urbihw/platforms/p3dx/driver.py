@@ -68,7 +68,6 @@ class ArcosDriver(Driver):
         self._speeds = {"vel": SetPoint("VEL"), "rvel": SetPoint("RVEL")}
         self._queue: deque[bytes] = deque()
         self._switches: list[FlagSwitch] = []
-        self._has_gripped = False
         self._failed: list[FromWorker] = []
         self._watched: set[str] = set()
         self._latest: Values = {}
@@ -293,7 +292,6 @@ class ArcosDriver(Driver):
             self._switches.append(FlagSwitch(message.reply_id, encode(name, wanted), mask, wanted))
             return [Reply(switch.reply_id, False, error="it was overtaken by another one") for switch in overtaken]
         if message.verb == "write" and message.device == GRIPPER:
-            self._has_gripped = True
             self._queue.append(encode("GRIPPER", message.value))
             return [Reply(message.reply_id, True)]
         if message.verb == "write" and message.device == COMMAND:
@@ -314,24 +312,30 @@ class ArcosDriver(Driver):
     def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
         """Send STOP at once, and zero speeds in the next ticks: nothing is acknowledged.  Raises LinkGone.
 
-        A gripper that was moved through this driver is halted.
+        A gripper is halted too.
         """
         link = self._link
         if link is None:
             return
-        if self._has_gripped and (devices is None or GRIPPER in devices):
+        if devices is None or ROBOT in devices:
+            for speed in self._speeds.values():
+                speed.halt()
+            link.write(encode("STOP"))
+            if self._torque_off:
+                # At once: at the end of the worker no tick follows that could send it.
+                link.clock.sleep_until(link.clock.now() + SEND_PERIOD_S)
+                link.write(encode("ENABLE", 0))
+        if devices is None or GRIPPER in devices:
             link.write(encode("GRIPPER", HALT))
-            self._sent_at = link.clock.now()
-        if devices is not None and ROBOT not in devices:
-            return
-        for speed in self._speeds.values():
-            speed.halt()
-        link.write(encode("STOP"))
-        if self._torque_off:
-            # At once: at the end of the worker no tick follows that could send it.
-            link.clock.sleep_until(link.clock.now() + SEND_PERIOD_S)
-            link.write(encode("ENABLE", 0))
         self._sent_at = link.clock.now()
+
+    def stop_again(self) -> None:
+        """Send STOP, and zero speeds with the next ticks: a joystick at the robot drives it, too.  Raises LinkGone."""
+        if self._link is not None:
+            for speed in self._speeds.values():
+                speed.halt()
+            self._link.write(encode("STOP"))
+            self._sent_at = self._link.clock.now()
 
 
 def _request_of(device: str, wanted: bool) -> bytes:

@@ -233,6 +233,9 @@ class RmpDriver(Driver):
         self._clock.sleep_until(self._sent_at + SPACING)
         self._send_command(self._clock.now())
 
+    def stop_again(self) -> None:
+        """Do nothing: a command with zero speeds goes out in each tick, on both channels."""
+
     def moves(self, device: Any, item: str, value: Any) -> bool:
         """Return whether the speed is not zero."""
         return bool(value)

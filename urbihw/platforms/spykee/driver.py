@@ -290,12 +290,12 @@ class SpykeeDriver(Driver):
     # ---------------------------------------------------------------- motion
 
     def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
-        """Stop the tracks at once, and a search for the dock.  Raises LinkGone."""
+        """Stop the tracks at once, and a search for the dock, also one that it has begun itself.  Raises LinkGone."""
         self._tracks.halt(track for track in TRACKS if devices is None or track in devices)
         link = self._link
         if link is None:
             return
-        if self._searching and (devices is None or ENGINE in devices):
+        if not self._docked and (devices is None or self._searching and ENGINE in devices):
             self._searching = False
             link.write(p.packet(p.ENGINE, bytes([p.CANCEL])))
         now = link.clock.now()
@@ -308,18 +308,8 @@ class SpykeeDriver(Driver):
 
         Raises LinkGone.
         """
-        self._stop_all()
-        return ()
-
-    def stop_on_reconnect(self) -> tuple[Any, ...]:
-        """Stop the robot: it may have moved on during the loss of the link.  Raises LinkGone."""
-        self._stop_all()
-        return ()
-
-    def _stop_all(self) -> None:
-        # An earlier client may have sent it to its dock.
-        self._searching = not self._docked
         self.safe_stop()
+        return ()
 
     def moves(self, device: Any, item: str, value: Any) -> bool:
         """True for a speed other than zero."""

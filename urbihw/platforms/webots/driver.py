@@ -261,16 +261,19 @@ class SimulationDriver(Driver):
     # ---------------------------------------------------------------- motion
 
     def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
-        """Motors that were moved hold their place, or turn no more, from the next step on."""
+        """Motors hold their place, or turn no more, from the next step on: some, those that were moved; else all."""
         if self._granted < self._steps and self._clock.now() - self._stepped_at > STOP_PATIENCE_S:
             # The kernel is silent: without a step nothing would stop.
             self._held_up = True
-        stopped = [each for each in self._moved if devices is None or each in devices]
-        self._orders = [each for each in self._orders if each.verb != "write" or each.device not in stopped]
+        stopped = sorted(self._kinds) if devices is None else [each for each in self._moved if each in devices]
+        obsolete = {(verb, device) for verb in ("write", "stop") for device in stopped}
+        self._orders = [each for each in self._orders if (each.verb, each.device) not in obsolete]
         for device in stopped:
             self._orders.append(Order("stop", device))
-        for device in stopped:
-            del self._moved[device]
+            self._moved.pop(device, None)
+
+    def stop_again(self) -> None:
+        """Do nothing: a simulator lets no second controller move the motors of a robot."""
 
     def moves(self, device: Any, item: str, value: Any) -> bool:
         """True for a position, and for a speed or torque other than zero."""
