@@ -1,9 +1,9 @@
-"""Both back ends of the servo bus beside each other: `python -m bench.backends [--turns 10]`.
+"""Our driver of the servo bus beside that of the maker: `python -m bench.backends [--turns 10]`.
 
 One run against the fake kit of `bench.dynamixel_cycle`, a process of its own on a pty, paced at 1 Mbps: our cycle over
-18 servos, one sync write and all of them read, as often as it goes, through our transactions ("own") and through the
-makers' packages ("sdk"); and the same by dynamixel-sdk without urbihw ("bare"), as its examples do it. They take turns
-of half a second. Printed for each protocol, and once more with one servo silent:
+18 servos, one sync write and all of them read, as often as it goes ("own"); and the same by dynamixel-sdk without
+urbihw ("bare"), as its examples do it. They take turns of half a second. Printed for each protocol, and once more with
+one servo silent:
 
     cycles/s    median turn
     ms/cycle    processor time of this process, in ms; the fake has its own
@@ -26,12 +26,11 @@ import dynamixel_sdk  # type: ignore[import-untyped]
 from bench.dynamixel_cycle import BAUD, FLAT_OUT, IDS, ITEMS, READ, WINDOW, Fake, aim, fake, goal
 from bench.quick import add_quick
 from urbihw import buses
-from urbihw.buses.servos.backend_sdk import SdkBus
 from urbihw.buses.servos.bus import ServoBus
 from urbihw.buses.servos.cycle import Cycle
 from urbihw.buses.servos.scan import scan
 
-BACK_ENDS: dict[str, type[ServoBus] | None] = {"own": ServoBus, "sdk": SdkBus, "bare": None}
+BACK_ENDS: dict[str, type[ServoBus] | None] = {"own": ServoBus, "bare": None}
 """Name -> class of the bus, None for the package alone."""
 CountingCycle = Callable[[int, Callable[[], bool]], int]
 """One cycle: takes its number and what to call between two transactions, and returns how many servos gave data."""

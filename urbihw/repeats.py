@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
+import logging
 from collections.abc import Callable, Hashable
 from typing import Final, NamedTuple
 
 PERIOD: Final = 60.0
 """Seconds of a period; at its end the number of repetitions is reported."""
+MAX_KINDS: Final = 64
+"""Maximum number of kinds of lines that a ``LimitedLog`` counts apart; all further ones share one kind."""
 
 Later = Callable[[float, Callable[[], None]], Callable[[], None]]
 """Starts a timer: calls the function once after so many seconds.  Returns a function that cancels it."""
@@ -58,3 +62,35 @@ class Repeats:
         counted = self._periods.pop(key)
         if counted.held:
             self._report(key, counted.held)
+
+
+class LimitedLog:
+    """A log that clients cannot fill: the first lines of a kind are logged at once, and at the end of the minute the
+    number of further ones, with the last of them.  Use it in the thread of an asyncio loop."""
+
+    def __init__(self, log: logging.Logger, period: float = PERIOD) -> None:
+        """``period`` is in seconds."""
+        self._log = log
+        self._repeats = Repeats(_call_later, self._log_count, period)
+        self._last: dict[Hashable, str] = {}
+
+    def say(self, kind: Hashable, text: str, *values: object, level: int = logging.WARNING, most: int = 1) -> None:
+        """Log a line, if it is one of the first ``most`` of its kind in this period."""
+        if kind not in self._repeats and len(self._repeats) >= MAX_KINDS:
+            kind = None
+        line = text % values if values else text
+        if self._repeats.admit(kind, most):
+            self._log.log(level, "%s", line)
+        else:
+            self._last[kind] = line
+
+    def close(self) -> None:
+        """Log the numbers of the lines that were only counted so far."""
+        self._repeats.close()
+
+    def _log_count(self, kind: Hashable, held: int) -> None:
+        self._log.warning("%d more like this in a minute: %s", held, self._last.pop(kind))
+
+
+def _call_later(seconds: float, call: Callable[[], None]) -> Callable[[], None]:
+    return asyncio.get_running_loop().call_later(seconds, call).cancel

@@ -10,10 +10,11 @@ from urbihw import buses
 from urbihw.buses.clock import SimClock
 from urbihw.buses.link import Context, Link
 from urbihw.buses.pipe import PipeEnd
-from urbihw.buses.servos.backend_sdk import SdkBus
 from urbihw.buses.servos.bus import ServoBus
 from urbihw.buses.servos.transactions import ProtocolChoice
 from urbihw_fakes.bioloid import Bioloid
+
+from .sdk_bus import SdkBus
 
 BAUD = 1_000_000
 

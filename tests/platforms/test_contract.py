@@ -13,10 +13,10 @@ import ipaddress
 import re
 from typing import NamedTuple
 
+import component_names as names
 import pytest
 from lab import RobotLab
 
-from urbihw.kernel.uobject import interfaces
 from urbihw.platforms import find, folders
 
 PENDING: dict[str, str] = {}
@@ -87,14 +87,14 @@ def tree(request: pytest.FixtureRequest) -> Tree:
 
 def test_the_robot_has_devices_under_standard_names(tree: Tree) -> None:
     assert tree.devices
-    assert [problem for node in tree.nodes for problem in interfaces.problems_of_path(node.path)] == []
+    assert [problem for node in tree.nodes for problem in names.problems_of_path(node.path)] == []
 
 
 def test_every_device_has_interfaces_that_fit_its_name_and_keeps_what_they_promise(tree: Tree) -> None:
     problems = []
     for node in tree.devices:
         kinds = tree.lab.look(f'Interface.interfaces({node.expression}).map(function (k) {{ k.type }}).join(" ")')
-        problems += interfaces.problems_of_kinds(node.path, kinds.strip('"').split())
+        problems += names.problems_of_kinds(node.path, kinds.strip('"').split())
         missing = tree.lab.look(f"Interface.Promises.missing({node.expression})")
         if missing != "[]":
             problems.append(f"{node.expression} misses {missing}")
@@ -116,7 +116,7 @@ def test_values_are_in_the_units_of_their_slots(tree: Tree) -> None:
             if number == "nil":
                 continue
             try:
-                problem = interfaces.problem_of_value(unit, float(number))
+                problem = names.problem_of_value(unit, float(number))
             except ValueError:
                 problem = f"{number} is no number of {unit}"
             if problem:
@@ -143,7 +143,7 @@ def test_the_flat_dump_has_every_device_under_its_kinds(tree: Tree) -> None:
 def test_every_robot_says_what_it_is_in_the_same_words_everywhere(tree: Tree) -> None:
     lab, platform = tree.lab, find(tree.lab.platform).slot
     assert {"Identity", "Network"} <= {*tree.nodes[0].kinds}
-    assert lab.look("robot.type").strip('"') in interfaces.CATEGORIES
+    assert lab.look("robot.type").strip('"') in names.CATEGORIES
     for slot in ("name", "model"):
         assert lab.look(f"robot.{slot}.isA(String) && robot.{slot} != \"\"") == "true"
     assert lab.look("robot.serial.isNil || robot.serial.isA(String)") == "true"
@@ -174,7 +174,7 @@ def test_every_slot_of_a_device_has_a_meaning_and_every_number_a_unit(tree: Tree
             name, value, unit, _, meaning = row.split("|", 4)
             path = f"{node.expression}.{name}"
             if re.fullmatch(r"-?[\d.]+(e-?\d+)?|nan|-?inf", value):
-                if unit not in interfaces.UNITS:
+                if unit not in names.UNITS:
                     problems.append(f"{path}: no unit")
                 elif tree.lab.look(f"{path}->unit") != f'"{unit}"':
                     problems.append(f"{path}: ->unit is not {unit}")
@@ -220,17 +220,17 @@ def test_clients_come_in_only_when_the_tree_is_built(platform: str, monkeypatch:
     ],
 )
 def test_names_are_checked(path: tuple[str, ...], problem: str) -> None:
-    assert interfaces.problems_of_path(path) == ([problem] if problem else [])
+    assert names.problems_of_path(path) == ([problem] if problem else [])
 
 
 def test_kinds_and_values_are_checked() -> None:
-    assert interfaces.problems_of_kinds(("robot", "body", "gyro"), ["Led"]) == [
+    assert names.problems_of_kinds(("robot", "body", "gyro"), ["Led"]) == [
         "robot.body.gyro is Led, but gyro should be GyroSensor"
     ]
-    assert interfaces.problems_of_kinds(("robot", "body", "light"), []) == ["robot.body.light has no interface"]
-    assert interfaces.problem_of_value("rad", 90.0) == "90 is no value in rad"
-    assert interfaces.problem_of_value("rad", float("nan")) == ""
-    assert interfaces.problem_of_value("furlong", 1.0) == "there is no unit 'furlong'"
+    assert names.problems_of_kinds(("robot", "body", "light"), []) == ["robot.body.light has no interface"]
+    assert names.problem_of_value("rad", 90.0) == "90 is no value in rad"
+    assert names.problem_of_value("rad", float("nan")) == ""
+    assert names.problem_of_value("furlong", 1.0) == "there is no unit 'furlong'"
 
 
 def test_units_and_places_of_the_language_are_those_of_the_table() -> None:
@@ -239,9 +239,9 @@ def test_units_and_places_of_the_language_are_those_of_the_table() -> None:
         "for (var k : Interface.interfaces) for (var s : Interface.Promises.needs(k) + Interface.Promises.offers(k))"
         '  if (k.hasLocalSlot(s)) echo(k.getProperty(s, "unit"))|;'
     )
-    assert {line.removeprefix("*** ").strip() for line in units.split("\n")} - {"***"} <= {*interfaces.UNITS, ""}
-    for place in interfaces.PLACES:
+    assert {line.removeprefix("*** ").strip() for line in units.split("\n")} - {"***"} <= {*names.UNITS, ""}
+    for place in names.PLACES:
         assert lab.look(f"Localization.{place}") == place
     kinds = set(lab.look('Interface.interfaces.map(function (k) { k.type }).join(" ")').strip('"').split())
-    named = {kind for part in (interfaces.COMPONENTS | interfaces.DEVICES).values() for kind in part.interfaces}
+    named = {kind for part in (names.COMPONENTS | names.DEVICES).values() for kind in part.interfaces}
     assert named <= kinds

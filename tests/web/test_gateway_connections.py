@@ -16,9 +16,8 @@ import pytest
 from browser_lab import WAIT_S, Site, site
 
 from urbihw.daemon import tls
-from urbihw.web import attempts, connections, gateway, quietly
+from urbihw.web import attempts, connections, gateway
 from urbihw.web.attempts import Attempts
-from urbihw.web.quietly import Quietly
 from urbihw.web.session import Session
 
 
@@ -227,17 +226,6 @@ def test_lines_of_the_log_are_bounded(tmp_path: Path, caplog: pytest.LogCaptureF
     opened = [each for each in caplog.messages if each.startswith("browser of anna (view) from")]
     assert len(opened) == 3
     assert "17 more like this in a minute: browser of anna (view) from 127.0.0.1" in caplog.messages
-
-
-def test_kinds_of_lines_are_bounded(caplog: pytest.LogCaptureFixture) -> None:
-    async def test() -> None:
-        quiet = Quietly(logging.getLogger("urbihw.web"))
-        for number in range(500):
-            quiet.say(number, "line %d", number)
-        quiet.close()
-
-    asyncio.run(test())
-    assert len(caplog.messages) == quietly.MAX_KINDS + 2
 
 
 def test_one_browser_does_not_take_all_places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

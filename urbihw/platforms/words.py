@@ -1,7 +1,7 @@
 """Meaning and unit of the slots that several robots have, for ``help`` and ``->unit``.
 
 A device class adds its own: ``slot_words = COMMON | {"zoom": ("of the camera", "ratio")}``.  Units are
-those of ``kernel.uobject.interfaces.UNITS``; "1" is a number without unit, "" is for slots that are no numbers.
+those of the standard interfaces; "1" is a number without unit, "" is for slots that are no numbers.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from typing import Any, Final
 
 from aiohttp import web
 
-from urbihw.web.quietly import Quietly
+from urbihw.repeats import LimitedLog
 
 log = logging.getLogger("urbihw.web")
 
@@ -146,7 +146,7 @@ class Connections:
         self._server = runner.server
         self._listener = listener
         self._tls = tls
-        self._quietly = Quietly(log)
+        self._limited_log = LimitedLog(log)
         self.open: list[_Connection] = []
 
     async def run(self) -> None:
@@ -158,12 +158,12 @@ class Connections:
                 try:
                     plain, peer = await loop.sock_accept(self._listener)
                 except OSError as error:  # no descriptor is left, or the peer is gone again
-                    self._quietly.say("accept", "cannot accept a connection: %s", error.strerror or error)
+                    self._limited_log.say("accept", "cannot accept a connection: %s", error.strerror or error)
                     await asyncio.sleep(_PAUSE_S)
                     continue
                 self._admit(plain, origin_of(peer))
         finally:
-            self._quietly.close()
+            self._limited_log.close()
             for each in list(self.open):
                 self._drop(each)
 
@@ -205,7 +205,7 @@ class Connections:
             self._drop(next(each for each in self.open if not each.is_socket))
 
     def _replace(self, strangers: list[_Connection], address: str) -> None:
-        self._quietly.say(address, "too many connections of %s that are not paired: the oldest is closed", address)
+        self._limited_log.say(address, "too many connections of %s that are not paired: the oldest is closed", address)
         self._drop(next(each for each in strangers if each.address == address))
 
     def _drop(self, connection: _Connection) -> None:

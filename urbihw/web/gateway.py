@@ -11,10 +11,10 @@ from typing import Any, Final
 
 from aiohttp import WSCloseCode, web
 
+from urbihw.repeats import LimitedLog
 from urbihw.web.connections import Handler
 from urbihw.web.pages import Pages
 from urbihw.web.pairing import Browser, Pairings
-from urbihw.web.quietly import Quietly
 from urbihw.web.robot import Robot
 from urbihw.web.session import Refusal, Session
 from urbihw.web.settings import Settings
@@ -50,7 +50,7 @@ class Gateway:
         self.settings = settings
         self.port = port
         self.version = _version()
-        self.quietly = Quietly(log)
+        self.limited_log = LimitedLog(log)
         self.pairings = Pairings(settings.folder)
         self.robot = Robot(settings)
         self.sessions: list[Session] = []
@@ -69,7 +69,7 @@ class Gateway:
 
     async def close(self) -> None:
         """Disconnect all browsers."""
-        self.quietly.close()
+        self.limited_log.close()
         for session in list(self.sessions):
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(session.close("the gateway ends"), 1.0)
@@ -98,7 +98,7 @@ class Gateway:
         _bound_buffer(request)
         session = Session(self, browser, socket)
         self.sessions.append(session)
-        self.quietly.say(
+        self.limited_log.say(
             browser.digest, "browser of %s (%s) from %s", session.name, session.role, request.remote,
             level=logging.INFO, most=3,
         )  # fmt: skip

@@ -72,12 +72,12 @@ class Pages:
         made = self._gateway.pairings.redeem(code, self._gateway.port) if 0 < len(code) <= _MAX_CODE_LENGTH else None
         address = connection_of(request).address
         if made is None:
-            self._gateway.quietly.say(("code", address), "a wrong or old pairing code from %s", request.remote)
+            self._gateway.limited_log.say(("code", address), "a wrong or old pairing code from %s", request.remote)
             await asyncio.sleep(self._attempts.fail(address))
             return _page(403, "This code is not good any more", "Each is good once, for two minutes. " + _HOW)
         self._attempts.succeed(address)
         browser, cookie = made
-        self._gateway.quietly.say(
+        self._gateway.limited_log.say(
             ("paired", address), "browser of %s (%s) paired from %s", browser.name, browser.role, request.remote,
             level=logging.INFO, most=8,
         )  # fmt: skip

@@ -218,7 +218,7 @@ class Session:
         except LobbyError as error:
             self._answer(number, Refusal(str(error), error.code))
         except Exception as error:
-            self.gateway.quietly.say(
+            self.gateway.limited_log.say(
                 "bug", "our bug in the gateway: %s: %s at a request of %s", type(error).__name__, error, self.name,
                 level=logging.ERROR,
             )  # fmt: skip

@@ -29,7 +29,6 @@ from urbihw.buses.messages import (
     Watch,
 )
 from urbihw.buses.readings import Reading
-from urbihw.buses.servos.backend_sdk import SdkBus
 from urbihw.buses.servos.bus import ServoBus
 from urbihw.buses.servos.cycle import Cycle, Tick
 from urbihw.buses.servos.device import Device, DeviceInfo, Scan
@@ -108,7 +107,7 @@ class ServoDriver(Driver):
 
     def attach(self, port: Port) -> list[FromWorker]:
         """Find the devices on an open link: all (or the configured) ones the first time, the known ones later."""
-        bus = (SdkBus if self._options.backend == "sdk" else ServoBus)(byte_link(port), self._options.protocol)
+        bus = ServoBus(byte_link(port), self._options.protocol)
         if self._options.controller:
             enter_toss_mode(bus.link)
         outcome = self._scan_bus(bus, sorted(self._known) if self._known else self._expected or self._ids)

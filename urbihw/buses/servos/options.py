@@ -24,11 +24,9 @@ class Options(Table):
         controller: "cm5" or "cm510": ask it for its toss mode before the first scan. Without it that is done when
             nothing answers at the speed of such a controller, 57 600 bps.
         fast_read: use FAST SYNC READ where all devices of a group can do it.
-        backend: who makes the transactions: "own", or the makers' packages, "sdk"; read when the link opens.
     """
 
     protocol: Literal[1, 2, "auto"] = setting("auto", choice(1, 2, "auto", wants='1, 2 or "auto"'))
     ids: tuple[int, ...] = setting((), wholes(0, _LAST_ID, "[1, 2, 100]"))
     controller: Literal["", "cm5", "cm510"] = setting("", choice("", "cm5", "cm510", wants=_CONTROLLERS))
     fast_read: bool = setting(True, SWITCH)
-    backend: Literal["own", "sdk"] = setting("own", choice("own", "sdk"))

@@ -44,8 +44,8 @@ class Counters:
 class TransactionChannel:
     """Requests and answers over an open link.
 
-    `send`, `ask`, `ask_each`, `ask_group` and `ask_joint` are all that is asked of it: another back end replaces these
-    five (`backend_sdk`).
+    `send`, `ask`, `ask_each`, `ask_group` and `ask_joint` are all that is asked of it: the tests replace these five by
+    the makers' packages.
 
     Attributes:
         link: the wire; the channel does not close it.

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from urbihw.kernel.server.limitedlog import LimitedLog
+from urbihw.repeats import LimitedLog
 
 log = logging.getLogger("urbihw.server")
 
@@ -139,7 +139,7 @@ class Acceptor:
             self._accept_client(connection)
 
     def _pause_accepting(self, error: OSError) -> None:
-        self._limited_log.warning(
+        self._limited_log.say(
             "no connection can be accepted",
             f"no connection can be accepted: {error.strerror}; waiting for one to be closed: lower max_clients, or "
             "raise the limit (LimitNOFILE of the unit, ulimit -n)",

@@ -124,7 +124,7 @@ class Connection(asyncio.Protocol):
         if self._refused or self._transport.is_closing():
             return
         reason = refusal.reason
-        self._server.limited_log.warning(f"clients refused: {reason}", f"client {self.peer} refused: {reason}")
+        self._server.limited_log.say(f"clients refused: {reason}", f"client {self.peer} refused: {reason}")
         self._refused = True
         self._close_lobby()
         if refusal.delay:
@@ -220,7 +220,7 @@ class Connection(asyncio.Protocol):
         for timer in self._timers:
             timer.cancel()
         if isinstance(error, TimeoutError):
-            self._server.limited_log.warning(
+            self._server.limited_log.say(
                 "clients that neither answer nor read", f"client {self.peer} neither answers nor reads: closed"
             )
         self._close_lobby()

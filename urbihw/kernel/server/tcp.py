@@ -20,8 +20,8 @@ from urbihw.kernel.server.acceptor import Acceptor, bind, bind_unix, release_soc
 from urbihw.kernel.server.connection import Connection, peer_of
 from urbihw.kernel.server.disconnects import DisconnectWatcher
 from urbihw.kernel.server.handshake import HandshakeFactory, PlainHandshake, Refusal, line
-from urbihw.kernel.server.limitedlog import LimitedLog
 from urbihw.kernel.server.loop import Driver
+from urbihw.repeats import LimitedLog
 
 log = logging.getLogger("urbihw.server")
 
@@ -174,7 +174,7 @@ class Server:
         except OSError as error:
             if spare is not None:
                 text = f"client {connection.peer} refused: it speaks no TLS, which this address wants"
-                self.limited_log.warning("clients refused: no TLS", text)
+                self.limited_log.say("clients refused: no TLS", text)
                 if isinstance(error, ConnectionAbortedError) or getattr(error, "reason", "") in _PLAIN:
                     _send_refusal(spare, WANTS_TLS)
             return False
@@ -206,7 +206,7 @@ class Server:
         return len(self.connections) + len(self._expected) - len(self.unauthenticated)
 
     def _refuse_client(self, raw: socket.socket, refusal: Refusal) -> None:
-        self.limited_log.warning(
+        self.limited_log.say(
             f"clients refused: {refusal.reason}", f"client {peer_of(raw)[1]} refused: {refusal.reason}"
         )
         with raw:

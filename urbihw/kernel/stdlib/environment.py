@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import platform
 import subprocess
-import sys
 from typing import Any
 
 from urbihw.kernel import errors
@@ -74,32 +73,20 @@ def system(world: World, this: Value, command: str) -> int:
     return code << 8 if code >= 0 else -code
 
 
-def _vendor() -> str:
-    if sys.platform == "darwin":
-        return "apple"
-    return "pc" if platform.machine() in ("i386", "i686", "x86_64", "AMD64") else "unknown"
-
-
-def _system_name() -> str:
-    if sys.platform == "darwin":
-        return "darwin" + platform.release()
-    return {"linux": "linux-gnu", "win32": "mingw32"}.get(sys.platform, sys.platform)
-
-
 def install(world: World, programs: Any) -> None:
     """Make the descriptions of the machine (Platform) and of the Urbi SDK whose language is implemented
     (PackageInfo).
     """
-    windows = sys.platform == "win32"
-    cpu, vendor, name = platform.machine() or "unknown", _vendor(), _system_name()
+    cpu, name = platform.machine() or "unknown", "linux-gnu"
+    vendor = "pc" if cpu in ("i386", "i686", "x86_64") else "unknown"
     machine = {
         "host": f"{cpu}-{vendor}-{name}",
         "hostAlias": "",
         "hostCpu": cpu,
         "hostOs": name,
         "hostVendor": vendor,
-        "isWindows": windows,
-        "kind": "WIN32" if windows else "POSIX",
+        "isWindows": False,
+        "kind": "POSIX",
     }
     package = {"copyrightHolder": "Gostai S.A.S.", "copyrightYears": "2005-2010"}
     for path, slots in (("System.Platform", machine), ("System.PackageInfo", package)):

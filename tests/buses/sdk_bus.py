@@ -1,8 +1,8 @@
-"""Transactions through the makers' packages, `backend = "sdk"`: dynamixel-sdk and feetech-servo-sdk.
+"""Transactions through the makers' packages, as witnesses of our own: dynamixel-sdk and feetech-servo-sdk.
 
 Their packet handlers make the packets, send them, and receive and check the answers. `SdkBus` replaces the transactions
 of `TransactionChannel`; retries, refusals, and all that is built on them (`cycle`, `stop`, the requests of `driver`) is
-the same over both back ends. The pings of `scan` are ours in both: the packages show neither the noise nor the double
+the same over both. The pings of `scan` are ours in both: the packages show neither the noise nor the double
 answers that tell that two servos have one id.
 
 The packages have faults (dynamixel-sdk 4.1, feetech-servo-sdk 1.0, both read and tried), which this module contains:
@@ -21,27 +21,19 @@ What remains: one question is on the wire at a time, so answers are decoded whil
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from importlib.util import find_spec
 from typing import Any, Final
 
-from urbihw.buses.errors import BadFrame, BadValue, BusTimeout, LinkGone
+from urbihw.buses.errors import BadFrame, BadValue, BusTimeout
 from urbihw.buses.link import Link
 from urbihw.buses.servos import packet
 from urbihw.buses.servos.answers import is_answer_of
 from urbihw.buses.servos.bus import ServoBus
 from urbihw.buses.servos.status import FEETECH, Status
 from urbihw.buses.servos.transactions import Meanwhile, ProtocolChoice, Single
-from urbihw.extras import install_command
 
 _SUCCESS: Final = 0
 _FAILURE: Final = -1
 _CHUNK: Final = 4096
-_PACKAGES: Final = {
-    1: ("dynamixel-sdk", "dynamixel-sdk"),
-    2: ("dynamixel-sdk", "dynamixel-sdk"),
-    FEETECH: ("feetech-servo-sdk", "feetech-sdk"),
-}
-"""Protocol -> package, and the extra that installs it."""
 _BODY_2: Final = 7
 """Bytes of a packet of protocol 2.0 before its instruction."""
 
@@ -269,28 +261,16 @@ class SdkBus(ServoBus):
         self.link.discard()
 
     def _handler(self, protocol: int) -> _Handler:
-        """Return the handler of a protocol. Raises LinkGone when its package is missing."""
+        """Return the handler of a protocol."""
         handler = self._handlers.get(protocol)
         if handler is None:
-            try:
-                handler = _load_handler(protocol)
-            except ImportError as error:
-                package, extra = _PACKAGES[protocol]
-                raise LinkGone(
-                    f'{self.link.url.text}: backend = "sdk" needs the Python package {package} for these servos: '
-                    f"{install_command(extra)}"
-                ) from error
-            self._handlers[protocol] = handler
+            handler = self._handlers[protocol] = _load_handler(protocol)
         return handler
 
 
 def _load_handler(protocol: int) -> _Handler:
-    """Import the package for a protocol. Raises ImportError.
-
-    Packets of protocol 1.0 are those of Feetech, too, and a servo speaks them before its maker is known: either package
-    makes them.
-    """
-    if protocol == FEETECH or (protocol == 1 and find_spec("dynamixel_sdk") is None):
+    """Import the package for a protocol."""
+    if protocol == FEETECH:
         import scservo_sdk  # type: ignore[import-untyped]
 
         return _Handler("feetech-servo-sdk", protocol, scservo_sdk.PacketHandler(0))

@@ -1,4 +1,4 @@
-"""Warnings that repeat are counted and told once a minute."""
+"""Lines of a log that repeat are counted and told once a minute."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import logging
 
 import pytest
 
-from urbihw.kernel.server.limitedlog import MAX_KINDS, LimitedLog
+from urbihw.repeats import MAX_KINDS, LimitedLog
 
 log = logging.getLogger("urbihw.test")
 
@@ -23,16 +23,16 @@ def test_the_first_of_a_kind_is_told_and_the_others_are_counted(caplog: pytest.L
     async def play() -> None:
         limited_log = LimitedLog(log, 0.02)
         for number in range(1000):
-            limited_log.warning("refused", f"client {number} refused")
-        limited_log.warning("lost", "client 7 lost")
+            limited_log.say("refused", f"client {number} refused")
+        limited_log.say("lost", "client 7 lost")
         assert lines(caplog) == ["client 0 refused", "client 7 lost"]
         await asyncio.sleep(0.1)
-        assert lines(caplog) == ["refused: and 999 more"]
-        limited_log.warning("refused", "client 1000 refused")
-        limited_log.warning("refused", "client 1001 refused")
-        assert lines(caplog) == ["client 1000 refused"]
+        assert lines(caplog) == ["999 more like this in a minute: client 999 refused"]
+        for number in range(4):
+            limited_log.say("refused", "client %d refused", number, most=2)
+        assert lines(caplog) == ["client 0 refused", "client 1 refused"]
         limited_log.close()
-        assert lines(caplog) == ["refused: and 1 more"]
+        assert lines(caplog) == ["2 more like this in a minute: client 3 refused"]
 
     asyncio.run(play())
 
@@ -41,9 +41,9 @@ def test_kinds_are_bounded(caplog: pytest.LogCaptureFixture) -> None:
     async def play() -> None:
         limited_log = LimitedLog(log)
         for number in range(1000):
-            limited_log.warning(f"kind {number}", "text")
+            limited_log.say(number, f"text {number}")
         assert len(lines(caplog)) == MAX_KINDS + 1
         limited_log.close()
-        assert lines(caplog) == [f"other warnings: and {999 - MAX_KINDS} more"]
+        assert lines(caplog) == [f"{999 - MAX_KINDS} more like this in a minute: text 999"]
 
     asyncio.run(play())
